@@ -1,4 +1,4 @@
-"""What a run recorded: named columns over time, with unit and meaning, and how it ended."""
+"""The record of a run: named columns over time, with unit and meaning, and how it ended."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from rmrc.scenario.profile import Profile
 
 @dataclass(frozen=True)
 class Column:
-    """What a column holds.
+    """The description of a column.
 
     Attributes:
         unit: SI; `joint` stands for rad or m, by the kind of each joint.
-        meaning: In a few words.
+        meaning: A short description.
         width: `n` joints, `k` = min(m, n) singular values, `nq` positions of the model, a number of rows, or
             "" for a scalar.
     """
@@ -57,30 +57,30 @@ COLUMNS: Mapping[str, Column] = {
 }
 
 
-# Files from before these were kept do without.
+# Files from before these columns existed lack them.
 ADDED = frozenset({"qpos", "tau_gravity", "qdot_arrived", "qdot_plain", "q_believed"})
 
-# Where nothing stands between, the first is the second to the bit; files that lack it are of such runs.
+# Without a stage between them, the first equals the second to the bit; files of such runs lack it.
 SAME = {"qdot_arrived": "qdot_cmd", "q_believed": "q"}
 
 
 def completed(
     columns: Mapping[str, NDArray[np.generic]], same: Mapping[str, str] = SAME
 ) -> dict[str, NDArray[np.generic]]:
-    """Return the columns of a file in order, with those that it lacks because others are the same."""
+    """Return the columns of a file in order, with missing ones copied from their equals."""
     found = {name: columns.get(name, columns.get(same.get(name, ""))) for name in COLUMNS}
     return {name: values for name, values in found.items() if values is not None}
 
 
 @dataclass(frozen=True)
 class Divergence:
-    """Where a state stopped being finite.
+    """The point at which a state stopped being finite.
 
     Attributes:
         tick: First control tick that could not be recorded.
         time: Its time [s].
         joint: Name of the joint, or "" if it is not known.
-        reason: What was seen.
+        reason: The observation.
     """
 
     tick: int
@@ -96,35 +96,36 @@ class Divergence:
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What of a run is known beside its figures.
+    """The known facts about a run, except its metrics.
 
     Attributes:
         name: Name of the scenario.
         joints: Names, n of them.
         is_slide: Which joints slide, (n,).
-        axes: Task axes that counted.
+        axes: Task axes that count.
         length: Characteristic length L of the task [m].
         period: Control period [s].
         columns: Arrays by the names of COLUMNS, time first: (T,) or (T, width).
         planned: Ticks of the path; T is smaller if the run was cut short, and larger if it was slowed.
         divergence: Where it diverged, or None.
         wall_time: Seconds that the stepping took; worlds stepped together share it equally.
-        weights: Task weights, one an axis; none: all 1.
+        weights: Task weights, one per axis; none: all 1.
         torque_limit: Torque limit of each joint [N·m or N], infinite without one; none: no joint has one.
-        view: Along whose axes the task axes are.
-        touching: The two bodies of the first contact; none: there was none.
-        resting: Pairs of bodies that touch from the start, which is no contact while they stay.
+        view: The frame of the task axes.
+        touching: The two bodies of the first contact; none: there was no contact.
+        resting: Pairs of bodies that touch from the start, which is no contact while it lasts.
         chatter_floor: Acceleration of each joint above which a change of sign counts as chatter [rad/s² or
             m/s²]; none: `rmrc.results.tally.CHATTER_FLOOR` for all.
-        profile: What the commands are held against, or None.
-        rate_limit: Rate limit of each joint [rad/s or m/s], infinite where it has none; none: not known.
-        damping_below: ε, below which damping begins, in the units of σ; 0 where it follows something else.
-        shoulder: The point on the first axis from which `reach` is, in the world [m]; none: not known.
-        reach: How far the site can be from there at most, whatever the limits [m]; 0: not known.
+        profile: The profile that the commands are checked against, or None.
+        rate_limit: Rate limit of each joint [rad/s or m/s], infinite without one; none: not known.
+        damping_below: ε, below which damping begins, in the units of σ; 0 where damping depends on something
+            else.
+        shoulder: The point on the first axis from which `reach` counts, in the world [m]; none: not known.
+        reach: Largest distance of the site from there, whatever the limits [m]; 0: not known.
         screws: [ω; v at the world's origin] of each axis of the chain with all joints at 0, outward, per unit
             of the joint that moves it, (ℓ, 6) [rad, m]; none: not known.
         leaders: Number of the joint that moves each axis, (ℓ,).
-        joint_scale: Diagonal of S_q, which measures joint rates in the law, (n,); none: not known.
+        joint_scale: Diagonal of S_q, by which the law scales joint rates, (n,); none: not known.
     """
 
     name: str

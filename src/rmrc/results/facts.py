@@ -1,4 +1,4 @@
-"""The facts of a result, as a JSON file: what came out, of what, and made with which versions."""
+"""The facts of a result as a JSON file: its numbers, its input, and the versions that made it."""
 
 import json
 import platform
@@ -9,26 +9,26 @@ from typing import Any
 
 from rmrc.support.files import written_whole
 
-# What decides the bits and the looks of a result.
+# The libraries that determine the bits and the appearance of a result.
 LIBRARIES = ("rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk")
 
 
 def versions(*more: str) -> dict[str, str]:
-    """Return the versions of what decides the bits of a result.
+    """Return the versions of the software that determines the bits of a result.
 
     Args:
-        more: Libraries beside those that decide every run.
+        more: Libraries beside those that determine every run.
     """
     return {"python": platform.python_version()} | {lib: version(lib) for lib in (*LIBRARIES, *more)}
 
 
 def save(path: Path, facts: Mapping[str, Any], *more: str) -> None:
-    """Write facts and the versions of the libraries that decide them, atomically.
+    """Write facts and the versions of the libraries that determine them, atomically.
 
     Args:
         path: Path of the file; its folder is created if missing.
         facts: Strict JSON.
-        more: Libraries beside those that decide every run.
+        more: Libraries beside those that determine every run.
     """
     text = json.dumps({**facts, "versions": versions(*more)}, indent=2, ensure_ascii=False, allow_nan=False)
     with written_whole(path) as temporary:

@@ -1,4 +1,4 @@
-"""JUnit XML, which CI shows as tests: a suite for each run, a case for each expectation."""
+"""JUnit XML, which CI shows as tests: one suite per run, one case per expectation."""
 
 import math
 from collections.abc import Sequence
@@ -11,17 +11,17 @@ from rmrc.results.scorecard import Outcome
 from rmrc.support.files import written_whole
 from rmrc.support.legible import visible
 
-# The case beside the expectations: whether there was a run, and whether it came to its end.
+# The case beside the expectations: whether there was a run, and whether it was complete.
 RUN = "run"
 
 
 @dataclass(frozen=True)
 class Case:
-    """Something that was checked, as CI counts it.
+    """A check, as CI counts it.
 
     Attributes:
         name: It stays the same from one version to the next.
-        ok: Whether it is as it should be.
+        ok: Whether the check passed.
         text: The result.
     """
 
@@ -40,10 +40,10 @@ class Suite:
 
     Attributes:
         name: Name of the scenario, with the label of a variant.
-        outcomes: Outcomes of the expectations that count, or of what was checked.
-        error: Why there was no run, or none to its end; "": it came to its end.
-        told: What it comes to, in a sentence.
-        seconds: That it took.
+        outcomes: Outcomes of the expectations that count, or of the checks.
+        error: Why there was no run, or no complete one; "": it is complete.
+        told: The verdict, in a sentence.
+        seconds: Its duration.
     """
 
     name: str
@@ -61,12 +61,12 @@ class Suite:
 def save(path: Path, name: str, suites: Sequence[Suite]) -> None:
     """Write runs as JUnit XML, atomically.
 
-    The elements and attributes are those that the schema of Jenkins' xUnit plugin (`junit-10.xsd`) has, and
-    that GitLab and the actions of GitHub read as well.
+    The elements and attributes are those of the schema of Jenkins' xUnit plugin (`junit-10.xsd`), which
+    GitLab and the actions of GitHub read as well.
 
     Args:
         path: Path of the file; its folder is created if missing.
-        name: Name of all of them together.
+        name: Name of the whole set.
         suites: One for each run.
     """
     root = ElementTree.Element("testsuites", _counts(name, suites))
@@ -107,7 +107,7 @@ def _case(suite: ElementTree.Element, of: str, name: str, seconds: float) -> Ele
 
 
 def _add(case: ElementTree.Element, kind: str, text: str) -> None:
-    """Say what is wrong: in the first line alone, which lists show, and whole."""
+    """Add a failure: its first line, which lists show, and its whole text."""
     text = visible(text, keep="\n")
     found = ElementTree.SubElement(case, kind, type=kind, message=text.partition("\n")[0])
     found.text = text

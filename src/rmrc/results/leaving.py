@@ -1,4 +1,4 @@
-"""The files that a verb leaves: tried before anything moves, and each written for itself in the end."""
+"""The output files of a verb: checked before the run, and each written independently at the end."""
 
 import errno
 import os
@@ -16,11 +16,11 @@ from rmrc.support.memory import shown
 
 
 class OutputError(RmrcError, OSError):
-    """What will be left cannot be written."""
+    """An output file cannot be written."""
 
 
 def array_size(ticks: int, joints: int, values: int, positions: int) -> int:
-    """Return the size of all columns of a run [B], which are not compressed.
+    """Return the size of all columns of a run [B], without compression.
 
     Args:
         ticks: Ticks of the run.
@@ -33,16 +33,16 @@ def array_size(ticks: int, joints: int, values: int, positions: int) -> int:
 
 
 def refuse_unwritable(paths: Iterable[Path], size: int = 0, way_out: str = "") -> None:
-    """Try whether files can be written, before a run; nothing of that stays.
+    """Check whether files can be written, before a run; nothing is left behind.
 
     Args:
         paths: Paths of the files.
-        size: What they take together, at least [B].
+        size: Least size of all together [B].
         way_out: How they take less.
 
     Raises:
-        OutputError: The disk has not so much room.
-        OSError: A folder cannot be made or written to, or a directory is in the way of a file.
+        OutputError: The disk has too little room.
+        OSError: A folder cannot be made or written to, or a directory has the name of a file.
     """
     tried = set[Path]()
     for path in paths:
@@ -74,29 +74,29 @@ def _made(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(OSError):  # somebody else has put something there
+        with suppress(OSError):  # another process has put something there
             for one in missing:
                 one.rmdir()
 
 
 class Leaving:
-    """Writes files: one that cannot be written does not take the others along.
+    """Writes files; a failure of one does not affect the others.
 
     Attributes:
-        files: What was written.
-        failures: Why others were not, one line each.
+        files: The written files.
+        failures: Why others were not written, one line each.
     """
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Begin without files."""
         self.files: list[Path] = []
         self.failures: list[str] = []
 
     def attempt(self, write: Callable[[], None]) -> bool:
-        """Do a part of the writing; return whether it could be done, and keep why not.
+        """Do a part of the writing; return whether it succeeded, and keep the reason if not.
 
         Args:
-            write: Raises an OSError if it cannot.
+            write: Raises an OSError if it fails.
         """
         try:
             write()
@@ -108,12 +108,12 @@ class Leaving:
     def write(
         self, paths: Sequence[Path], write: Callable[..., None], instead_of: Path | None = None
     ) -> None:
-        """Write a file, or several at once, and keep their paths or why there are none.
+        """Write a file, or several at once, and keep their paths or the reason of the failure.
 
         Args:
             paths: Paths of the files.
             write: Takes the paths, and writes the files or raises an OSError.
-            instead_of: What makes room for it if there is none, and is given up then.
+            instead_of: A file to give up if the disk has too little room.
         """
         if not self.attempt(partial(write, *paths)):
             if instead_of is None or not instead_of.is_file():
@@ -127,7 +127,7 @@ class Leaving:
 
 
 def _told(error: OSError) -> str:
-    """Return an error on one line, with the file that it is about."""
+    """Return an error on one line, with its file."""
     if isinstance(error, RmrcError):
         return str(error)
     reason = " ".join((error.strerror or str(error)).split()).lower()

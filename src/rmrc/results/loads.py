@@ -1,4 +1,4 @@
-"""What a run put on an arm that nobody may have asked for, a line each: contact, drives at their limits."""
+"""Loads on an arm that may be unintended, one line each: contact, actuators at their limits."""
 
 from collections.abc import Collection, Iterator
 
@@ -10,7 +10,7 @@ def told(card: Scorecard, expected: Collection[str]) -> Iterator[str]:
 
     Args:
         card: Scorecard of the run.
-        expected: Names of figures that the scenario expects: what they are about is not told.
+        expected: Names of metrics that the scenario expects; the loads that they measure are left out.
     """
     if not _is_about(expected, "contact."):
         yield from _line(

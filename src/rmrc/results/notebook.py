@@ -1,4 +1,4 @@
-"""How results look in a notebook: tables as HTML, and as DataFrames of pandas, where it is installed."""
+"""The display of results in a notebook: tables as HTML, and DataFrames of pandas if that is installed."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,10 +25,10 @@ def pandas() -> Any:
 
 
 def table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a table as HTML: numbers at the right, in six digits.
+    """Return a table as HTML: numbers right-aligned, with six digits.
 
     Args:
-        caption: Above it.
+        caption: Text above it.
         headings: Headings of the columns.
         rows: Rows of values; None and NaN print as dashes.
     """
@@ -51,16 +51,16 @@ def figures(name: str, card: Mapping[str, Any]) -> str:
     rows = [
         (key, one.value, one.unit, one.meaning)
         for key, one in card.items()
-        if one.value != "" and one.value == one.value  # NaN is not
+        if one.value != "" and one.value == one.value  # NaN is not equal to itself
     ]
     return table(name, ("figure", "value", "unit", "meaning"), rows)
 
 
 def beside(cards: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the figures of several runs side by side, those that differ, as HTML.
+    """Return the metrics that differ between several runs, side by side, as HTML.
 
     Args:
-        cards: By label; the names of figures are those of the first.
+        cards: By label; the names of metrics are those of the first.
     """
     first = next(iter(cards.values()))
     rows = []

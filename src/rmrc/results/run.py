@@ -1,4 +1,4 @@
-"""A run: what it recorded, its figures, and its file."""
+"""A run: its record, its metrics, and its file."""
 
 import json
 import math
@@ -22,22 +22,22 @@ from rmrc.support.brief import brief, cut
 from rmrc.support.errors import QuestionError
 from rmrc.support.files import written_whole
 
-if TYPE_CHECKING:  # with numba, which a run whose columns alone are read does without
+if TYPE_CHECKING:  # imports numba, which a run that is only read does not need
     from rmrc.results.scorecard import Scorecard
 
-# Begins the names of the columns of a baseline in the file of its run.
+# Prefix of the columns of a baseline in the file of its run.
 BASELINE = "baseline/"
-# Facts of a run are smaller, in whatever unit.
+# Facts of a run are smaller, in any unit.
 LARGEST = 1e100
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class Run(Recorded):
-    """What one world did: `run["qdot_cmd"]` is a column, `run.scorecard["tau.peak"].value` a figure.
+    """The run of one world: `run["qdot_cmd"]` is a column, `run.scorecard["tau.peak"].value` a metric.
 
     Attributes:
-        baseline: What the baseline of its scenario did beside it; None: it has none.
+        baseline: The run of its scenario's baseline; None: it has none.
     """
 
     baseline: "Run | None" = None
@@ -51,7 +51,7 @@ class Run(Recorded):
 
     @property
     def verdict(self) -> str:
-        """What it comes to, in one sentence."""
+        """The result in one sentence."""
         other = self.baseline
         return told(self, self.scorecard, None if other is None else (other, other.scorecard))
 
@@ -62,7 +62,7 @@ class Run(Recorded):
         width: float = 7.16,
         font: float = 8.0,
     ) -> Any:
-        """Draw it, and return the figure of matplotlib, which a notebook shows; see `rmrc.plot`."""
+        """Draw it, and return matplotlib's figure, which a notebook shows; see `rmrc.plot`."""
         return rmrc.plot(self, path, panels, width, font)
 
     def to_pandas(self) -> Any:
@@ -74,7 +74,7 @@ class Run(Recorded):
         return notebook.frame(self)
 
     def _repr_html_(self) -> str:
-        """Return its figures, for a notebook."""
+        """Return its metrics, for a notebook."""
         return self.scorecard._repr_html_()
 
     def save(self, path: Path) -> None:
@@ -97,7 +97,7 @@ class Run(Recorded):
         return run
 
     def _facts(self) -> dict[str, Any]:
-        """Return what is known beside the columns, as strict JSON."""
+        """Return the facts except the columns, as strict JSON."""
         facts = {
             "name": self.name,
             "joints": self.joints,
@@ -132,7 +132,7 @@ class Run(Recorded):
 
     @classmethod
     def _of(cls, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[np.generic]]) -> "Run":
-        """Return the run of facts and columns of a file."""
+        """Return the run from the facts and columns of a file."""
         baseline = None
         if "baseline" in facts:
             its = {name.removeprefix(BASELINE): arrays[name] for name in arrays if name.startswith(BASELINE)}
@@ -158,7 +158,7 @@ class Run(Recorded):
 
 
 class Runs(dict[str, Run]):
-    """Runs by label, as `compare` returns them; a notebook shows the figures in which they differ."""
+    """Runs by label, as `compare` returns them; a notebook shows the metrics in which they differ."""
 
     def __repr__(self) -> str:
         """Return the labels."""
@@ -166,11 +166,11 @@ class Runs(dict[str, Run]):
         return cut(f"Runs({{{labels}}})")
 
     def _repr_html_(self) -> str:
-        """Return the figures in which they differ, side by side."""
+        """Return the metrics in which they differ, side by side."""
         return notebook.beside({label: run.scorecard for label, run in self.items()})
 
     def to_pandas(self) -> Any:
-        """Return all figures as a DataFrame, one row per run.
+        """Return all metrics as a DataFrame, one row per run.
 
         Raises:
             QuestionError: pandas is not installed.
@@ -197,7 +197,7 @@ def save_runs(path: Path, runs: Mapping[str, Run]) -> None:
 
 
 def read_runs(path: Path) -> Runs:
-    """Return the runs in a file that `save` or `save_runs` wrote, by label; that of one alone is its name.
+    """Return the runs in a file of `save` or `save_runs`, by label; the label of a single run is its name.
 
     Raises:
         OSError: It cannot be opened.
@@ -216,7 +216,7 @@ def read_runs(path: Path) -> Runs:
                 for i, one in enumerate(facts)
             )
     except (KeyError, ValueError, TypeError, AttributeError, EOFError, BadZipFile, OSError) as error:
-        if isinstance(error, OSError) and error.filename is not None:  # it is not there; else it is torn
+        if isinstance(error, OSError) and error.filename is not None:  # it is missing; else it is damaged
             raise
         raise QuestionError(f"{path}: does not hold the columns of a run, or is damaged") from None
 
@@ -227,11 +227,11 @@ def _write(path: Path, arrays: Mapping[str, NDArray[np.generic]]) -> None:
 
 
 def _refuse_odd(facts: Mapping[str, Any], columns: Mapping[str, NDArray[np.generic]]) -> None:
-    """Refuse what no run has saved: texts for numbers, columns of another length or width.
+    """Refuse facts that no run has saved: texts for numbers, columns of another length or width.
 
     Raises:
-        ValueError: There is such a thing.
-        TypeError: There is a fact of another type.
+        ValueError: There is such a fact.
+        TypeError: A fact has another type.
     """
     joints, ticks = len(facts["joints"]), len(columns["time"])
     numbers = [facts[name] for name in ("length", "period", "planned", "wall_time")]
@@ -264,10 +264,10 @@ def _refuse_odd(facts: Mapping[str, Any], columns: Mapping[str, NDArray[np.gener
 
 
 def _finite(limits: tuple[float, ...]) -> list[float | None]:
-    """Return limits as strict JSON has them: null for infinite."""
+    """Return limits for strict JSON: null for infinite."""
     return [limit if math.isfinite(limit) else None for limit in limits]
 
 
 def _limits(facts: Mapping[str, Any], name: str) -> tuple[float, ...]:
-    """Return limits of a file; those that it has from before they were kept are unknown."""
+    """Return limits of a file; limits that an older file lacks are unknown."""
     return tuple(math.inf if limit is None else limit for limit in facts.get(name, ()))

@@ -1,8 +1,8 @@
-"""The scorecard: what a run did, in figures, and what a scenario expects of them.
+"""The scorecard: a run in metrics, and the expectations of a scenario about them.
 
-A figure has one flat name with dots, such as `joint_rate.peak` or `joint_rate.shoulder.peak`. Which
-figures there are depends on the joints and the task axes alone, never on what happened: what a run
-is too short to tell is NaN, or "" for a name. Equal ticks give equal figures, whether their columns were
+A metric has one flat name with dots, such as `joint_rate.peak` or `joint_rate.shoulder.peak`. The set of
+metrics depends on the joints and the task axes alone, never on the events of the run: a metric that a run is
+too short to determine is NaN, or "" for a name. Equal ticks give equal metrics, whether their columns were
 kept or not; only `wall_time` and `speed` differ from one execution to the next.
 """
 
@@ -29,15 +29,15 @@ from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.problems import Problem
 from rmrc.support.spatial import AXES
 
-# How near the last wanted pose must be to the first to end where it began [m, rad]: above what a start is off
-# that was rounded to 0.01 deg, and far below any path.
+# A path is closed if its last wanted pose is this near to the first [m, rad]: above the error of a start that
+# was rounded to 0.01 deg, and far below any path.
 CLOSED = 1e-3
 
-# Ticks of which records are made at a time: few enough for the processor's caches.
+# Ticks whose records are made at once: few enough for the processor's caches.
 _ROWS = 256
 
 _Array = NDArray[np.float64]
-# Name, value in each world, unit and meaning of each figure.
+# Name, value in each world, unit and meaning of each metric.
 _Figures = Iterator[tuple[str, Sequence[float | str], str, str]]
 
 
@@ -47,7 +47,7 @@ class Figure(NamedTuple):
     Attributes:
         value: A number (NaN: undefined for this run), or the name of a joint.
         unit: SI, `1` for a plain number, "" for a name.
-        meaning: In a few words.
+        meaning: A short description.
     """
 
     value: float | str
@@ -58,11 +58,11 @@ class Figure(NamedTuple):
 @brief
 @dataclass(frozen=True, eq=False)
 class Scorecard(Mapping[str, Figure]):
-    """The figures of one run by name, in the order in which they are shown.
+    """The metrics of one run by name, in the order of display.
 
     Attributes:
         name: Name of the scenario.
-        joints: Names of the joints that figures are named after.
+        joints: Names of the joints in the names of metrics.
         figures: By flat name.
     """
 
@@ -71,7 +71,7 @@ class Scorecard(Mapping[str, Figure]):
     figures: Mapping[str, Figure]
 
     def __getitem__(self, name: str) -> Figure:
-        """Return a figure by its flat name."""
+        """Return a metric by its flat name."""
         return self.figures[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -79,11 +79,11 @@ class Scorecard(Mapping[str, Figure]):
         return iter(self.figures)
 
     def __len__(self) -> int:
-        """Return the number of figures."""
+        """Return the number of metrics."""
         return len(self.figures)
 
     def to_pandas(self) -> Any:
-        """Return the figures as a DataFrame: a row each, with value, unit and meaning.
+        """Return the metrics as a DataFrame, one row each, with value, unit and meaning.
 
         Raises:
             QuestionError: pandas is not installed.
@@ -93,13 +93,13 @@ class Scorecard(Mapping[str, Figure]):
         )
 
     def _repr_html_(self) -> str:
-        """Return the figures that are defined, for a notebook."""
+        """Return the defined metrics, for a notebook."""
         return notebook.figures(self.name, self)
 
     def nested(self) -> dict[str, object]:
         """Return the values as dicts within dicts, ready for strict JSON.
 
-        A name is split at its dots, except where what is before a dot is a figure itself (a joint
+        A name is split at its dots, except where the part before a dot is a metric itself (a joint
         may be called `peak`). JSON has neither NaN nor infinity: an undefined number or name
         becomes None, an infinite number the text "inf" or "-inf", which `float` reads.
         """
@@ -116,16 +116,16 @@ class Scorecard(Mapping[str, Figure]):
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one expectation was met.
+    """The outcome of one expectation.
 
     Attributes:
-        name: Name of the figure.
-        value: Value of the figure.
+        name: Name of the metric.
+        value: Value of the metric.
         wanted: In words, with the unit: `below 3 rad/s`.
         missed_by: Distance to the nearest value allowed: positive if the value is too high,
             negative if too low, 0 if it is allowed or exactly at a strict bound, NaN if undefined.
         ok: Whether the value is allowed; an undefined one never is.
-        got: What was met instead of a value, in words; "": the value says it.
+        got: Description of an outcome that has no value; "": the value describes it.
     """
 
     name: str
@@ -158,8 +158,8 @@ class Outcome:
 def scorecard(run: Recorded) -> Scorecard:
     """Return the metrics of a run of any length, even 0.
 
-    It adds up the columns as `rmrc.results.tally` adds up the ticks of a run whose columns are not kept: both
-    give the same bits.
+    It adds up the columns as `rmrc.results.tally` adds up the ticks of a run without columns: both give the
+    same bits.
     """
     tally = tallies_of([run])
     rows = np.zeros((_ROWS, 1), tick_type(len(run.joints)))
@@ -178,7 +178,7 @@ def tallies_of(runs: Sequence[Recorded]) -> NDArray[np.void]:
     """Return the tallies of runs of one arm before their first ticks, (w,).
 
     Args:
-        runs: Their columns are not looked at.
+        runs: Their columns are not read.
     """
     return begin(
         len(runs[0].joints),
@@ -193,10 +193,10 @@ def tallies_of(runs: Sequence[Recorded]) -> NDArray[np.void]:
 
 
 def figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorecard]:
-    """Return the figures that tallies come to.
+    """Return the metrics of tallies.
 
     Args:
-        runs: What is known beside their columns, which are not looked at; all of one arm.
+        runs: Their facts, all of one arm; their columns are not read.
         tallies: With their ticks added, (w,).
     """
     alike: dict[tuple[tuple[str, ...], View], list[int]] = {}
@@ -209,7 +209,7 @@ def figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scoreca
 
 
 def _figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorecard]:
-    """Return the figures of runs that have the same ones."""
+    """Return the metrics of runs that have the same ones."""
     arm = runs[0]
     rate_units = tuple(f"{arm.joint_unit(j)}/s" for j in range(len(arm.joints)))
     acceleration_units = tuple(f"{unit}²" for unit in rate_units)
@@ -264,10 +264,10 @@ def figure_names(joints: Sequence[str], axes: Sequence[str]) -> list[str]:
 
 
 def refused(names: Iterable[str], joints: Sequence[str], axes: Sequence[str]) -> dict[str, str]:
-    """Return why some figures cannot be expected, before the run starts.
+    """Return why some metrics cannot be expected, before the run starts.
 
     Args:
-        names: Names of figures, as a scenario's `expect` has them.
+        names: Names of metrics, as a scenario's `expect` has them.
         joints: Names of the joints.
         axes: Task axes that count.
 
@@ -278,10 +278,10 @@ def refused(names: Iterable[str], joints: Sequence[str], axes: Sequence[str]) ->
 
 
 def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
-    """Refuse a scenario that expects what its run will not have.
+    """Refuse a scenario that expects metrics that its run will not have.
 
     Args:
-        scenario: Its `expect` and task are looked at.
+        scenario: Its `expect` and task are read.
         joints: Names of the joints.
 
     Raises:
@@ -293,20 +293,21 @@ def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
 
 
 def check(card: Scorecard, expect: Mapping[str, Check | str]) -> list[Outcome]:
-    """Hold figures against what is expected of them.
+    """Compare metrics with their expectations.
 
     `below` and `above` are strict: the bound itself is a miss. `equals` allows `within` on both
-    sides, the ends included. An undefined figure (NaN) meets nothing.
+    sides, the ends included. An undefined metric (NaN) never passes.
 
     Args:
         card: The scorecard.
-        expect: Checks by name of figure; for `profile` what the card's run was held against.
+        expect: Checks by name of metric; for `profile` the profile that the run was checked against.
 
     Returns:
+        One outcome per check, in the order of `expect`.
         One outcome a check, in the order of `expect`.
 
     Raises:
-        ScenarioError: Names that are no figures of this run, or not numbers; all of them.
+        ScenarioError: Names that are no metrics of this run, or not numbers; all of them.
     """
     problems = _refused(expect, card)
     if problems:
@@ -318,15 +319,15 @@ def check(card: Scorecard, expect: Mapping[str, Check | str]) -> list[Outcome]:
 
 
 def joint_changes(run: Recorded) -> _Array:
-    """Return how far each joint is from where it started, after a path that ends where it began.
+    """Return how far each joint is from its start, after a path that ends where it began.
 
     Revolute joints by the shortest angle, so that a full turn is no change.
 
     Args:
-        run: Complete, and its reference closed: the controlled rows of the last pose equal the first.
+        run: A complete run with a closed reference: the controlled rows of the last pose equal the first.
 
     Returns:
-        Magnitudes, (n,) [rad or m]; NaN for a run that is not so.
+        Magnitudes, (n,) [rad or m]; NaN for any other run.
     """
     if not len(run):
         return np.full(len(run.joints), math.nan)
@@ -359,9 +360,9 @@ def _joints(
     *,
     is_rate: bool = False,
 ) -> _Figures:
-    """Yield the largest magnitude of all joints, when and where it was, and that of each joint.
+    """Yield the largest magnitude of all joints, its time and joint, and that of each joint.
 
-    Rates also have an rms over time; that of all joints is the largest of the joints' own.
+    Rates also have an rms over time; the rms of all joints is the largest of the joints' own.
     """
     row, n = JOINTS.index(group), len(arm.joints)
     peaks, times = tallies["peak"][:, row, :n], tallies["peak_time"][:, row, :n]
@@ -379,7 +380,7 @@ def _joints(
 def _peak(
     arm: Recorded, tallies: NDArray[np.void], group: str, what: str, units: tuple[str, ...]
 ) -> _Figures:
-    """Yield the largest magnitude of all joints, when and where it was."""
+    """Yield the largest magnitude of all joints, its time and its joint."""
     row, n = JOINTS.index(group), len(arm.joints)
     peaks, times = tallies["peak"][:, row, :n], tallies["peak_time"][:, row, :n]
     where = [*range(len(tallies))], peaks.argmax(axis=1)
@@ -396,17 +397,17 @@ def _largest_rms(tallies: NDArray[np.void], group: str, what: str, units: tuple[
 
 
 def _either(units: tuple[str, ...]) -> str:
-    """Return the unit of a value of any joint: where some slide, it is that of the joint."""
+    """Return the unit of a value of any joint: the joint's own where some slide."""
     return " or ".join(dict.fromkeys(units))
 
 
 def _named(arm: Recorded, joints: NDArray[np.intp], values: Sequence[float]) -> list[str]:
-    """Return the names of joints, and none where the value is undefined."""
+    """Return the names of joints, or "" where the value is undefined."""
     return ["" if math.isnan(value) else arm.joints[j] for j, value in zip(joints, values, strict=True)]
 
 
 def _chatter(arm: Recorded, tallies: NDArray[np.void]) -> _Figures:
-    """Yield how often a second the commanded acceleration changes its sign soon after it did, see `tally`."""
+    """Yield how often per second the commanded acceleration changes its sign again soon, see `tally`."""
     ticks, n = tallies["ticks"], len(arm.joints)
     seconds = np.where(ticks, ticks, math.nan) * tallies["period"]
     counts = tallies["chatter"][:, :n]
@@ -418,7 +419,7 @@ def _chatter(arm: Recorded, tallies: NDArray[np.void]) -> _Figures:
 
 
 def _share(runs: Sequence[Recorded], tallies: NDArray[np.void], group: str, what: str) -> _Figures:
-    """Yield the largest share of its limit that a joint's torque took, of the joints that have a limit."""
+    """Yield the largest share of its limit that a joint's torque took, over joints with a limit."""
     n = len(runs[0].joints)
     peaks = tallies["peak"][:, JOINTS.index(group), :n]
     limits = np.array([run.torque_limit or (math.inf,) * n for run in runs])
@@ -430,7 +431,7 @@ def _share(runs: Sequence[Recorded], tallies: NDArray[np.void], group: str, what
 
 
 def _errors(arm: Recorded, tallies: NDArray[np.void]) -> _Figures:
-    """Yield the position and orientation errors, and what of both is along u_min and across it.
+    """Yield the position and orientation errors, and their parts along u_min and across it.
 
     u_min is the direction of the scaled rows that the arm is losing at that tick. With the error e of the
     controlled rows, e_along = S_x⁻¹ u_min (u_minᵀ S_x e), and the rest is across: `docs/theory.md`.
@@ -467,7 +468,7 @@ def _error(tallies: NDArray[np.void], group: str, unit: str, what: str) -> _Figu
 
 
 def _return(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
-    """Yield how far the joints are from the start, where the path leads back to it."""
+    """Yield the distance of the joints from the start, if the path leads back to it."""
     arm, n = runs[0], len(runs[0].joints)
     complete = np.array(_completed(runs, tallies)) == 1.0
     q = np.array([tallies["q_first"][:, :n], tallies["q"][:, :n]])
@@ -482,7 +483,7 @@ def _return(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
 
 
 def _singularity(tallies: NDArray[np.void]) -> _Figures:
-    # the smallest are kept as the largest of the negative
+    # the smallest are kept as the largest of the negatives
     extreme = tallies["extreme"].T
     value, lowest = (dict(zip(EXTREMES, rows.tolist(), strict=True)) for rows in (extreme, -extreme))
     when = tallies["extreme_time"][:, EXTREMES.index("sigma")].tolist()
@@ -514,7 +515,7 @@ def _status_times(tallies: NDArray[np.void]) -> _Figures:
 
 
 def _loads(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
-    """Yield how long and since when the arm touches something, or an actuator is at its limit, and which."""
+    """Yield how long and since when the arm touches something or an actuator is at its limit, and which."""
 
     def times(one: Status) -> tuple[list[float], list[float]]:
         seconds = tallies["status"][:, one.bit_length()] * tallies["period"]
@@ -565,7 +566,7 @@ def _effort(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
 
 
 def _completed(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[float]:
-    """Return the share of each path that was run; NaN for no path."""
+    """Return the completed share of each path; NaN without a path."""
     ended = zip(runs, tallies["ticks"].tolist(), tallies["path_time"].tolist(), strict=True)
     return [run.share(time) if ticks else 0.0 if run.planned else math.nan for run, ticks, time in ended]
 
@@ -579,18 +580,18 @@ def _rms(squares: _Array, tallies: NDArray[np.void]) -> _Array:
 # Expectations -----------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=16)  # asked for each of thousands of variants
+@lru_cache(maxsize=16)  # used again for each of thousands of variants
 def _blank(joints: tuple[str, ...], axes: tuple[str, ...]) -> Scorecard:
-    """Return the scorecard of a run without ticks: all its figures, none of its values."""
+    """Return the scorecard of a run without ticks: all its metrics without values."""
     run = Recorded("", joints, (False,) * len(joints), axes, 1.0, 1.0, {}, 0)
     return figures([run], tallies_of([run]))[0]
 
 
-# What is known of the first command that a profile refuses, and units by condition.
+# The facts about the first command that a profile refuses, and units by condition.
 _FIRST = ("joint", "condition", "time", "value", "bound")
 _PER = dict(zip(CONDITIONS, ("", "/s", "/s²", "/s³"), strict=True))
 
-# The number that belongs to a name, where it is not called alike.
+# The number of a profile that a condition checks, where its name differs.
 _NUMBERS = {
     "profile.first_joint": "profile.refused",
     "profile.first_condition": "profile.refused",
@@ -598,7 +599,7 @@ _NUMBERS = {
     "contact.first_bodies": "contact.time",
     "torque_limited.first_joint": "torque_limited.time",
 }
-# What figures were called before.
+# Earlier names of metrics.
 _BEFORE = {"tau.share": "tau.share_of_limit"}
 
 
@@ -618,14 +619,14 @@ def _refused(names: Iterable[str], card: Scorecard) -> dict[str, str]:
 
 
 def _unknown(name: str, card: Scorecard) -> str:
-    """Return why there is no such figure, and the way out."""
+    """Return why there is no such metric, and the remedy."""
     kinds = {"position_error": AXES[:3], "orientation_error": AXES[3:]}
     for (error, rows), other in zip(kinds.items(), reversed(kinds), strict=True):
         if name.startswith(error) and name.replace(error, other) in card:
             return f"needs one of {', '.join(rows)} in task.axes"
     if name in _BEFORE:
         return f"is now called {_BEFORE[name]}"
-    # the names of before, when meters and radians were added up
+    # the earlier names, when meters and radians were added up
     split = [f"{kind.removesuffix('error')}{name}" for kind in kinds]
     parts = [f'"{part}"' for part in split if part in card]
     if parts:
@@ -635,7 +636,7 @@ def _unknown(name: str, card: Scorecard) -> str:
 
 
 def _accepted(card: Scorecard, profile: str) -> Outcome:
-    """Return whether a profile accepts all commands, and what the first one breaks that it does not."""
+    """Return whether a profile accepts all commands, and the first violation."""
     count, all_of_them = float(card["profile.refused"].value), card["ticks"].value
     got = f"{all_of_them} that it accepts"
     if count > 0.0:

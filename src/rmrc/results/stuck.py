@@ -1,4 +1,4 @@
-"""Where an arm stood still that should have moved, in a line."""
+"""Where an arm that should have moved stood still, in a line."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,12 +8,12 @@ from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.support.invocation import command
 
-# So near to its limit a joint counts as being there [rad, m]: servos come to rest within a tenth of it.
+# A joint this near to its limit counts as being there [rad, m]: servos come to rest within a tenth of it.
 AT_LIMIT = 1e-3
 
 
 def longest_stretch(run: Run) -> tuple[int, int] | None:
-    """Return first tick and one past the last of the longest time that a run was stuck, or None."""
+    """Return the first tick and one past the last of the longest time that a run was stuck, or None."""
     is_stuck = (run["status"].astype(np.int64) & Status.STUCK) != 0
     edges = np.flatnonzero(np.diff(is_stuck, prepend=False, append=False)).reshape(-1, 2)
     if not len(edges):
@@ -23,10 +23,10 @@ def longest_stretch(run: Run) -> tuple[int, int] | None:
 
 
 def told(run: Run, arm: Arm) -> str | None:
-    """Return when an arm was stuck longest, what held it and what helps, in one line; or None.
+    """Return when an arm was stuck longest, the cause and a remedy, in one line; or None.
 
     Args:
-        run: As far as it came.
+        run: The run so far.
         arm: The arm that ran.
     """
     stretch = longest_stretch(run)

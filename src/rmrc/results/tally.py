@@ -1,7 +1,7 @@
-"""What a scorecard needs of a run, as running sums: tick records in, one small record a world out.
+"""The input of a scorecard as running sums: from tick records to one small record per world.
 
-The records can be fed in pieces of any size. Each tick is added to the sums of its own world in the order
-of time, so that a figure has the same bits whatever the pieces, the threads and the worlds beside it.
+The records can be added in pieces of any size. Each tick is added to the sums of its own world in the order
+of time, so that a metric has the same bits whatever the pieces, the threads and the worlds beside it.
 """
 
 import math
@@ -39,19 +39,20 @@ ERRORS = (
     "orientation_error_across",
     "secondary_error",
 )
-WHOLE, ALONG, ACROSS, SECONDARY = 0, 2, 4, 6  # of the first three the positions, and next the orientations
+WHOLE, ALONG, ACROSS, SECONDARY = 0, 2, 4, 6  # first rows: positions, and next orientations
 EXTREMES = ("sigma", "manipulability", "path_rate", "secondary_sigma", "condition", "damping")
 SIGMA, MANIPULABILITY, PACE, LEFT, CONDITION, DAMPING = range(6)
-# What a profile bounds: a condition is its place here.
+# The conditions of a profile: the index of each here is its code.
 CONDITIONS = ("position", "rate", "acceleration", "jerk")
 POSITION_BOUND, RATE_BOUND, ACCELERATION_BOUND, JERK_BOUND = range(4)
 
-# A command whose acceleration changes its sign twice within this time shakes the arm [s]: 5 Hz. A smooth path
-# takes longer from one change to the next; a loop that oscillates, or a law that switches, takes some ticks.
+# A command whose acceleration changes its sign twice within this time shakes the arm [s]: 5 Hz. On a smooth
+# path, changes are farther apart; a loop that oscillates, or a law that switches, takes some ticks.
 CHATTER_TIME = 0.1
-# An acceleration up to this counts for none where a joint has no limits [rad/s² or m/s²]. With limits it is
-# the less of what takes the joint to its largest rate in a second and a tenth of its largest acceleration.
-# Encoder noise of 1e-5 rad stays below it: at K = 20 /s and 1 ms it is 20 · 1e-5 · √2/0.001 = 0.3 rad/s² rms.
+# An acceleration up to this does not count where a joint has no limits [rad/s² or m/s²]. With limits the
+# bound is the smaller of the acceleration to its largest rate in a second and a tenth of its largest
+# acceleration. Encoder noise of 1e-5 rad stays below it: at K = 20 /s and 1 ms it is 20 · 1e-5 · √2/0.001 =
+# 0.3 rad/s² rms.
 CHATTER_FLOOR = 1.0
 
 BITS = len(IN_RUNS)
@@ -59,17 +60,17 @@ STUCK, TORQUE_LIMITED = int(Status.STUCK), int(Status.TORQUE_LIMITED)
 
 
 def tally_type(n: int) -> np.dtype[np.void]:
-    """Return the record of what is known so far of one world with n joints.
+    """Return the record of one world with n joints so far.
 
-    Rows are those of JOINTS, ERRORS and EXTREMES. Extremes are the largest magnitudes, and of EXTREMES the
-    largest values, for which the first four have a minus; each has the time at which it was reached first.
-    They are NaN before the first tick. `status` counts the ticks without a status, then those with each bit,
-    and `status_time` has when each of these was first. `limited` is the joint of the drive that was the first
-    at its limit, or -1.
+    Rows are those of JOINTS, ERRORS and EXTREMES. Extremes are the largest magnitudes, or for EXTREMES the
+    largest values, with a minus sign for the first four; each has the time at which it was first reached.
+    They are NaN before the first tick. `status` counts the ticks without a status, then those with each bit;
+    `status_time` holds the first time of each. `limited` is the joint of the first actuator at its limit,
+    or -1.
 
     The differences of commands begin at rest: before the first tick, rate and acceleration are 0. `chatter`
     counts changes of sign. `broken` counts the ticks that break a condition of the profile; the first one
-    broke `broken_condition`, a place in CONDITIONS, at `broken_joint`.
+    broke `broken_condition`, an index into CONDITIONS, at `broken_joint`.
     """
     return _tally_type(capacity(n))
 
@@ -87,21 +88,21 @@ def _tally_type(c: int) -> np.dtype[np.void]:
             ("acceleration_bound", f, (c,)), ("jerk_bound", f, (c,)),
             ("has_taper", np.int64), ("taper_end", f, (2, c)), ("taper_offset", f, (c,)),
             ("taper_deceleration", f, (c,)),
-            # ticks that were added, and what of the first and of the last one is needed
+            # ticks that were added, and values of the first and of the last one
             ("ticks", np.int64), ("q_first", f, (c,)), ("q", f, (c,)), ("qdot", f, (c,)),
             ("qdot_cmd", f, (c,)), ("qddot_cmd", f, (c,)),
             ("pose_ref_first", f, (7,)), ("pose_ref", f, (7,)), ("path_time", f),
-            # sums of squares, extremes, and when they were first
+            # sums of squares, extremes, and their first times
             ("square", f, (len(JOINTS), c)), ("peak", f, (len(JOINTS), c)),
             ("peak_time", f, (len(JOINTS), c)),
             ("error_square", f, (len(ERRORS),)), ("error_max", f, (len(ERRORS),)),
             ("error_max_time", f, (len(ERRORS),)), ("error_end", f, (len(ERRORS),)),
             ("extreme", f, (len(EXTREMES),)), ("extreme_time", f, (len(EXTREMES),)),
             ("status", np.int64, (BITS + 1,)), ("status_time", f, (BITS + 1,)), ("limited", np.int64),
-            # ticks in which the arm is stuck, of this stretch and of the longest so far, and when each began
+            # ticks in which the arm is stuck, in this stretch and in the longest so far, and their starts
             ("stuck", np.int64), ("stuck_began", f), ("stuck_longest", np.int64), ("stuck_time", f),
-            # of each joint the sign of the last acceleration that counts, the tick at which it changed, and
-            # how often it changed soon after that
+            # for each joint the sign of the last acceleration that counts, the tick at which it changed, and
+            # how often it changed again soon
             ("chatter_sign", np.int64, (c,)), ("chatter_tick", np.int64, (c,)), ("chatter", np.int64, (c,)),
             ("broken", np.int64), ("broken_condition", np.int64), ("broken_joint", np.int64),
             ("broken_value", f), ("broken_bound", f), ("broken_time", f),
@@ -125,11 +126,11 @@ def begin(
         n: Number of joints.
         axes: Task axes that count in each world.
         length: Characteristic length of each task [m].
-        weights: Task weights of each world, one an axis; none: all 1.
+        weights: Task weights of each world, one per axis; none: all 1.
         period: Control periods [s].
         torque_limit: Torque limits of the joints of each world, infinite without one; none: no joint has one.
         chatter_floor: Chatter floor of the joints of each world; none: CHATTER_FLOOR.
-        profiles: What the commands of each world are held against, if anything.
+        profiles: The profiles that the commands of each world are checked against, if any.
 
     >>> begin(2, [["x", "rz"]], [0.5], [[1.0, 4.0]], [0.001])["scale"]
     array([[2., 0., 0., 0., 0., 2.]])
@@ -159,7 +160,7 @@ def begin(
 
 
 def _hold(tally: np.void, profile: Profile, n: int) -> None:
-    """Write what a profile bounds."""
+    """Write the bounds of a profile."""
     tally["is_held"] = 1
     tally["position_bound"][:, :n] = np.array([[-math.inf], [math.inf]])
     if profile.position:
@@ -174,13 +175,13 @@ def _hold(tally: np.void, profile: Profile, n: int) -> None:
 
 
 def adder(tallies: NDArray[np.void], ticks: NDArray[np.void]) -> Callable[[NDArray[np.int64]], None]:
-    """Return what adds to each tally the ticks of its world that it does not have yet, up to an end.
+    """Return a function that adds to each tally the missing ticks of its world, up to an end.
 
-    It is compiled now if it is not yet, which takes a second, once. It takes `ends`, (w,): one past the last
-    tick to be added of each world.
+    It is compiled if necessary, which takes a second, once. Its argument is `ends`, (w,): one past the last
+    tick to add of each world.
 
     Args:
-        tallies: One a world, (w,); written.
+        tallies: One per world, (w,); written.
         ticks: Tick records, (rows, w): tick t is in row t modulo rows.
     """
     return partial(machine_code(add, tallies, ticks, np.zeros(len(tallies), np.int64)), tallies, ticks)
@@ -223,7 +224,7 @@ def _add_tick(tally: Record, tick: Record) -> None:
 
 @compiled
 def _add_status(tally: Record, tick: Record) -> None:
-    """Count the bits; the drive that is nearest to its limit is the first that has reached it."""
+    """Count the bits; the first actuator at its limit is the one nearest to it at that tick."""
     left, bit = tick.status, 0
     while bit == 0 or left:
         if left & 1 if bit else left == 0:
@@ -263,7 +264,7 @@ def _add_joints(tally: Record, tick: Record) -> None:
 
 @compiled
 def _of_joint(tally: Record, tick: Record, row: int, j: int, acceleration: float) -> Any:
-    """Return what a row adds up; the acceleration is that of the command."""
+    """Return the value that a row adds up; the acceleration is that of the command."""
     if row == RATE:
         return tick.qdot[j]
     if row in (COMMAND, PLAIN):
@@ -279,7 +280,7 @@ def _of_joint(tally: Record, tick: Record, row: int, j: int, acceleration: float
 
 @compiled
 def _add_chatter(tally: Record, j: int, sign: int) -> None:
-    """Count a change of sign that comes soon after the one before."""
+    """Count a change of sign that comes soon after the previous one."""
     if tally.chatter_sign[j] == -sign:
         if tally.ticks - tally.chatter_tick[j] <= tally.chatter_ticks:
             tally.chatter[j] += 1
@@ -289,7 +290,7 @@ def _add_chatter(tally: Record, j: int, sign: int) -> None:
 
 @compiled
 def _add_conditions(tally: Record, tick: Record) -> None:
-    """Hold a command against the profile, before it is the last one; keep what it breaks first.
+    """Check a command against the profile, before it becomes the last one; keep the first violation.
 
     A bound is broken where it is reached, and by NaN.
     """
@@ -323,17 +324,17 @@ def _add_conditions(tally: Record, tick: Record) -> None:
 
 @compiled
 def _tapered(tally: Record, j: int, distance: float) -> float:
-    """Return the largest rate toward an end of a joint's range that is so far away: see `Taper`."""
+    """Return the largest rate toward an end of a joint's range at this distance: see `Taper`."""
     fastest = math.sqrt(max(0.0, 2.0 * tally.taper_deceleration[j] * distance)) - tally.taper_offset[j]
     return float(max(0.0, fastest))
 
 
 @compiled
 def _add_errors(tally: Record, tick: Record) -> None:
-    """Add the sizes of the errors of the rows that count: of all, of their parts along u_min and across it.
+    """Add the sizes of the errors of the rows that count: whole, along u_min, and across it.
 
-    u_min is a direction of the scaled rows S_x e. Its part is scaled back, so that translations have meters
-    and rotations radians again.
+    u_min is a direction of the scaled rows S_x e. The part along it is scaled back, so that translations are
+    in meters and rotations in radians again.
     """
     size = tally.error_end
     for row in range(len(ERRORS)):

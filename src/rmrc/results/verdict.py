@@ -1,4 +1,4 @@
-"""What a run comes to, in one sentence that its columns bear out."""
+"""The verdict on a run, in one sentence, derived from its columns."""
 
 import math
 import textwrap
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 
 # Lines of a terminal, and characters of a line and of the name of a joint.
 LINES, WIDTH, LONGEST_NAME = 2, 100, 24
-# κ from which an arm counts as near a singularity: where MoveIt Servo begins to slow down. From 100 on it is
+# κ from which an arm counts as near a singularity: MoveIt Servo begins to slow down there. From 100 on it is
 # SINGULAR.
 NEAR = 17.0
-# Share of the greatest distance from the shoulder from which an arm is stretched out; and share of the lost
-# direction that must point away from the shoulder, so that this is why it is lost.
+# Share of the largest distance from the shoulder from which an arm counts as stretched out; and share of the
+# lost direction that must point away from the shoulder for that to be the cause.
 STRETCHED, AWAY = 0.995, 0.9
 # Rates that differ by less count as the same.
 MORE = 1.05
 
-# Who keeps a rate down, by the status at the tick; the filter of an inverse that has no λ is told apart.
+# The cause of a reduced rate, by the status at the tick; the filter of an inverse without λ is named apart.
 _KEEPERS = {
     Status.DAMPED: "damping",
     Status.SLOWED: "slowing down",
@@ -36,7 +36,7 @@ _KEEPERS = {
     Status.JERK_LIMITED: "the jerk limit",
     Status.POSITION_LIMITED: "a joint limit",
 }
-# What else is told of a run, the gravest first.
+# Other events of a run that are reported, the most serious first.
 _TIMES = {
     Status.STUCK: "stuck",
     Status.CONTACT: "in contact",
@@ -48,12 +48,12 @@ _TIMES = {
 
 
 def told(run: Recorded, card: "Scorecard", beside: "tuple[Recorded, Scorecard] | None" = None) -> str:
-    """Return what a run comes to: where it came, what its commands did, its error, and what others asked for.
+    """Return the verdict on a run: its end, its rates, its error, and the commands of others.
 
     Args:
-        run: As far as it came.
-        card: Its figures.
-        beside: Its baseline and the figures of that, if it has one.
+        run: The run so far.
+        card: Its metrics.
+        beside: Its baseline and the metrics of that, if it has one.
 
     Returns:
         A sentence of at most LINES lines; joints are called by their names.
@@ -70,7 +70,7 @@ def told(run: Recorded, card: "Scorecard", beside: "tuple[Recorded, Scorecard] |
 
 
 def _place(run: Recorded) -> str:
-    """Return how near a singularity it came, and whether it came to its end."""
+    """Return how near to a singularity it came, and whether it is complete."""
     status, condition = run.columns["status"].astype(np.int64), float(np.max(run["condition"]))
     singular = (status & Status.SINGULAR) != 0
     if singular.any():
@@ -87,7 +87,7 @@ def _place(run: Recorded) -> str:
 
 
 def _stretched(run: Recorded) -> NDArray[np.bool_]:
-    """Say at which ticks the arm is stretched out, and can go no farther from its shoulder, (T,)."""
+    """Return at which ticks the arm is stretched out as far from its shoulder as it can be, (T,)."""
     if run.reach <= 0.0:
         return np.zeros(len(run), dtype=bool)
     outward = run["pose"][:, :3] - run.shoulder
@@ -98,7 +98,7 @@ def _stretched(run: Recorded) -> NDArray[np.bool_]:
 
 
 def _rates(run: Recorded) -> str:
-    """Return what kept the joint that the plain inverse would drive hardest, or how fast the fastest went."""
+    """Return the limit on the joint with the largest plain rate, or the largest rate."""
     n = len(run.joints)
     limit = np.array(run.rate_limit or (math.inf,) * n)
     scale = np.where(np.isfinite(limit), limit, 1.0) if np.isfinite(limit).any() else np.ones(n)
@@ -114,7 +114,7 @@ def _rates(run: Recorded) -> str:
 
 
 def _keepers(run: Recorded, *ticks: int) -> str:
-    """Return what acted at one of some ticks, in words."""
+    """Return the causes that acted at any of some ticks, in words."""
     status = Status(int(np.bitwise_or.reduce(run.columns["status"][list(ticks)].astype(np.int64))))
     is_damped = any(run["damping"][tick] > 0.0 for tick in ticks)
     words = {**_KEEPERS, Status.DAMPED: "damping" if is_damped else "the inverse's filter"}
@@ -140,19 +140,19 @@ def _error(card: "Scorecard") -> str:
 
 
 def _times(card: "Scorecard") -> list[str]:
-    """Return what of note it was, and how long, the gravest first."""
+    """Return the notable events, and how long they lasted, the most serious first."""
     times = {one: float(card[f"status_time.{one.name}"].value) for one in _TIMES}
     return [f"{_TIMES[one]} for {_amount(seconds)} s" for one, seconds in times.items() if seconds > 0.0]
 
 
 def _plainly(run: Recorded, card: "Scorecard") -> str:
-    """Return what the plain inverse would have asked for, if that is more than was commanded."""
+    """Return the largest rate of the plain inverse, if that is more than was commanded."""
     plain, sent = (float(card[f"joint_rate_{kind}.peak"].value) for kind in ("plain", "cmd"))
     return f"; the plain inverse would ask for {_peak(run, card, 'plain')}" if plain > MORE * sent else ""
 
 
 def _other(run: Recorded, card: "Scorecard") -> str:
-    """Return what a baseline commanded."""
+    """Return the largest rate that a baseline commanded."""
     is_plain = len(run) and np.allclose(run["qdot_cmd"], run["qdot_plain"], rtol=1e-9, atol=1e-12)
     who = "the plain inverse" if is_plain else "the baseline"
     commanded = f"commanded {_peak(run, card, 'cmd') if len(run) else 'nothing'}"
@@ -162,7 +162,7 @@ def _other(run: Recorded, card: "Scorecard") -> str:
 
 
 def _peak(run: Recorded, card: "Scorecard", kind: str) -> str:
-    """Return the largest rate of a kind, of all joints and ticks, with the unit of its joint."""
+    """Return the largest rate of a kind, over all joints and ticks, with the unit of its joint."""
     peak, joint = (card[f"joint_rate_{kind}.{name}"].value for name in ("peak", "peak_joint"))
     unit = run.joint_unit(run.joints.index(str(joint))) if joint else "?"
     return f"{_amount(float(peak))} {unit}/s"
@@ -174,7 +174,7 @@ def _name(joint: str) -> str:
 
 
 def _amount(value: float) -> str:
-    """Return three digits, or up to a million whole, with commas: a nonzero value never shows as zero."""
+    """Return three digits, or a whole number up to a million with commas; never 0 for a nonzero value."""
     if not math.isfinite(value):
         return "infinite" if value > 0.0 else "unknown"
     if value >= 999.5:

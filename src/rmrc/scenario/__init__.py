@@ -4,15 +4,17 @@
                       + their places            (a Draft)                  + schema (rows, JSON Schema)
 
 Every problem on the way has its key, its text and its origin; `messages` rewords pydantic's errors, and
-`keys` knows the origin of each value. So `load` and `loads` either return a `Scenario` or raise one
-`ScenarioError` with every problem, a line each, sorted by place:
+`keys` knows the origin of each value. `load` and `loads` either return a `Scenario` or raise one
+`ScenarioError` with every problem, one per line, sorted by place:
 
     scenarios/x.yaml:7:13: control.inverse.damping.maximum: must be > 0, got -1
 
-To read on: `draft` has the way above, `changes` what takes the place of a value, `sections` the keys, `path`
-those of the segments of a path, `values` what both are made of, and `wording` how messages show values.
+Further reading: `draft` implements the pipeline above, `changes` replaces values, `sections` defines the
+keys,
+`path` those of a path's segments, `values` their common parts, and `wording` the display of values in
+messages.
 
-This package alone knows YAML and pydantic. A section made directly in Python reports a pydantic error;
+Only this package uses YAML and pydantic. A section made directly in Python reports a pydantic error;
 a file, a text or a change never does.
 """
 
@@ -82,8 +84,8 @@ __all__ = [
     "load", "loads", "place_of", "read_controls", "read_task", "schema_rows", "variants",
 ]  # fmt: skip
 
-if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
-    # From the lowest: to make the sections takes a sixth of a second, which few verbs need not wait for.
+if not TYPE_CHECKING:  # type checkers use the imports above, and report names that do not exist
+    # In order of dependence: making the sections takes a sixth of a second, which few verbs need to spend.
     _MODULES = (
         "values", "wording", "path", "changes", "aliases", "sections", "schema", "draft", "controls",
         "variation",

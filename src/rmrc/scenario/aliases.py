@@ -169,20 +169,20 @@ EXAMPLES = {
 
 
 def dotted(key: Key) -> str:
-    """Return a key as this module has it: without the numbers of items, and with any metric alike."""
+    """Return a key as this module has it: without indices of items, and with one name for all metrics."""
     if len(key) > 1 and key[0] == "expect":
         return join(("expect", "<metric>", *key[2:]))
     return join(tuple(step for step in key if isinstance(step, str)))
 
 
 def choice(key: Key, value: object) -> str:
-    """Return our name of a choice that was called otherwise, or nothing."""
+    """Return the accepted name of a choice for another name of it, or an empty text."""
     ours = CHOICES.get(dotted(key), {})
     return next((name for name, others in ours.items() if _plain(value) in others.split()), "")
 
 
 def key_called(key: Key) -> str:
-    """Return what our key beside another that is unknown is called, or nothing."""
+    """Return the accepted name of a key for an unknown one beside it, or an empty text."""
     *above, name = key
     section = dotted(tuple(above))
     for place in _places(str(name), exact=False):
@@ -192,7 +192,7 @@ def key_called(key: Key) -> str:
 
 
 def elsewhere(key: Key) -> str:
-    """Return where a key stands that is unknown where it was found, or nothing: the nearest such place."""
+    """Return the nearest place where a key exists that is unknown where it was found, or an empty text."""
     *above, name = key
     near = dotted(tuple(above)).split(".")
     places = list(_places(str(name), exact=True)) or list(_places(str(name), exact=False))
@@ -206,12 +206,12 @@ def elsewhere(key: Key) -> str:
 
 
 def place_of(name: str) -> str:
-    """Return the key that a single name most likely means, or nothing."""
+    """Return the key that a single name most likely means, or an empty text."""
     return elsewhere((name,))
 
 
 def mapping(key: Key, value: object) -> str:
-    """Return the mapping to write for a value that stands in its place, or nothing."""
+    """Return the mapping to write for a value in its place, or an empty text."""
     forms = INSTEAD.get(dotted(key), {})
     kind: type = float if isinstance(value, int) and not isinstance(value, bool) else type(value)
     if kind not in forms:
@@ -224,11 +224,11 @@ def mapping(key: Key, value: object) -> str:
 
 
 def listing(key: Key, value: object, is_text: bool) -> str:
-    """Return the list to write for a value that stands in its place, or nothing.
+    """Return the list to write for a value in its place, or an empty text.
 
     Args:
-        key: Of the list.
-        value: What is no list.
+        key: Key of the list.
+        value: A value that is not a list.
         is_text: Whether the items are texts.
     """
     where = dotted(key)
@@ -243,7 +243,7 @@ def listing(key: Key, value: object, is_text: bool) -> str:
     return f"[{show(value)}]" if isinstance(value, int | float) and not is_text else ""
 
 
-# As YAML reads `off`, `on` and `~`.
+# Spellings that YAML reads as false, true and null.
 _YAML = {False: "false", True: "true", None: "null"}
 
 
@@ -253,7 +253,7 @@ def _plain(value: object) -> str:
 
 
 def _places(name: str, exact: bool) -> Iterator[str]:
-    """Yield the keys that have a name, or that have it for another."""
+    """Yield the keys that have a name, or an alias of that name."""
     name = _plain(name)
     if exact:
         yield from (place for place in _all() if place.rpartition(".")[2] == name)

@@ -1,4 +1,4 @@
-"""Changes of a scenario: a value for a key; and the texts of the command line that stand for some."""
+"""Changes of a scenario: a value for a key, and the texts of the command line for them."""
 
 import os
 from collections.abc import Mapping
@@ -13,13 +13,13 @@ from rmrc.support.problems import Key, Origin, Problem, join
 
 
 class Change(NamedTuple):
-    """A value that takes the place of another.
+    """A replacement of a value.
 
     Attributes:
-        key: Of the value.
-        value: As a file would have it: a number, a text, a switch, nothing, or a list or mapping of these.
-        origin: Where it was given; None: in Python.
-        written: The value as it was written; "" where it was not.
+        key: Key of the value.
+        value: The value as in a file: a number, a text, a switch, null, or a list or mapping of these.
+        origin: The place where it was given; None: in Python.
+        written: The value as it was written; "" if it was not.
     """
 
     key: Key
@@ -36,8 +36,8 @@ class Variant(NamedTuple):
     """One of several scenarios.
 
     Attributes:
-        label: What it is called: `damped`, `maximum=0.05`, or `damped, 0.1` of several keys.
-        changes: What makes it; later ones win.
+        label: Its name: `damped`, `maximum=0.05`, or `damped, 0.1` for several keys.
+        changes: The changes that make it; later ones win.
     """
 
     label: str
@@ -46,12 +46,12 @@ class Variant(NamedTuple):
 
 @dataclass(frozen=True)
 class Unread:
-    """What stands for the value of a text that could not be read, or not all of it.
+    """A placeholder for the value of a text that could not be read completely.
 
     Attributes:
-        value: What could be read, if anything.
-        problems: What is wrong with the text.
-        hidden: Keys that have no value to judge.
+        value: The part that could be read, if any.
+        problems: The problems of the text.
+        hidden: Keys without a value to check.
         is_nothing: Whether there is no value at all.
     """
 
@@ -62,14 +62,14 @@ class Unread:
 
 
 def changes_of(values: Mapping[str, object], option: str = "") -> tuple[Change, ...]:
-    """Return changes that are made in Python.
+    """Return changes made in Python.
 
     Args:
         values: By dotted key, such as `control.feedback` or `arm.start[1]`.
         option: Command-line option behind the problems, which messages then name with the key.
 
     Raises:
-        ValueError: What should be a key is none.
+        ValueError: A key is not valid.
     """
     return tuple(
         Change(parse_key(name), _plain(value), Origin(f"{option} {name}", key=name) if option else None)
@@ -78,7 +78,7 @@ def changes_of(values: Mapping[str, object], option: str = "") -> tuple[Change, 
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as a file would have it: lists for tuples and arrays, numbers of Python for numpy's."""
+    """Return a value as a file would have it: lists for tuples and arrays, Python's numbers for numpy's."""
     if isinstance(value, Mapping):
         return {name: _plain(one) for name, one in value.items()}
     if isinstance(value, Section):
@@ -91,12 +91,12 @@ def _plain(value: Any) -> Any:
 
 
 def read_change(key: Key, text: str, origin: Origin) -> Change:
-    """Return the change of a key by a text; what is wrong with the text is told by whoever applies it.
+    """Return the change of a key by a text; the function that applies it reports problems of the text.
 
     Args:
-        key: What is changed.
-        text: The value as YAML; nothing stands for null.
-        origin: Where it was given.
+        key: The key to change.
+        text: The value as YAML; an empty text means null.
+        origin: The place where it was given.
     """
     try:
         inner = parse(text if text.strip() else "null", key=key)
@@ -110,7 +110,7 @@ def read_change(key: Key, text: str, origin: Origin) -> Change:
 
 
 def read_setting(text: str) -> Change:
-    """Return the change that a text `KEY=VALUE` stands for; that of another text cannot be applied.
+    """Return the change for a text `KEY=VALUE`; a change from any other text cannot be applied.
 
     Args:
         text: Such as `control.inverse.method=inverse` or `arm.start[1]=10 deg`; VALUE is YAML.
@@ -126,9 +126,9 @@ def read_setting(text: str) -> Change:
 
 
 def applied(document: Document, change: Change) -> Document:
-    """Return a document with one change; what is wrong with it joins the problems.
+    """Return a document with one change; problems of the change are added to the document's.
 
-    It shares what is not on the way to the value with the document that is given, which stays as it is.
+    The parts beside the way to the value are shared with the given document, which stays as it is.
     """
     key, origin, value = change.key, change.origin or Origin(), change.value
     unread = value if isinstance(value, Unread) else Unread(value, ())
@@ -147,13 +147,13 @@ def applied(document: Document, change: Change) -> Document:
 
 
 def put(node: Any, key: Key, value: object, depth: int = 0) -> Any:
-    """Return plain data with one value set deep in it, and the mappings that lead there.
+    """Return plain data with one value set deep in it, and the mappings on the way there.
 
     Args:
-        node: What is at the first steps of the key.
-        key: Of the value.
-        value: That is set.
-        depth: How many steps of the key lead to the node.
+        node: The data at the first steps of the key.
+        key: Key of the value.
+        value: The value to set.
+        depth: Number of steps of the key that lead to the node.
 
     Raises:
         TextError: There is no such place.
@@ -170,7 +170,7 @@ def put(node: Any, key: Key, value: object, depth: int = 0) -> Any:
     below = node.get(step) if isinstance(node, dict) else node[step]
     if below is None and isinstance(node, dict) and isinstance((*key, 0)[depth + 1], str):
         below = {}
-    if below is None and isinstance(node, dict) and step not in node:  # an item of what was not written
+    if below is None and isinstance(node, dict) and step not in node:  # an item of an unwritten value
         below = listed_default(key[: depth + 1])
     changed = node.copy()
     changed[step] = put(below, key, value, depth + 1)

@@ -1,8 +1,8 @@
 """The choices of a control law, each with its source and its parameters, declared once.
 
 Sections and schema, fields of the world's record, the dispatch of the compiled law, the space that `tune`
-searches and the tables of `docs/choices.md` follow from the lists below. A choice is done by the compiled
-function of its name in `rmrc.law`, and its code there is its position in the list.
+searches and the tables of `docs/choices.md` follow from the lists below. The compiled function with its name
+in `rmrc.law` implements a choice, and its code there is its position in the list.
 """
 
 import math
@@ -15,7 +15,7 @@ from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 
 class Status(IntFlag):
-    """What happened at a tick; several may hold at once."""
+    """The events of a tick; several may occur at once."""
 
     OK = 0
     DAMPED = 1
@@ -36,20 +36,20 @@ class Status(IntFlag):
     OVERDUE = 32768
 
 
-# What only a loop of one's own can tell: a simulation has no input that could be wrong or late.
+# Bits that only a loop outside a run can set: a simulation has no input that could be wrong or late.
 OF_LOOPS = Status.INVALID_INPUT | Status.OVERDUE
 IN_RUNS = tuple(one for one in Status if not one & OF_LOOPS)
 
 
 class Scales(NamedTuple):
-    """What a scenario's own run tells about the sizes of its numbers: what is worth trying depends on them.
+    """Scales of a scenario from its own run, on which the ranges of the search depend.
 
     Attributes:
         sigma: Largest singular value.
         manipulability: Largest w.
         start: Smallest singular value at the start.
-        slowest: Norm of the scaled joint rates without which nothing can follow.
-        fastest: The largest that is worth a bound.
+        slowest: Smallest norm of the scaled joint rates with which the arm can follow.
+        fastest: The largest norm that is useful as a bound.
     """
 
     sigma: float
@@ -60,7 +60,7 @@ class Scales(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """What a number must be: `gt` greater than, `ge` at least, `lt` less than, `le` at most."""
+    """Bounds on a number: `gt` greater than, `ge` at least, `lt` less than, `le` at most."""
 
     gt: int | None = None
     ge: int | None = None
@@ -73,10 +73,10 @@ POSITIVE, NOT_NEGATIVE, SHARE = Bounds(gt=0), Bounds(ge=0), Bounds(gt=0, lt=1)
 
 @dataclass(frozen=True)
 class Keyed:
-    """What has a key of a scenario.
+    """An object with a key of a scenario.
 
     Attributes:
-        key: Below `control`.
+        key: Key below `control`.
     """
 
     key: str
@@ -88,7 +88,7 @@ class Keyed:
 
     @property
     def place(self) -> str:
-        """The section that has it, below `control`; "" for `control` itself."""
+        """Its section below `control`; "" for `control` itself."""
         return self.key.rpartition(".")[0]
 
     @property
@@ -99,16 +99,16 @@ class Keyed:
 
 @dataclass(frozen=True)
 class Parameter(Keyed):
-    """A number that choices read: a key of a scenario, a field of the record, a side of the search space.
+    """A number that choices read: a key of a scenario, a field of the record, a dimension of the search.
 
     Attributes:
-        meaning: As the schema tells it.
+        meaning: Description for the schema.
         default: None: null.
-        unit: As the schema tells it.
+        unit: Unit for the schema.
         bounds: On the number.
-        null: What the law reads where the key is null; None: it may not be null.
-        kind: A number, one for all joints or for each, or one a joint: positions (perhaps angles) or rates.
-        range: Least and largest value that `tune` tries; None: it leaves the parameter alone.
+        null: The number that the law reads where the key is null; None: it may not be null.
+        kind: A number, one for all joints or for each, or one per joint: positions (perhaps angles) or rates.
+        range: Smallest and largest value that `tune` tries; None: it leaves the parameter alone.
     """
 
     meaning: str
@@ -120,11 +120,11 @@ class Parameter(Keyed):
     range: Callable[[Scales], tuple[float, float]] | None = None
 
 
-# In the order in which a section has its keys.
+# In the order of the keys in a section.
 PARAMETERS = (
     DAMPING_MAXIMUM := Parameter(
         "inverse.damping.maximum", "λ_max, the largest damping (λ, not λ²)", 0.1, "as σ",
-        # λ = σ₁/2 takes a fifth of even the best direction's gain, as 1/(1 + λ²/σ²) says; σ₁/1000 lets rates
+        # λ = σ₁/2 takes a fifth of the gain even in the best direction, by 1/(1 + λ²/σ²); σ₁/1000 lets rates
         # grow 500-fold.
         range=lambda seen: (1e-3 * seen.sigma, 0.5 * seen.sigma),
     ),
@@ -146,7 +146,7 @@ PARAMETERS = (
         # λ = σ₁/10 at a task error from 1 mm to 1 (m over the length, or rad).
         range=lambda seen: (0.1 * seen.sigma, 100.0 * seen.sigma),
     ),
-    TOLERANCE := Parameter(  # `truncated` is the same with a threshold that is searched
+    TOLERANCE := Parameter(  # `truncated` is the same with a threshold that `tune` searches
         "inverse.tolerance",
         "pseudoinverse: threshold relative to the largest singular value, up to which singular values are "
         "dropped", 1e-6, "1", SHARE,
@@ -183,7 +183,7 @@ PARAMETERS = (
     POSTURE := Parameter(
         "nullspace.posture",
         "posture: desired joint positions; null: the start", None, "rad or m",
-        null=math.nan, kind="positions",  # the start is known to the arm alone
+        null=math.nan, kind="positions",  # only the arm knows the start
     ),
     RATES := Parameter(
         "nullspace.rates", "rates: desired joint rates, one per joint", None, "rad/s or m/s",
@@ -206,7 +206,7 @@ PARAMETERS = (
     ),
     STOP_SIGMA := Parameter(
         "stop.sigma", "hold if σ_min is at or below this", 0.1, "as σ",
-        # An arm that is held where it starts, or soon after, does nothing wrong and nothing right.
+        # An arm that is held at its start, or soon after, neither succeeds nor fails.
         range=lambda seen: (min(1e-3 * seen.sigma, 0.1 * seen.start), 0.5 * seen.start),
     ),
     STOP_CONDITION := Parameter(
@@ -233,11 +233,11 @@ class Choice:
 
     Attributes:
         name: Its value in a scenario, and its function in the law.
-        meaning: What it does, as the table of `docs/choices.md` says.
+        meaning: Its effect, for the table of `docs/choices.md`.
         source: Keys of `docs/references.md`.
-        parameters: That it reads.
-        acts: Whether the law has a function for it; without one, it leaves things as they are.
-        others: What other tools, papers and people call it: no file may, but a message then names ours.
+        parameters: The parameters that it reads.
+        acts: Whether the law has a function for it; without one, it changes nothing.
+        others: Other names in tools, papers and talk: no file may use them, but a message then gives ours.
     """
 
     name: str
@@ -255,8 +255,8 @@ class Inverse(Choice):
     Attributes:
         needs_square: Whether it needs as many task axes as joints.
         is_scheduled: Whether its damping follows a schedule.
-        preference: Of settings that come to the same, `tune` takes the inverse with the least: first those
-            whose gain stays bounded at a singularity, should the arm come nearer to one than it did.
+        preference: Among settings with equal results, `tune` takes the inverse with the smallest: first those
+            whose gain stays bounded at a singularity, in case the arm comes nearer to one than it did.
     """
 
     needs_square: bool = False
@@ -266,12 +266,12 @@ class Inverse(Choice):
 
 @dataclass(frozen=True)
 class Schedule(Choice):
-    """How damping follows what happens.
+    """A rule for the damping.
 
     Attributes:
-        follows: What λ depends on: the arm, so that it is raised where joints are held at their stops and
-            what is left of the arm is nearer to a singularity; the command, so that it is found anew for what
-            is left of that; or "" for neither.
+        follows: The quantity on which λ depends: the arm, where it is increased if joints are held at their
+            stops and the remaining arm is nearer to a singularity; the command, where it is computed again
+            for the remaining command; or "" for neither.
     """
 
     follows: Literal["", "arm", "command"] = ""
@@ -279,12 +279,12 @@ class Schedule(Choice):
 
 @dataclass(frozen=True)
 class Policy(Choice):
-    """What is done near a singularity.
+    """A reaction to a nearby singularity.
 
     Attributes:
-        is_tried: Whether `tune` tries it unasked. One that gives up a part of the path, wherever it leads,
-            loses by that in every search for the smallest error; one that slows down as another does would
-            double its cost.
+        is_tried: Whether `tune` tries it unasked. A policy that always gives up a part of the path loses
+            every search for the smallest error; a second policy that slows down would double the cost of the
+            search.
         slows: Whether it slows the time along the path.
     """
 
@@ -297,10 +297,10 @@ C_co = TypeVar("C_co", bound=Choice, covariant=True)
 
 @dataclass(frozen=True)
 class Choices(Keyed, Generic[C_co]):
-    """What a key chooses from.
+    """The choices of a key.
 
     Attributes:
-        meaning: As the schema tells it.
+        meaning: Description for the schema.
         default: A name.
         options: In the order of the schema; the code of each is its position.
     """
@@ -311,16 +311,16 @@ class Choices(Keyed, Generic[C_co]):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """All of them."""
+        """Names of all choices."""
         return tuple(one.name for one in self.options)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """What they read, each once."""
+        """The parameters that they read, each once."""
         return tuple(one for one in PARAMETERS if any(one in option.parameters for option in self.options))
 
     def code(self, name: str) -> int:
-        """Return the number that compiled code knows a name by.
+        """Return the code of a name in compiled code.
 
         Raises:
             ValueError: There is no such name.
@@ -328,11 +328,11 @@ class Choices(Keyed, Generic[C_co]):
         return self.names.index(name)
 
     def codes(self, are: Callable[[C_co], bool]) -> tuple[int, ...]:
-        """Return the numbers of those that something holds for."""
+        """Return the codes of all choices with a property."""
         return tuple(code for code, one in enumerate(self.options) if are(one))
 
     def __getitem__(self, name: str) -> C_co:
-        """Return the one with a name.
+        """Return the choice with a name.
 
         Raises:
             ValueError: There is none.
@@ -360,8 +360,9 @@ INVERSES = Choices(
         Inverse("filtered", "σ/(σ² + λ(σ)²), each direction by its own λ", "Maciejewski88",
             (DAMPING_MAXIMUM, DAMPING_BELOW), preference=1,
             others="numerical_filtering nf filter maciejewski"),
-        Inverse("selectively_damped", "1/σ, clamped by what a direction may ask of the joints", "Buss05",
-            (RATE_BOUND,), preference=2, others="sdls selective selectively_damped_least_squares buss"),
+        Inverse("selectively_damped", "1/σ, clamped to a bound on the joint rates of each direction",
+            "Buss05", (RATE_BOUND,), preference=2,
+            others="sdls selective selectively_damped_least_squares buss"),
         Inverse("jparse", "1/σ where σ ≥ γ σ₁, else σ/(γ σ₁)²", "Guptasarma25",
             (GAMMA, PUSH_POSITION, PUSH_ROTATION), preference=3,
             others="j_parse jparse_inverse"),
@@ -396,7 +397,8 @@ SCHEDULES = Choices(
             "Chiaverini94", (DAMPING_MAXIMUM, DAMPING_BELOW), follows="arm",
             others="sigma sigma_min min_sigma singular_value min_singular_value chiaverini maciejewski svd "
             "adaptive variable"),
-        Schedule("error", "error_gain · the task error: the contrast, it vanishes when tracking is good",
+        Schedule("error",
+            "error_gain · the task error, as a contrast: it vanishes while tracking is good",
             "Levenberg44", (ERROR_GAIN,), others="sugihara chan chan_lawrence task_error levenberg"),
         Schedule("rate_bound", "the least that keeps the norm of the joint rates within a bound", "Deo92",
             (RATE_BOUND,), follows="command", others="deo_walker bound trust_region norm"),
@@ -419,7 +421,7 @@ OBJECTIVES = Choices(
         Choice("rates", "constant, as given", "", (RATES,),
             others="velocity velocities joint_rates qdot qdot0"),
         Choice("secondary",
-            "what a second task needs: another site, or other rows; `classical` or `robust` priority",
+            "the rates of a second task: another site, or other rows; `classical` or `robust` priority",
             others="second second_task secondary_task task_priority priority"),
     ),
 )  # fmt: skip
@@ -429,8 +431,8 @@ PRIORITIES = Choices(
     "classical: solved within the null space of the first task; robust: solved separately, then projected",
     "robust",
     (
-        Choice("classical", "solved in what the first task leaves", "Nakamura87", (SECONDARY_DAMPING,),
-            others="strict standard nakamura siciliano"),
+        Choice("classical", "solved within the null space of the first task", "Nakamura87",
+            (SECONDARY_DAMPING,), others="strict standard nakamura siciliano"),
         Choice("robust", "solved alone, then projected", "Chiaverini97", (SECONDARY_DAMPING,),
             others="singularity_robust sr chiaverini"),
     ),
@@ -448,25 +450,25 @@ LIMITS = Choices(
             "all are scaled by one factor: the tip keeps its direction while no joint is at its position "
             "limit",
             others="scaled scale_all proportional uniform direction"),
-        Choice("clamp", "each is cut by itself: the tip does not",
+        Choice("clamp", "each is clamped by itself: the tip does not keep its direction",
             others="clip clipped saturate saturation cut"),
-        Choice("redistribute", "what a saturated joint cannot do, the others take over", "Flacco15",
+        Choice("redistribute", "the other joints take over the part of a saturated joint", "Flacco15",
             others="basic_sns saturate_in_the_null_space"),
         Choice("optimal",
-            "of all rates within the bounds those that are best for the task, by the measure of the damped "
-            "inverse; nearest to those of another",
+            "the rates within the bounds that are best for the task, by the measure of the damped inverse; "
+            "for another inverse, those nearest to its own",
             "Stark95",
             others="best qp quadratic_program quadratic_programming bvls daqp osqp quadprog proxqp optimum "
             "optimize least_squares bounded_least_squares"),
         Choice("none", "nothing", acts=False, others="off false ignore nothing no"),
         Choice("sns",
-            "the largest share of the task that fits all bounds, by the least rates that do it: the tip "
-            "keeps its direction, and waits where none fits",
+            "the largest share of the task that fits all bounds, by the smallest rates for it: the tip keeps "
+            "its direction, and waits where none fits",
             "Flacco15",
             others="opt_sns optimal_sns osns saturation_in_the_null_space"),
         Choice("reverse_priority",
             "limits come first: joints that the task would take beyond their bounds stay at them, and the "
-            "others do of it what is left",
+            "others do the rest of the task",
             "Flacco14", others="rp reverse priority limits_first"),
     ),
 )  # fmt: skip
@@ -477,14 +479,14 @@ POLICIES = Choices(
     "slow down along the kernel of [J | −t], or keep out of it",
     "damp",
     (
-        Policy("damp", "what the inverse does", acts=False,
+        Policy("damp", "the rates of the inverse, unchanged", acts=False,
             others="damped dls damping none off false nothing ignore"),
         Policy("slow",
-            "time along the path is slowed, so that rates stay within their limits and the tip on its path",
+            "the time along the path is slowed, so that rates stay within limits and the tip on its path",
             "", (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST), slows=True,
             others="slow_down slowdown scale time_scaling slowing true"),
         Policy("stop",
-            "the arm holds where σ_min or κ passes its bound, and goes on when the command leads out",
+            "the arm holds where σ_min or κ passes its bound, and continues when the command leads out",
             "", (STOP_SIGMA, STOP_CONDITION, STOP_CHANGE), others="halt hold pause wait abort"),
         Policy("singularity_consistent",
             "rates and the time along the path are chosen together, along the kernel of [J | −t]: the tip "
@@ -505,11 +507,11 @@ CHOICES: tuple[Choices[Choice], ...] = (
 
 @dataclass(frozen=True)
 class Group(Keyed):
-    """A section that comes behind the choices of the section that has it.
+    """A section that follows the choices of the section that contains it.
 
     Attributes:
-        meaning: As the schema tells it.
-        title: What it is, in a sentence; "" where its class in `sections` says so.
+        meaning: Description for the schema.
+        title: Description in a sentence; "" where its class in `sections` has it.
     """
 
     meaning: str
@@ -546,7 +548,7 @@ def record_fields() -> tuple[tuple[str, type[int] | type[float], bool], ...]:
     """Return the fields of a world's record that hold choices and parameters.
 
     Returns:
-        Of each, its name, the type of its values, and whether it has one a joint.
+        For each, its name, the type of its values, and whether it has one per joint.
     """
     codes = [(one.field, int, False) for one in CHOICES]
     return (*codes, *((one.field, float, one.kind != "number") for one in PARAMETERS))
@@ -575,12 +577,12 @@ def write_choices(world: Any, control: Any) -> None:
 
 @dataclass(frozen=True)
 class Plant(Choice):
-    """What turns commanded rates into motion, by the class of its name in `rmrc.plants`.
+    """A plant, which turns commanded rates into motion, by the class of its name in `rmrc.plants`.
 
     Attributes:
-        physics: Whether MuJoCo steps it, with gravity, loads and torques; else it has kinematics alone.
-        own: Whether it is the model as its author wrote it: drives, timestep, gravity compensation.
-        equation: What it does with the commanded rates, as the table of `docs/choices.md` says.
+        physics: Whether MuJoCo steps it, with gravity, loads and torques; otherwise it is only kinematics.
+        own: Whether it is the model as its author wrote it: actuators, timestep, gravity compensation.
+        equation: Its effect on the commanded rates, for the table of `docs/choices.md`.
     """
 
     physics: bool = True
@@ -597,32 +599,32 @@ class Plants:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """All of them."""
+        """Names of all plants."""
         return tuple(one.name for one in self.options)
 
     def __getitem__(self, name: str) -> Plant:
-        """Return the one with a name."""
+        """Return the plant with a name."""
         return self.options[self.names.index(name)]
 
     @property
     def meaning(self) -> str:
-        """What each of them does."""
+        """Descriptions of all of them."""
         *others, last = (one.meaning for one in self.options)
         return f"{', '.join(others)}, or {last}"
 
     @property
     def parameters(self) -> Iterator[Parameter]:
-        """What they read, each once."""
+        """The parameters that they read, each once."""
         return iter(dict.fromkeys(parameter for one in self.options for parameter in one.parameters))
 
     @property
     def physical(self) -> str:
-        """The names of those that MuJoCo steps."""
+        """Names of the plants that MuJoCo steps."""
         return ", ".join(one.name for one in self.options if one.physics)
 
     @property
     def own(self) -> str:
-        """The names of those that are the model as its author wrote it."""
+        """Names of the plants that are the model as its author wrote it."""
         return ", ".join(one.name for one in self.options if one.own)
 
 
@@ -641,7 +643,7 @@ SERVO = Plant(
             None, "N·m·s/rad or N·s/m", null=math.nan, kind="each",
         ),
     ),
-    equation="torque = kv · (qdot_cmd − qdot), and what resists the joint at qdot_cmd, in MuJoCo's physics",
+    equation="torque = kv · (qdot_cmd − qdot), plus the joint's resistance at qdot_cmd, in MuJoCo's physics",
     others="velocity velocity_servo rate_servo dynamics dynamic actuator pd p mujoco physics",
 )  # fmt: skip
 BANDWIDTH = Parameter(

@@ -23,12 +23,12 @@ ControlSource: TypeAlias = "ControlSection | Scenario | Mapping[str, Any] | str 
 
 
 class Controls(NamedTuple):
-    """What a loop of one's own takes from a scenario.
+    """The part of a scenario that a loop outside a run needs.
 
     Attributes:
         control: The law.
-        task: What of the site's motion counts; None where it is not said.
-        arm: Which frame is controlled, and which joints are driven; None where it is not said.
+        task: The controlled components of the site's motion; None if it is not given.
+        arm: The controlled frame and the actuated joints; None if it is not given.
     """
 
     control: ControlSection
@@ -45,13 +45,13 @@ def read_controls(source: ControlSource, period: float | None = None) -> Control
     """Return a control law, checked.
 
     Args:
-        source: Where it is; None: all defaults. A file is a scenario, one with `control:` (and `task:`)
-            alone, as `tune` prints it, or one with the keys of the section.
-        period: Takes the place of `period` [s]; None: as it is.
+        source: The source; None: all defaults. A file is a scenario, a file with only `control:` (and
+            `task:`), as `tune` prints it, or one with the keys of the section.
+        period: Replaces `period` [s]; None: no change.
 
     Raises:
         ScenarioError: Lists all problems at once.
-        QuestionError: The period is no positive time.
+        QuestionError: The period is not a positive time.
     """
     found = _read(source)
     if period is None:
@@ -62,7 +62,7 @@ def read_controls(source: ControlSource, period: float | None = None) -> Control
 
 
 def read_task(source: TaskSection | Mapping[str, Any]) -> TaskSection:
-    """Return a task of its keys, checked.
+    """Return a checked task from its keys.
 
     Raises:
         ScenarioError: Lists all problems at once.
@@ -100,7 +100,7 @@ def _read(source: ControlSource) -> Controls:
 
 
 def _controls(document: Document) -> Controls:
-    """Return what a mapping says that is no scenario: sections, or the keys of one."""
+    """Return the sections of a mapping that is no scenario: sections, or the keys of one."""
     if not document.value.keys() & {"control", "task"}:
         below = Place(document.sources.root.origin, {"control": document.sources.root})
         sources = SourceMap(document.sources.source, below)
@@ -120,7 +120,7 @@ def _checked(document: Document) -> _Given:
             )
         found = _Given.model_validate(document.value, by_alias=True, by_name=False)
     except ValidationError as error:
-        plant = {"plant": {"kind": "ideal"}}  # whose period fits any timestep
+        plant = {"plant": {"kind": "ideal"}}  # its period fits any timestep
         whole = Document(document.value | plant, document.sources, problems, document.hidden)
         problems = problems + translate(error, whole)
     if problems:

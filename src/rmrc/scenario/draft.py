@@ -115,7 +115,7 @@ class Scenario(Sections):
 
         Raises:
             ScenarioError: Lists all problems at once.
-            ValueError: What should be a key is none.
+            ValueError: A key is not valid.
         """
         return self.changed(*changes_of(values))
 
@@ -351,7 +351,7 @@ class Problems:
         """Raise the collected problems, if any.
 
         Raises:
-            ScenarioError: With all of it.
+            ScenarioError: With all of them.
         """
         if self._found:
             raise ScenarioError(self._found)
@@ -405,7 +405,7 @@ def loads(text: str, source: str = "<text>", overrides: Iterable[str] = ()) -> S
 
     Args:
         text: The YAML text.
-        source: What messages call it.
+        source: Its name in messages.
         overrides: As in `draft_of`.
 
     Returns:
@@ -429,7 +429,7 @@ def document_of(text: str, source: str) -> Document:
     """Return the values of a YAML text, which is a mapping.
 
     Raises:
-        ScenarioError: It cannot be read, or is none.
+        ScenarioError: It cannot be read, or is not a mapping.
     """
     try:
         document = parse(text, source)
@@ -456,7 +456,7 @@ class _Tree(dict[str | int, Any]):
     """New values below a section: each is a value, or another tree."""
 
 
-# What a section sorts together, so that one of them cannot be told without the other as it was written.
+# Keys that a section sorts together, so that none can be changed without the others as they were written.
 _TOGETHER: Mapping[type, frozenset[str]] = {
     TaskSection: frozenset(("axes", "weights")),
     SecondarySection: frozenset(("axes", "to")),
@@ -471,12 +471,12 @@ def _tree(changes: Sequence[Change]) -> _Tree:
         at = root
         for depth, step in enumerate(key[:-1], 1):
             below = at.setdefault(step, _Tree())
-            if not isinstance(below, _Tree):  # a key within one that was changed before
+            if not isinstance(below, _Tree):  # a key within a value that was changed before
                 at[step] = put(below, key, value, depth)
                 break
             at = below
         else:
-            if isinstance(at.get(key[-1]), _Tree):  # what it takes the place of may be refused all the same
+            if isinstance(at.get(key[-1]), _Tree):  # the replaced value may still be refused
                 raise _RefusedError
             at[key[-1]] = value
     return root

@@ -8,7 +8,7 @@ from rmrc.support.problems import Key, Origin, Problem, join
 
 @dataclass
 class Place:
-    """Where one value starts, where its key stands, and the places of what it holds."""
+    """The start of a value, the place of its key, and the places of its parts."""
 
     origin: Origin | None = None
     below: dict[str | int, "Place"] = field(default_factory=dict)
@@ -17,7 +17,7 @@ class Place:
 
 @dataclass
 class SourceMap:
-    """Where each value was given."""
+    """The place where each value was given."""
 
     source: str = ""
     root: Place = field(default_factory=Place)
@@ -35,9 +35,9 @@ class SourceMap:
         return place
 
     def changed(self, key: Key, origin: Origin) -> "SourceMap":
-        """Return the places of all values if one value was given elsewhere.
+        """Return the places of all values after one value was given elsewhere.
 
-        Mappings made for it have no place but its own. What is not on the way to it is shared.
+        Mappings made for it have only its own place. The rest is shared.
         """
 
         def put(place: Place, steps: Key) -> Place:
@@ -49,7 +49,7 @@ class SourceMap:
         return SourceMap(self.source, put(self.root, key))
 
     def origin(self, key: Key) -> Origin:
-        """Return where a value was given, or its nearest parent."""
+        """Return the origin of a value, or of its nearest parent that has one."""
         return self.find(key).origin or Origin(self.source)
 
     def problem(self, key: Key, text: str) -> Problem:

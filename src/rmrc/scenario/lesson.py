@@ -26,7 +26,7 @@ def _keys(values: dict[str, Any]) -> dict[str, Any]:
 
 
 class Question(Section):
-    """Something to find out on the page."""
+    """A question to answer on the page."""
 
     ask: Text = key("the question")
     do: Text = key("what to try on the page")
@@ -46,7 +46,7 @@ class Sought(Section):
     within: Positive = key("how far from it an answer may be")
 
     def is_met(self, text: str) -> bool | None:
-        """Say whether a text is the sought number; None: it is no number."""
+        """Return whether a text is the sought number; None: it is no number."""
         try:
             return abs(float(text.strip().replace(",", ".")) - self.value) <= self.within
         except ValueError:
@@ -65,14 +65,14 @@ class Lesson(Section):
 
 
 def load_lesson(name: str) -> tuple[Lesson, Path]:
-    """Return a lesson, and the file that it is in.
+    """Return a lesson and its file.
 
     Args:
-        name: Of a shipped one, such as `reach`, or the path of a YAML file.
+        name: Name of a shipped one, such as `reach`, or the path of a YAML file.
 
     Raises:
-        QuestionError: There is none of that name.
-        ScenarioError: The file cannot be read, or is no lesson; all that is wrong.
+        QuestionError: There is none with that name.
+        ScenarioError: The file cannot be read, or is no lesson; all problems.
     """
     path = SHIPPED.get(name, Path(name))
     if name not in SHIPPED and path.suffix not in SUFFIXES:

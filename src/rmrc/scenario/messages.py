@@ -43,7 +43,7 @@ def _problem(detail: ErrorDetails, sources: SourceMap) -> Problem:
 
 
 def _uneven_period(document: Document, wrong: frozenset[Key]) -> list[Problem]:
-    """Hold the period against the timestep, which pydantic does only if all sections are sound."""
+    """Compare the period with the timestep, which pydantic only does if all sections are valid."""
     keys = (("plant", "kind"), ("control", "period"), ("plant", "timestep"))
     if any(key[:depth] in wrong for key in keys for depth in (1, 2)):
         return []

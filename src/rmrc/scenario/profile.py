@@ -99,7 +99,7 @@ class Profile(Section):
     margin: Positive = key(
         "margin that `control.limits.profile` keeps below these bounds of positions, rates, accelerations "
         "and jerks, each in its own unit",
-        # as libfranka's limiter does: kLimitEps of include/franka/rate_limiting.h, 0.21.2
+        # as in libfranka's limiter: kLimitEps of include/franka/rate_limiting.h, 0.21.2
         1e-3,
     )
     loop: Loop = key("known properties of the loop", Loop())
@@ -130,7 +130,7 @@ class Profile(Section):
             if (part := getattr(self, name)) is not None
         }
         if self.rate_near_ends:
-            # half of what the taper falls by stays below it from `stops` on, as its discriminant says
+            # by its discriminant, braking from `stops` on with half the taper's deceleration stays below it
             found["braking"] = tuple(0.5 * one for one in self.rate_near_ends.deceleration)
         return found
 
@@ -194,14 +194,14 @@ def _loaded(path: Path, mtime: int, size: int) -> Profile:  # noqa: ARG001 - rea
 
 
 def read_section(kind: type[S], path: Path) -> S:
-    """Return the section that a YAML file holds.
+    """Return the section in a YAML file.
 
     Args:
-        kind: What it should be.
-        path: Of the file.
+        kind: Class of the section.
+        path: Path of the file.
 
     Raises:
-        ScenarioError: It cannot be read, or is none; all that is wrong.
+        ScenarioError: It cannot be read, or is no such section; all problems.
     """
     try:
         document = parse(read(str(path)), str(path))

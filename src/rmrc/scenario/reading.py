@@ -19,7 +19,7 @@ from rmrc.support.legible import visible
 from rmrc.support.problems import Key, Origin, Problem
 from rmrc.support.shipped import suggestion
 
-# A scenario is a page of text. The bounds are far above that and far below what takes a second.
+# A scenario is a page of text. The bounds are far above that and far below the size that takes a second.
 _MAX_BYTES = 2**20
 _MAX_VALUES = 10_000
 _MAX_DEPTH = 50
@@ -39,11 +39,11 @@ class TextError(Exception):
 
 @dataclass
 class Document:
-    """Plain values, where each was given, and what is wrong with them so far.
+    """Plain values, their origins, and their problems so far.
 
     Attributes:
         value: All of them.
-        sources: Where each was given.
+        sources: The origin of each.
         problems: In the order in which they were found.
         hidden: Keys without a valid value: further problems at one of them only follow from that.
     """
@@ -125,7 +125,7 @@ def items(text: str) -> list[tuple[str, str]]:
         raise TextError(f"holds the character U+{ord(listed[error.position]):04X}") from None
     except yaml.MarkedYAMLError as error:
         raise TextError(_problem(error)) from None
-    nodes = root.value if root else []  # of the brackets, so there is a root
+    nodes = root.value if root else []  # the node of the brackets, so there is a root
     written = [listed[item.start_mark.index : item.end_mark.index] for item in nodes]
     return [(item.value if _is_text(item) else own, own) for item, own in zip(nodes, written, strict=True)]
 
@@ -171,7 +171,7 @@ def _check_bounds(depth: int, count: int, mark: yaml.Mark | None) -> None:
 class _Builder:
     """Nodes to plain values and their places.
 
-    Aliases are built anew wherever they are used, so that a change is one of one place only.
+    Aliases are built anew wherever they are used, so that a change affects one place only.
     """
 
     def __init__(self, loader: _Loader, source: str) -> None:
@@ -221,7 +221,7 @@ class _Builder:
         return values, places
 
     def _merged(self, node: yaml.Node, key: Key, depth: int) -> _Mapping:
-        """Return what `<<` takes from one mapping or from several, of which the first wins."""
+        """Return the keys that `<<` takes from one mapping or from several, the first of which wins."""
         values: dict[str, Any] = {}
         places: dict[str | int, Place] = {}
         for source in reversed(node.value if isinstance(node, yaml.SequenceNode) else [node]):

@@ -486,7 +486,7 @@ class TargetSection(Section):
     limits: TargetLimitsSection = key("speed limits", TargetLimitsSection())
 
 
-if TYPE_CHECKING:  # a checker knows no keys that are computed
+if TYPE_CHECKING:  # a type checker knows no computed keys
 
     class _PlantKeys(Section):
         kind: str

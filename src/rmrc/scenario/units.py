@@ -3,7 +3,7 @@
 import math
 import re
 
-# Factor to the unit that scenarios have, and that unit.
+# Factor to the unit of scenarios, and that unit.
 UNITS: dict[str, tuple[float, str]] = {
     "mm": (1e-3, "m"), "cm": (1e-2, "m"), "m": (1.0, "m"), "km": (1e3, "m"),
     "um": (1e-6, "m"), "in": (0.0254, "m"),
@@ -22,7 +22,7 @@ UNITS: dict[str, tuple[float, str]] = {
     "kn": (1e3, "N"), "nm": (1.0, "N·m"), "n·m": (1.0, "N·m"), "n*m": (1.0, "N·m"), "%": (1e-2, "1"),
 }  # fmt: skip
 
-# No digit can be read in two ways, else a long text that is no number takes the square of its length in time.
+# Each digit matches in one way only; otherwise a long invalid text would take time quadratic in its length.
 UNSIGNED = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = rf"[-+]?{UNSIGNED}"
 
@@ -88,7 +88,7 @@ def _quantity(text: str) -> tuple[float, str] | None:
         return _finite(sign * float(match[1] or 1.0) * math.pi / over, "rad") if over else None
     if match := re.fullmatch(rf"({_NUMBER}) ?/ ?({_NUMBER})", text):
         return _finite(float(match[1]) / float(match[2]), "") if float(match[2]) else None
-    if re.fullmatch(r"[-+]?[0-9]+,[0-9]+", text):  # as half of Europe writes it
+    if re.fullmatch(r"[-+]?[0-9]+,[0-9]+", text):  # with a decimal comma
         return _finite(float(text.replace(",", ".")), "")
     return None
 

@@ -32,7 +32,7 @@ from rmrc.support.problems import Key
 # A direction is normalized by its user; below this length its squares would vanish or be noise.
 _SHORTEST = 1e-9
 
-# What a recorded motion may be kept in.
+# Formats of a recorded motion.
 MOTIONS = (".csv", ".parquet", ".npz")
 
 _DECIMAL = rf"[-+]?{UNSIGNED}"
@@ -54,7 +54,7 @@ class Choice(Section):
         return {name: value for name, value in handler(self).items() if value is not None}
 
     def given(self, *names: str) -> list[str]:
-        """Return those of the keys that have a value."""
+        """Return the keys that have a value."""
         return [name for name in names if getattr(self, name) is not None]
 
 
@@ -66,12 +66,12 @@ def key(meaning: str, default: Any = ..., unit: str | None = None, **more: Any) 
 
 
 def rule(text: str, key: Key = ()) -> PydanticCustomError:
-    """Return the error of a rule of ours: its whole message, and its key if that is not the value's."""
+    """Return the error of one of this package's rules: its whole message, and its key if not the value's."""
     return PydanticCustomError("rule", "{text}", {"text": text, "key": key})
 
 
 def choice(tag_of: Callable[[Any], str | None], want: str) -> Discriminator:
-    """Tell the options of a union apart by their tags, so that only the fitting one complains."""
+    """Distinguish the options of a union by their tags, so that only the matching one reports errors."""
     return Discriminator(tag_of, custom_error_type="choice", custom_error_message=want)
 
 

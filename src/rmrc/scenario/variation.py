@@ -17,7 +17,7 @@ MOST_VARIANTS = 50
 
 EXAMPLE = "control.inverse.method=inverse,damped"
 
-# Values of a key, each as a label has it and as a change.
+# Values of a key, each as in a label and as a change.
 _Axis: TypeAlias = list[tuple[str, Change]]
 
 
@@ -25,7 +25,7 @@ def variants(texts: Sequence[str]) -> tuple[Variant, ...]:
     """Return all combinations of the values of some keys, the last key changing fastest.
 
     Args:
-        texts: `KEY=V1,V2,...` a key; a value is YAML, so a comma within brackets or quotes is its own.
+        texts: One `KEY=V1,V2,...` per key; a value is YAML, so a comma within brackets or quotes is its own.
 
     Raises:
         ScenarioError: Lists all problems of the texts.
@@ -75,7 +75,7 @@ def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
 def _combined(
     axes: Mapping[Key, _Axis], problems: list[Problem], option: str, example: str
 ) -> tuple[Variant, ...]:
-    """Return all combinations of values; raise what is wrong with them, and the results before."""
+    """Return all combinations of values; raise their problems and those found before."""
 
     def add(text: str) -> None:
         problems.append(Problem((), text, Origin(option)))
@@ -100,7 +100,7 @@ def _refused(name: str, text: str) -> ScenarioError:
 
 
 def _axis(text: str) -> tuple[Key, _Axis]:
-    """Return a key and its values, each as a text has it and as a change."""
+    """Return a key and its values, each as a text and as a change."""
     name, equals, rest = text.partition("=")
     try:
         key = parse_key(name.strip() if equals else "")
@@ -121,7 +121,7 @@ def _variant(chosen: tuple[tuple[str, Change], ...]) -> Variant:
 
 
 def _text(value: object) -> str:
-    """Return a value as a label has it: a text as it is, all else as YAML writes it."""
+    """Return a value as in a label: a text as it is, all others as YAML writes them."""
     return value if isinstance(value, str) else inline(value)
 
 

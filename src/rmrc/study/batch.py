@@ -79,7 +79,7 @@ class Batch(ABC, Generic[R]):
         folder: Where the files go.
     """
 
-    # The files, the recording first, and what their names have behind that of the batch.
+    # The files, the recording first, and the ends of their names after that of the batch.
     kinds: ClassVar[tuple[str, ...]]
     suffix: ClassVar[str] = ""
 

@@ -17,9 +17,9 @@ from rmrc.support.errors import QuestionError, RmrcError, ScenarioError
 from rmrc.support.files import written_whole
 from rmrc.support.legible import visible
 
-# The file of a step of GitHub Actions, whose end is the summary of that step.
+# The file of a step of GitHub Actions; text appended to it becomes the summary of that step.
 STEP = "GITHUB_STEP_SUMMARY"
-# What is counted, and what those that are well are.
+# Noun for the outcomes, and adjective for the good ones.
 EXPECTATION, CHECK = ("expectation", "met"), ("check", "passed")
 
 
@@ -122,7 +122,7 @@ class Files:
         if self._summary is None:
             return
         text = markdown(name, suites, figures, counted)
-        if self._adds:  # what other steps and other commands of this step have said stays
+        if self._adds:  # texts of other steps and other commands of this step stay
             with self._summary.open("a", encoding="utf-8") as file:
                 file.write(f"{text}\n")
         else:

@@ -15,9 +15,9 @@ from rmrc.study.filters import compile_for, filter_factor
 from rmrc.study.study import Ran, Study
 from rmrc.support.errors import ScenarioError
 
-# What a scenario chooses by name for its law. It states its expectations for these choices: another inverse
-# is not bound to what the one as written shall do, as where the plain inverse is expected to blow up.
-# Numbers, such as a damping or a limit, are settings of the same law.
+# The choices of a scenario's law by name. A scenario states its expectations for these choices: they do not
+# bind another inverse, as where the plain inverse is expected to blow up. Numbers, such as a damping or a
+# limit, are settings of the same law.
 CHOICES = tuple(f"control.{one.key}" for one in choices.CHOICES)
 
 
@@ -65,7 +65,7 @@ class Comparison(Batch[Compared]):
 
     def _recording(self) -> tuple[Recording, Watcher]:
         with unlogged():
-            from rmrc.recording.comparison import Overlay  # with rerun, a third of a second
+            from rmrc.recording.comparison import Overlay  # imports rerun, a third of a second
 
         worlds = [(v.label, one) for v, one in zip(self.variants, self.worlds, strict=True)]
         overlay = Overlay(self.file(".rrd"), self.name, worlds)
@@ -76,7 +76,7 @@ class Comparison(Batch[Compared]):
         yield [".npz"], lambda path: save_runs(path, ran)
         yield [".json"], lambda path: self._save_facts(path, results)
         if any(len(one.run) for one in results) and not results[0].interrupted:
-            # which takes longer than one waits after Ctrl-C
+            # which takes longer than a user waits after Ctrl-C
             yield [".png", ".svg"], lambda *paths: self._draw(results, paths)
 
     def _markdown(self, results: Sequence[Compared]) -> str:
@@ -84,7 +84,7 @@ class Comparison(Batch[Compared]):
 
     def _draw(self, results: Sequence[Compared], paths: Sequence[Path]) -> None:
         """Draw the filters of the variants with at least one tick."""
-        from rmrc.study.filter_figure import filter_factors  # with matplotlib, half a second
+        from rmrc.study.filter_figure import filter_factors  # imports matplotlib, half a second
 
         ran = [one for one in results if len(one.run)]
         curves = [(one.variant.label, filter_factor(one.prepared, one.run)) for one in ran]
@@ -110,7 +110,7 @@ class Comparison(Batch[Compared]):
         one, own = result.prepared.scenario, self._written
         chosen = _choices(one)
         differs = {key: written for key, written in _choices(own).items() if chosen[key] != written}
-        # what `--set` or `--vary` expects is asked of the variants as they are
+        # expectations of `--set` or `--vary` apply to the variants as they are
         outcomes = tuple(
             outcome
             for (name, wanted), outcome in zip(one.expect.items(), result.outcomes, strict=True)

@@ -14,11 +14,12 @@ from rmrc.scenario.choices import IN_RUNS
 from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number
 from rmrc.study.study import Ran
 
-# A joint that comes back so far from where it started has flipped [rad]; a sliding one by that share of the
-# characteristic length. Tracking errors are a hundred times less, an elbow on its other side is far beyond.
+# A joint that ends this far from its start has flipped [rad]; a sliding one by that share of the
+# characteristic length. Tracking errors are a hundred times smaller, and an elbow on its other side is far
+# beyond.
 FLIPPED = 0.5
 
-# Headings of the figures that are shown, in groups that stay together where a terminal is narrow.
+# Headings of the metrics in groups that stay together where a terminal is narrow.
 _FIGURES = (
     {
         "joint_rate.peak": "rate\npeak",

@@ -30,19 +30,19 @@ from rmrc.study.parcel import Parcel, Unpacked
 from rmrc.study.study import Checked
 from rmrc.support.errors import ClusterError, RmrcError, ScenarioError
 
-# Seconds: to reach a scheduler; until there are workers; until all of them are given up.
+# Timeouts [s]: to reach a scheduler; to have the first workers; until all of them are given up.
 _ANSWER, _WORKERS, _GONE = 10.0, 10.0, 60.0
-# Seconds between two looks at what has ended; a worker has a piece to go on with.
+# Seconds between two checks for finished pieces; each worker has a next piece ready.
 _MOMENT = 0.02
-# Seconds between two looks at whether results that are fetched are still there.
+# Seconds between two checks that results being fetched still exist.
 _LOOK = 0.2
 # Pieces whose results are fetched at once: tens of megabytes of rows.
 _AT_ONCE = 100
-# Parcels that a worker keeps, with their models: of this sweep and of the one before.
+# Parcels that a worker keeps, with their models: of this sweep and of the previous one.
 _KEPT = 2
 _GOES_ON = "the rows so far are kept; rerun the command to resume"
 _LOST = f"the scheduler is lost; {_GOES_ON}"
-# Who speaks on stderr of what we tell in a line.
+# Loggers that write errors to stderr that are reported here in one line.
 _TALKERS = ("distributed", "distributed.client", "tornado.application", "asyncio")
 
 
@@ -103,10 +103,10 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
         try:
             if not address.here:
                 sync(loop, _greet, address.text, callback_timeout=_ANSWER)
-            with _deaf(signal.SIGTERM):  # it answers, so this is short, and half a client could not be closed
+            with _deaf(signal.SIGTERM):  # it responds, so this is short; nothing could close half a client
                 client = Client(at, timeout=_ANSWER, set_as_default=False, loop=loop)
                 stack.callback(_closed, client.close, _ANSWER)
-        except TypeError:  # of tls:// without the files that it needs
+        except TypeError:  # for tls:// without the files that it needs
             told = "needs certificates; set distributed.comm.tls in Dask's configuration"
             raise _refused(address, told) from None
         except (OSError, ValueError, asyncio.CancelledError) as error:
@@ -162,7 +162,7 @@ class _Cluster:
                 self._client.run_on_scheduler(metadata.version, "rmrc")
             except metadata.PackageNotFoundError:
                 raise _refused(self._address, _nothing("the scheduler")) from None
-            # known everywhere, as it comes with Python
+            # every worker can unpickle it, as it comes with Python
             versions = self._client.run(metadata.version, "rmrc", on_error="return")
             lacking = {name: one for name, one in versions.items() if isinstance(one, Exception)}
             theirs: dict[str, Any] = lacking or self._client.run(_likeness, on_error="return")
@@ -190,7 +190,7 @@ class _Cluster:
         self._sent = self.shared(_Sent(parcel, self._like))
 
     def shared(self, value: object) -> object:
-        # A task, and not scattered data, which is lost with the only worker that has it.
+        # A task, not scattered data, which is lost with the only worker that has it.
         return self._client.submit(_same, value, pure=False)
 
     def submit(self, work: object, pieces: Sequence[range], _: threading.Event) -> Iterable[Any]:
@@ -205,7 +205,7 @@ class _Cluster:
             some = ended[first : first + _AT_ONCE]
             try:
                 found = self._gathered(some)
-            except (Exception, asyncio.CancelledError):  # each by itself knows what it was about
+            except (Exception, asyncio.CancelledError):  # each future reports its own error
                 found = (self._result(one, running[one]) for one in some)
             if found is None:
                 return
@@ -245,7 +245,7 @@ class _Cluster:
         except (OSError, MemoryError, CancelledError, asyncio.CancelledError) as error:
             if getattr(future, "status", "") != "error":
                 raise _refused(self._address, _LOST) from None
-            told = f"a worker could not do {which} ({_brief(error)})"  # such as a disk that is full there
+            told = f"a worker could not do {which} ({_brief(error)})"  # such as a full disk there
         raise _refused(self._address, f"{told}; {_GOES_ON}")
 
 
@@ -312,7 +312,7 @@ def _work(indices: range, sent: _Sent, work: Work[Any]) -> Any:
             problem = _unlike(get_worker().address, _likeness(), sent.like)
             if problem:
                 raise ClusterError(problem)
-            # removed by Dask as well, even if this process has no time for it
+            # Dask removes it as well, even if this process has no time for it
             _unpacked[sent.parcel.digest] = Unpacked(sent.parcel, get_worker().local_directory)
             while len(_unpacked) > _KEPT:
                 _unpacked.popitem(last=False)
@@ -339,7 +339,7 @@ def _loop() -> Iterator[Any]:
     """
     from distributed.utils import LoopRunner
 
-    resource_tracker.ensure_running()  # which would unblock them
+    resource_tracker.ensure_running()  # otherwise it would unblock them
     runner = LoopRunner()
     with _deaf():
         runner.start()
@@ -355,7 +355,7 @@ def _processes(count: int, loop: Any) -> Iterator[Any]:
     from distributed import LocalCluster
 
     with ExitStack() as stack:
-        with _deaf(signal.SIGTERM):  # half a cluster could not be closed
+        with _deaf(signal.SIGTERM):  # a half-made cluster could not be closed
             cluster = LocalCluster(
                 n_workers=0,
                 threads_per_worker=1,
@@ -389,11 +389,11 @@ def _deaf(*more: int) -> Iterator[None]:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep Dask from logging errors that we report in one line, and harmless events."""
+    """Keep Dask from logging errors that are reported here in one line, and harmless events."""
     loggers = [logging.getLogger(name) for name in _TALKERS]
     before = [logger.level for logger in loggers]
     with warnings.catch_warnings():
-        # We compare versions ourselves, and a parcel with large meshes is sent once.
+        # This module compares versions itself, and a parcel with large meshes is sent once.
         warnings.filterwarnings("ignore", module="distributed")
         for logger in loggers:
             logger.setLevel(logging.CRITICAL + 1)

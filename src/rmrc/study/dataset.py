@@ -27,16 +27,16 @@ import pyarrow.parquet as pq
 from rmrc.support.errors import QuestionError, ScenarioError
 from rmrc.support.files import written_whole
 
-# Rows that are held while parts become one file: some 30 MB of figures.
+# Rows that are held while parts become one file: some 30 MB of metrics.
 _MERGED = 50_000
 
-# Where a part has its digest, and what stands there while that is computed.
+# The key of a part's digest, and the placeholder while the digest is computed.
 _DIGEST, _NONE = b"rmrc.sha256", b"0" * 64
 
 _TYPES = {"number": pa.float64(), "count": pa.int64(), "text": pa.string(), "switch": pa.bool_()}
 
 
-# What pyarrow raises of files that are none of its own, or torn.
+# Errors of pyarrow for foreign or damaged files.
 _UNREADABLE = (pa.ArrowException, OSError)
 
 
@@ -47,10 +47,10 @@ class Column(NamedTuple):
     """A column of the dataset.
 
     Attributes:
-        name: A key of the scenario, a metric of the scorecard, or a name of our own.
+        name: A key of the scenario, a metric of the scorecard, or another name.
         kind: `number`, `count`, `text` or `switch`.
         unit: SI, `1` for a plain number, "" for none.
-        meaning: In a few words.
+        meaning: A short description.
     """
 
     name: str
@@ -204,7 +204,7 @@ class Dataset:
         """Return the missing parts."""
         if self.is_whole:
             return []
-        # one without a byte is what a power failure may leave
+        # an empty file may remain after a power failure
         there = {path.name for path in self.folder.glob("part-*.parquet") if path.lstat().st_size}
         return [part for part in range(contents.parts) if self._part(part).name not in there]
 
@@ -356,7 +356,7 @@ def read_left(path: Path) -> Left:
         OSError: It cannot be opened.
         QuestionError: It is another kind of file, or damaged.
     """
-    path.stat()  # of a file that is not there Arrow tells no more than of a damaged one
+    path.stat()  # Arrow's error for a missing file is that for a damaged one
     try:
         table = pq.read_table(path)
     except _UNREADABLE:

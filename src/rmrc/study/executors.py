@@ -11,10 +11,10 @@ from rmrc.support.threads import side_by_side
 
 P = TypeVar("P")
 
-# What is done with a piece of a study, until an event ends it; None: nothing came of it.
+# Work on a piece of a study, which an event can end; None: no result.
 Work: TypeAlias = Callable[[Any, range, threading.Event], P | None]
 
-# How often one looks up from waiting, in seconds.
+# Interval between checks while waiting [s].
 _LOOK = 0.2
 
 

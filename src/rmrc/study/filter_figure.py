@@ -11,7 +11,7 @@ from rmrc.show.figures import DASHES, MARKERS, entitle, explain, is_narrow, lett
 from rmrc.show.palette import BLACK, distinct, mix
 from rmrc.study.filters import FilterFactor
 
-# Inches of height that the legend needs for a variant.
+# Height of the legend per variant [in].
 LEGEND_LINE = 0.36
 
 
@@ -33,7 +33,7 @@ def _filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]]) -> Fi
     both = np.concatenate([curve.sigma for _, curve in curves])
     ends = np.array([both.min(), both.max()])
     for i, (color, (label, curve)) in enumerate(zip(distinct(len(curves)), curves, strict=True)):
-        paint = f"#{mix(color, BLACK, 0.15) >> 8:06x}"  # the colors are for screens, and this is on white
+        paint = f"#{mix(color, BLACK, 0.15) >> 8:06x}"  # the colors are for dark screens
         # Curves that coincide, as all do far from singularities, are nested: the first is the widest.
         outside = 1.0 - i / max(1, len(curves) - 1)
         at = max(curve.sigma_min, curve.sigma[0])
@@ -45,7 +45,7 @@ def _filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]]) -> Fi
             marker=MARKERS[i % len(MARKERS)], markevery=[where], markersize=8.0 + 5.0 * outside,
             markeredgecolor="black", label=f"{plain(label)}\n    $\\sigma_{{\\min}}$ = {curve.sigma_min:.3g}",
         )  # fmt: skip
-        # The rug: the same σ at the bottom, where a gain of 0 has no place on the curve.
+        # The rug: the same σ at the bottom, where the curve has no place for a gain of 0.
         axes.plot(
             at, 0.0, "|", color=paint, markersize=10.0 + 10.0 * outside, markeredgewidth=2.0,
             transform=axes.get_xaxis_transform(), clip_on=False,

@@ -19,7 +19,7 @@ from rmrc.simulation.prepare import Prepared
 
 _Array = NDArray[np.float64]
 
-# From this share of the largest σ on: three decades, two of them below what is called SINGULAR.
+# The smallest σ relative to the largest: three decades, two of them below the threshold of SINGULAR.
 NEAREST = 1e-3
 
 POINTS = 400
@@ -61,7 +61,7 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
     largest = float(sigmas[0] if k > 1 else run["sigma"].max())
     end = float(sigmas[-2]) if k > 1 else 1.2 * largest
 
-    law = machine_code(resolve, at, np.zeros(1, tick_type(n)))  # which fills in `at`, the same for every σ
+    law = machine_code(resolve, at, np.zeros(1, tick_type(n)))  # it fills in `at`, the same for every σ
 
     def gain(sigma: float) -> float:
         world, out = at.copy(), np.zeros(1, tick_type(n))

@@ -11,7 +11,7 @@ from rmrc.scenario.sections import PROFILE
 from rmrc.study.dataset import Column, Dataset
 from rmrc.support.errors import ScenarioError, did_you_mean
 
-# What is asked for most, where a scenario expects nothing.
+# The most frequent metric of interest, where a scenario has no expectations.
 USUAL = "position_error.max"
 
 

@@ -23,7 +23,7 @@ _PLANT_SEED, _ENCODER_SEED = map(parse_key, SEEDS)
 
 _TOLD = 20
 
-Value = object  # of YAML: a number, a text, a switch, nothing, or a list or a mapping of these
+Value = object  # in YAML: a number, a text, a switch, null, or a list or a mapping of these
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Plan:
         if not self.draw:
             return {}
         point = _point(self.sampler, sample, len(self.draw), self.seed)
-        # the rounding of a sum may reach the upper bound, and never pass it
+        # the rounding of a sum may reach the upper bound, and never exceeds it
         return {
             key: min(low + u * (high - low), high)
             for u, (key, low, high) in zip(point, self.draw, strict=True)
@@ -127,7 +127,7 @@ class Plan:
         return [f"{count} runs, the first " * (count > 1) + self.label(indices[0])]
 
 
-@lru_cache(2000)  # asked for before a run and after it, and by each cell
+@lru_cache(2000)  # used before a run and after it, and by each cell
 def _point(sampler: str, sample: int, count: int, seed: int) -> tuple[float, ...]:
     if sampler == "sobol":
         return tuple(sobol_point(sample, count, seed).tolist())

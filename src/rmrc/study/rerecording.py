@@ -43,7 +43,7 @@ def rerecord(path: Path, recording: Path) -> None:
 
 def _write_one(prepared: Prepared, run: Run, recording: Path) -> None:
     with unlogged():
-        from rmrc.recording.single import Recorder  # with rerun, a third of a second
+        from rmrc.recording.single import Recorder  # imports rerun, a third of a second
 
     baseline = None if run.baseline is None else Study(prepared.scenario).prepare_beside()[1]
     with Recorder(recording, prepared, baseline) as recorder:
@@ -58,7 +58,7 @@ def _write_one(prepared: Prepared, run: Run, recording: Path) -> None:
 
 def _write_all(worlds: Worlds, facts: Sequence[dict[str, Any]], recording: Path) -> None:
     with unlogged():
-        from rmrc.recording.comparison import Overlay  # with rerun, a third of a second
+        from rmrc.recording.comparison import Overlay  # imports rerun, a third of a second
 
     name = next(iter(worlds.values()))[0].scenario.name
     with Overlay(recording, name, [(label, prepared) for label, (prepared, _) in worlds.items()]) as overlay:

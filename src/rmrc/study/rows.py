@@ -21,14 +21,14 @@ from rmrc.study.dataset import Column, as_parquet
 from rmrc.study.plan import SEEDS, Plan, Value
 from rmrc.study.study import Result
 
-# What a run depends on, of its scenario.
+# The sections of a scenario on which a run depends.
 _UNUSED = {"name", "expect", "look", "baseline", "sweep", "tune"}
 _SECTIONS = sorted(Scenario.model_fields.keys() - _UNUSED)
 _SORTED = json.JSONEncoder(sort_keys=True)
 
 _prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
 
-# They differ from one execution to the next, and rows do not.
+# Metrics that differ from one execution to the next, which rows must not.
 NOT_KEPT = frozenset({"wall_time", "speed"})
 
 
@@ -107,7 +107,7 @@ class AsRows:
             columns: Columns of a row.
         """
         self._plan, self._columns, self._versions = plan, columns, json.dumps(facts.versions())
-        self._own = [column for column in columns if column.name in plan.keys]  # others have their type
+        self._own = [column for column in columns if column.name in plan.keys]  # the others have fixed types
         vary = {split(key)[0] for key in (*plan.keys, *SEEDS)}
         self._same = {name: _as_json(base, name) for name in _SECTIONS if name not in vary}
 
@@ -126,7 +126,7 @@ class AsRows:
             "status": one.status,
             "divergence": one.divergence and str(one.divergence),
             "met": met,
-            # an undefined name is none
+            # an undefined name is null
             **{name: None if value == "" else value for name, value in values.items()},
             "scenario": digest(one.prepared.scenario, fingerprint(one.prepared.arm), self._same),
             "versions": self._versions,
@@ -152,7 +152,7 @@ def _numbers(model: Any) -> Iterator[tuple[str, bytes]]:
             yield name, value.tobytes()
         elif isinstance(value, int | float | bytes):
             yield name, repr(value).encode()
-        elif type(value).__module__.startswith("mujoco."):  # options, statistics, looks
+        elif type(value).__module__.startswith("mujoco."):  # options, statistics, visual settings
             yield from ((f"{name}.{inner}", data) for inner, data in _numbers(value))
 
 

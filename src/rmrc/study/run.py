@@ -72,7 +72,7 @@ class Job(Batch[Scored]):
 
     def _recording(self) -> tuple[Recording, Watcher]:
         with unlogged():
-            from rmrc.recording.single import Recorder  # with rerun, a third of a second
+            from rmrc.recording.single import Recorder  # imports rerun, a third of a second
 
         recorder = Recorder(self.file(".rrd"), *self.worlds)
         writers = recorder.write, recorder.write_baseline

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-# Binary fractions of so many digits: 2**32 samples are more than anybody runs.
+# Number of binary digits: nobody runs more than 2**32 samples.
 _BITS = 32
 
 # A primitive polynomial over {0, 1} as a binary number, and the first direction numbers, of each dimension

@@ -32,14 +32,14 @@ from rmrc.support.problems import Problem
 P = TypeVar("P")
 P_co = TypeVar("P_co", covariant=True)
 
-# Variants that are kept from their check until they are run: 30 MB. Small studies are then prepared once.
+# Variants that are kept from their check until their run: 30 MB. Small studies are then prepared once.
 _KEPT = 1000
 
-# Who is named of those that have a problem in common.
+# Number of variants to name for a common problem.
 _NAMED = 50
 
-# Variants that are checked as one piece, at first and at most: a tenth of a second, or some. Many pieces are
-# for a cluster to schedule, a few for every thread to have something to do until the end.
+# Variants that are checked as one piece, at first and at most: a tenth of a second, or some. A cluster must
+# schedule many pieces; a few suffice to keep every thread busy until the end.
 _CHECKED, _MOST_CHECKED, _MANY, _PARTS = 100, 5000, 10_000, 16
 
 OnRuns = Callable[[int], None]
@@ -260,7 +260,7 @@ class Study:
         self._lock = threading.Lock()
         self._kept: dict[int, Prepared] = {}
         if isinstance(self._base, Draft):
-            with suppress(ScenarioError):  # told of each variant
+            with suppress(ScenarioError):  # each variant reports it
                 self._base = self._base.scenario()
 
     def prepare(self, changes: Sequence[Change] = ()) -> Prepared:
@@ -395,7 +395,7 @@ class Study:
 
         Args:
             variants: All of them. Each study has one plan; `results` uses its prepared parts.
-            crew: Who does it.
+            crew: The workers.
             on_runs: Called with the number of newly validated variants.
 
         Raises:
@@ -407,7 +407,7 @@ class Study:
         with closing(done(crew, Check(variants), pieces, threading.Event())) as found:
             for piece, some in found:
                 early[piece.start] = some
-                while whole.runs in early:  # in order, so that the first to have a problem is named
+                while whole.runs in early:  # in order, so that the first variant with a problem is named
                     whole.extend(early.pop(whole.runs), variants.most_told)
                 if on_runs is not None:
                     on_runs(len(piece))
@@ -471,7 +471,7 @@ class Study:
 
         Args:
             variants: All of them.
-            crew: Who does it.
+            crew: The workers.
             into: Destination of the results.
             stop: Event that ends the runs.
             rule: Rule that ends runs early, by the indices of their variants.
@@ -494,7 +494,7 @@ def _results(
     ]
 
 
-# What a crew does with the pieces of a study: pickled, for crews of other machines ------------------
+# Work of a crew on the pieces of a study: pickled, for crews of other machines --------------------
 
 
 @dataclass(frozen=True)
@@ -504,7 +504,7 @@ class Check:
     variants: Variants
 
     def __call__(self, study: Study, piece: range, stop: threading.Event) -> Checked | None:
-        """Return what is known of it."""
+        """Return the facts about it."""
         return study.checked(self.variants, piece, stop)
 
 

@@ -30,27 +30,27 @@ from rmrc.study.summary import Summary, summarize
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
 
-# Keys with which the model varies, or the files that it is made of.
+# Keys that change the model, or the files from which it is made.
 _MODELS = ("arm.model.", "arm.tool.", "arm.packages.")
 
-# A batch is about two seconds of one core (some 5 us a tick of a small arm, and a run takes as long as some
-# 500 ticks before its first one): the most that a killed process loses, and a hundred times what starting a
-# batch and writing its part take. Of large sweeps it is up to five times longer, so that a cluster has not
-# many more than so many batches to schedule.
+# A batch takes about two seconds of one core (some 5 us per tick of a small arm, and a run takes as long as
+# some 500 ticks before its first one): the most that a killed process loses, and a hundred times the cost of
+# starting a batch and writing its part. In large sweeps it is up to five times longer, so that a cluster has
+# at most about this many batches to schedule.
 _TICKS, _TICKS_BEFORE = 400_000, 500
 _MANY, _LONGER = 10_000, 5.0
 # Samples of targets that a batch may hold at once, on each thread: 64 MB.
 _MOST_SAMPLES = 2**26 // 104
-# Parts come in multiples of it, so that 2, 4, 8 or 16 threads have something to do until the end.
+# The number of parts is a multiple of this, so that 2, 4, 8 or 16 threads are busy until the end.
 _PARTS = 16
 
 # Months of one core, at some milliseconds each.
 _MOST_RUNS = 10**9
 
-# Keys that may bring chance in, beside those of the encoders.
+# Other keys beside those of the encoders that may make runs random.
 _CHANCE = ("arm", "plant", "plant.jitter", "plant.loss")
 
-# Of a column of 64 bits.
+# The largest number in a 64-bit column.
 _MOST_SEED = 2**63 - 1
 
 
@@ -168,12 +168,12 @@ class Sweep:
         """Return all inputs of the rows; a message names those that differ."""
         try:
             arm = self._prepare(0).arm
-        except ScenarioError:  # tell what is wrong with the others as well
+        except ScenarioError:  # report the problems of the others as well
             self._contents = None
             self.check()
             raise
         swept = self.scenario.sweep.model_dump(mode="json")
-        # recorded motions, profiles, and models that are varied, count with what is in their files, and in
+        # recorded motions, profiles and varied models are compared by the contents of their files and of
         # those that these depend on
         models_vary = any(key == "arm" or f"{key}.".startswith(_MODELS) for key in self.plan.keys)
         draft = self.scenario.draft
@@ -181,7 +181,7 @@ class Sweep:
         if named:
             files = self._parcel.models
             swept |= {f"model {name}": files[name].digest for name in named if name in files}
-        # the order of the keys, which sorting hides, decides which run an index is
+        # the order of the keys, which sorting hides, determines the run of an index
         text = json.dumps([swept, self.plan.keys, self.plan.seed], sort_keys=True)
         model = "" if models_vary else fingerprint(arm)
         expect = self.scenario.model_dump(mode="json", include={"expect"})["expect"]
@@ -212,8 +212,8 @@ class Sweep:
         """Return the workers, started on first use."""
         if self._opened is None:
             if self._cluster:
-                with suppress(ScenarioError):  # which the check tells
-                    self.compile()  # what workers on this machine load, they need not compile
+                with suppress(ScenarioError):  # the check reports it
+                    self.compile()  # worker processes on this machine can then load the code that they need
                 who = clusters.opened(self._cluster, self._parcel)
             else:
                 who = in_threads(self._threads, self._study)

@@ -16,13 +16,13 @@ from rmrc.show.sheets import number
 from rmrc.study.swept import Array, Swept
 from rmrc.support.errors import QuestionError
 
-# What a figure of a sweep may have, from the top.
+# Panels of a figure of a sweep, from the top.
 PANELS = ("distributions", "parallel")
-# Width of the report's pictures [in], and size of their letters [pt].
+# Width of the report's pictures [in], and their font size [pt].
 PAGE, LETTERS = 9.6, 9.0
-# Lines of the parallel coordinates at most, evenly chosen; more are a carpet.
+# Most lines of the parallel coordinates, evenly chosen; more would hide each other.
 LINES = 400
-# Bins of a histogram; spread from which a scale is logarithmic.
+# Bins of a histogram; spread above which a scale is logarithmic.
 BINS, WIDE = 20, 30.0
 
 
@@ -112,7 +112,7 @@ def _draw_histograms(into: FigureBase, swept: Swept, width: float, font: float) 
         axes.hist(seen, bins=(10.0**edges if _is_wide(seen) else edges).tolist(), color=paints(1)[0])
         axes.set_xscale("log" if _is_wide(seen) else "linear")
         axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-        if not _is_wide(seen):  # few numbers, as small ones are long
+        if not _is_wide(seen):  # few labels, as small numbers are long
             axes.xaxis.set_major_locator(MaxNLocator(4, min_n_ticks=3))
             axes.xaxis.set_major_formatter(lambda value, _: f"{value:.4g}")
         axes.axvline(float(np.median(seen)), color="black", linewidth=1.0, linestyle=(0, (3, 2)))
@@ -129,7 +129,7 @@ def _draw_parallel(into: FigureBase, swept: Swept, width: float, font: float) ->
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, LINES).astype(int))]
     axes, shares, tilt = into.add_subplot(), {}, math.degrees(_tilt(len(columns), width, font))
     is_narrow = tilt == 90.0
-    lift = 1.2 * font if is_narrow else 0.0  # of every second end, as neighbors would touch
+    lift = 1.2 * font if is_narrow else 0.0  # every second label is raised, as neighbors would touch
     for i, (name, values) in enumerate(columns.items()):
         chosen = values[rows]
         scaled = np.log10(chosen) if _is_wide(chosen) else chosen

@@ -14,7 +14,7 @@ from rmrc.study.dataset import Left
 from rmrc.study.sweep_figure import histograms, parallel
 from rmrc.study.swept import Array, Swept
 
-# Values of a key that are listed; of more numbers, the ends are told.
+# Number of listed values of a key; for more, only the ends are given.
 SHOWN = 6
 
 _Rows = Mapping[str, list[Any]]

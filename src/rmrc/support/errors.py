@@ -2,7 +2,7 @@
 
     RmrcError
     ├── ScenarioError    (ValueError)       a scenario is wrong; all its problems at once
-    ├── ModelError       (ValueError)       a model cannot be loaded, or lacks what was named
+    ├── ModelError       (ValueError)       a model cannot be loaded, or lacks a named part
     ├── TargetError      (ValueError)       a target path cannot be timed
     ├── QuestionError    (ValueError)       a question does not fit its model
     ├── ClusterError     (ConnectionError)  machines that should run a sweep cannot, or are lost
@@ -82,7 +82,7 @@ class ClusterError(RmrcError, ConnectionError):
 
 
 class DivergenceError(RmrcError, ArithmeticError):
-    """The simulated state stopped being finite; what was recorded until then is kept."""
+    """The simulated state stopped being finite; the record until then is kept."""
 
 
 def did_you_mean(name: str, options: Iterable[str]) -> str:

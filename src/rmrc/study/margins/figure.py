@@ -10,7 +10,7 @@ from rmrc.show.figures import plain, save
 from rmrc.study.margins.margins import Margin, Margins
 from rmrc.study.margins.ringing import STILL_RINGS
 
-# Less is not told from rounding, what diverged has no number, and commands to and fro may swallow the kick.
+# Smaller values are rounding; a divergence has no value; oscillating commands may hide the kick.
 _LEAST, _ON, _MOST = 1e-3, 1.0, 1e2
 _LABELS = {
     "gain": "times control.feedback as written [1]",

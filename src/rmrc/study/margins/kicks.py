@@ -10,8 +10,8 @@ from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.reference import POSE, Reference
 from rmrc.support.spatial import exp_rotation, quat_multiply
 
-# How far a twin's reference is moved along each axis [rad], of lengths times task.length. So little that the
-# loop answers as a linear one does, and ten thousand times what rounding moves.
+# Displacement of a twin's reference along each axis [rad], for lengths times task.length. It is so small that
+# the response of the loop is linear, and ten thousand times the effect of rounding.
 KICK = 1e-6
 
 

@@ -16,12 +16,12 @@ from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
 from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag, rule_gain
 
-# Where runs are to be spared, commands get so many times as late at most as they are: who has more than that
-# left need not know how much. And a loop of little feedback, which takes long to show what it does, is judged
-# there with this share of what an ideal plant bears, as what bears more bears less.
+# In a sparing search, the lateness of commands grows at most by this factor: the size of a larger margin does
+# not matter. There, a loop with little feedback, whose response is slow, is judged with this share of the
+# feedback that an ideal plant tolerates: a loop that tolerates more also tolerates less.
 _ENOUGH, _RAISED = 10.0, 0.5
 
-# No finer: at its edge a loop takes forever to show on which side of it it is.
+# The finest accuracy: at its limit a loop takes forever to show on which side of it it is.
 _FINEST, _COARSEST = 0.005, 0.5
 
 
@@ -255,7 +255,7 @@ class _Loop:
         """Return the result of a search, with the limit of the ideal plant."""
         feedback, period = self.scenario.control.feedback, self.scenario.control.period
         tau, slowest = lateness(self.scenario)
-        rule = 1.0 / feedback - 1.0 / rule_gain(period, tau, slowest)  # of what makes commands late
+        rule = 1.0 / feedback - 1.0 / rule_gain(period, tau, slowest)  # of the total lateness of commands
         if name == "gain":
             rule = rule_gain(period, tau, slowest) / feedback
             ideal = edge_gain(period, tau, slowest) / feedback

@@ -23,25 +23,25 @@ from rmrc.study.margins.kicks import KICK, resting, twin_of
 from rmrc.study.study import Result, Study
 from rmrc.textbook.stability import edge_frequency
 
-# An oscillation at the edge keeps its amplitude. From the middle third to the last of the shortest run, of a
-# loop of dead times whose feedback is half a percent below its edge less than this is left.
+# An oscillation at the limit keeps its amplitude. Below this share remains from the middle third to the last
+# of the shortest run, for a loop of dead times with a feedback half a percent below its limit.
 STILL_RINGS = 0.9
-# The response to a kick is in the order of it, or more by the 1/σ of joints. Less than this share of the kick
-# is nothing that could be told from what else happens. More than the next, in the end, is no answer to a
-# kick: the two parted at a singularity or a stop, which fades, or swing on their own, as far as limits let
-# them. More than the last is the arm's whole motion.
+# The response to a kick is of its order, or larger by the 1/σ of joints. Below this share of the kick, it
+# cannot be told from other effects. Above the next, at the end, it is no response to a kick: the two worlds
+# separated at a singularity or a stop, which fades, or oscillate independently as far as limits allow. Above
+# the last, it is the arm's whole motion.
 _LEAST, _MOST, _ALL = 0.03, 10.0, 1e5
-# Encoders round the two differently, by a step here and there: a kick is so many steps, and less than these
-# tell nothing.
+# Encoders round the two differently, by a step now and then: a kick is this many steps, and differences below
+# the second number of steps mean nothing.
 _STEPS, _TELLING_STEPS = 30.0, 10.0
-# A joint that goes to and fro at a limit is sent forth and back with this share of its largest rate at least.
+# A joint that oscillates at a limit gets commands of at least this share of its largest rate to both sides.
 _TO_AND_FRO = 0.1
-# A path is cut into so many stretches at most, each with a kick and so many windows, if it is long enough;
-# else it is one stretch, of so many windows with what follows it.
+# A path is divided into at most this many stretches, each with a kick and this many windows, if it is long
+# enough; otherwise it is one stretch, with this many windows including the rest after it.
 _STRETCHES, _WINDOWS, _FEWEST = 8, 40, 20
-# The last third of a stretch is looked at in so many parts, each of two windows at least.
+# The last third of a stretch is examined in this many parts, each of at least two windows.
 _PARTS = 3
-# World-ticks that are run at once: 300 MB of an arm with seven joints.
+# World-ticks that are run at once: 300 MB for an arm with seven joints.
 _TICKS = 2_000_000
 _LIMITED = int(
     Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED | Status.TORQUE_LIMITED
@@ -131,7 +131,7 @@ def _judged(
 def lateness(scenario: Scenario) -> tuple[float, float]:
     """Return the lateness of a loop without T/2: dead time of the round trip, and the longest lag [s]."""
     plant = scenario.plant
-    # of jitter, uniform from 0 on, its mean
+    # the mean of jitter, which is uniform from 0 on
     return plant.delay + 0.5 * plant.jitter + scenario.arm.encoder.delay, float(np.max(plant.lag))
 
 
@@ -177,12 +177,12 @@ def _judge(results: Sequence[Result], tracks: Sequence[_Track]) -> Judged:
     starts = np.searchsorted(path_time, (np.array(_starts(world)) - 0.5) * period)
     found = []
     for first, last in zip(starts, [*(starts[1:] - width // 2), len(swings)], strict=True):
-        if last - first >= _FEWEST * width:  # shorter is one that a slowed path comes to late
+        if last - first >= _FEWEST * width:  # a slowed path reaches a shorter one late
             left = still_ringing(swings, first, last, least)
             turns = reverses(sent, status.astype(np.int64) & _LIMITED != 0, first, last)
             reason: Reason = "rings" if left >= STILL_RINGS else "reverses" if turns else ""
             found.append(Judged(reason, float(first * period) if reason else math.nan, left))
-    # the first that is unstable, with what is left of the worst; the first stretch is never too short
+    # the first unstable one, with the worst remaining fraction; the first stretch is never too short
     judgment = next((one for one in found if one.is_unstable), found[0])
     return replace(judgment, left=max(one.left for one in found))
 
@@ -201,11 +201,12 @@ def without_trend(values: Array, width: int) -> Array:
 def still_ringing(swings: Array, first: int, last: int, least: float = _LEAST) -> float:
     """Return the fraction of a kick's response at the end of a stretch [1]; 1: it neither decays nor grows.
 
-    It is the least amplitude of the parts of the last third over the largest of the middle third. Where it
-    grows all through the last third, it is the amplitude of its last part over that of its first, if that is
-    more: at a stop, or past a singularity, the two part by more than the kick did, and that may fade or grow
-    as well. And it is 1 where they swing each on its own, as far as limits let them, and not by much less in
-    the end.
+    It is the smallest amplitude of the parts of the last third over the largest of the middle third. Where it
+    grows throughout the last third, it is the amplitude of its last part over that of its first, if that is
+    larger: at a stop, or past a singularity, the two worlds separate by more than the kick, and that may fade
+        or
+    grow as well. It is 1 where they oscillate independently, as far as limits allow, and with nearly the same
+    amplitude at the end.
 
     Only joints count that oscillate to both sides in each part, by a detectable amplitude.
 

@@ -14,21 +14,22 @@ from rmrc.study.margins.ringing import Judged, judged, lateness
 from rmrc.study.study import OnRuns, Study
 from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag
 
-# Around the edge of the ideal plant; then points between the two that are nearest to the edge, as many as the
-# accuracy needs and no more than so many, until these two differ by less than the accuracy. Where runs are to
-# be spared, fewer at a time, and a little below it, where the edge is if drives do not follow at once.
+# The first round lies around the limit of the ideal plant. Then points between the two nearest to the limit
+# follow, as many as the accuracy needs and at most this many, until these two differ by less than the
+# accuracy. A sparing search has fewer at a time, and begins a little lower, where the limit of lagging
+# actuators is.
 _GRID, _FEW = (0.6, 0.77, 0.9, 1.0, 1.15, 1.4, 2.0), (0.91, 0.954, 1.0)
 _POINTS = 6
 ACCURACY = 0.02
-# Steps are finer than the accuracy by this share, so that rounding asks for no further round.
+# Steps are finer than the accuracy by this share, so that rounding needs no further round.
 _ROUNDING = 1e-9
-# A dead time is at most this share of the path's time.
+# A dead time is at most this share of the path's duration.
 _SHARE = 0.9
-# Where the edge is not near, each round goes on by these, up to so many times the edge of the ideal plant,
-# and down to this share of the feedback as written.
+# Where the limit is not near, each round continues by these factors, up to this multiple of the limit of the
+# ideal plant, and down to this share of the feedback as written.
 _STEPS, _FEW_STEPS = (1.5, 2.25, 3.4, 5.0), (1.15, 1.5)
 _BEYOND, _LOWEST = 10.0, 0.01
-# With this share of the edge of the ideal plant, a loop shows quickly what it does.
+# With this share of the ideal plant's limit, a loop shows its stability quickly.
 _QUICK = 0.25
 
 
@@ -150,7 +151,7 @@ def lag(scenario: Scenario, base: Sequence[Change] = ()) -> Search:
         return (*base, *changes_of({"plant.lag": lags if len(lags) > 1 else lags[0]}))
 
     search = _later(scenario, longest - own.max(), changes)
-    if longest == math.inf:  # where the equation has no edge, there may be none up to the largest
+    if longest == math.inf:  # if the equation has no limit, there may be none up to the largest value
         search.first = (search.most / search.guess,)
     return search
 
