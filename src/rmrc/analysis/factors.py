@@ -1,7 +1,7 @@
 """The determinant of J as a product: a factor for each family of singularities, found from the geometry.
 
-Only J at the configuration in question and at a few others is looked at: which columns stay perpendicular to
-a joint's axis, and whether the last three axes meet, is the same at all configurations of one arm.
+The search uses only J at the configuration in question and at a few others: which columns stay normal to a
+joint's axis, and whether the last three axes meet, is the same at all configurations of one arm.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ from rmrc.law.task import Task
 
 Array: TypeAlias = NDArray[np.float64]
 
-# Configurations besides the one in question, at which a product is compared with the determinant.
+# Number of further configurations at which a product is compared with the determinant.
 SAMPLES = 6
 # Shares of the largest value below this are rounding.
 ROUNDING = 1e-9
@@ -28,12 +28,12 @@ class Factor:
     """One factor of det J, and with it a family of singularities.
 
     Attributes:
-        name: shoulder, elbow, boom, pivot, wrist, or arm: those of the first three joints that do not part.
+        name: shoulder, elbow, boom, pivot, wrist, or arm: the first three joints without a known structure.
         family: boundary or interior of the workspace; empty where it may be either.
-        where: Where it vanishes, in words.
-        value: Here [m, m², m³ or 1].
-        power: How often it is in the product, 1 or 2.
-        vanishes: Whether it is rounding here.
+        where: Condition under which it vanishes, in words.
+        value: Its value [m, m², m³ or 1].
+        power: Its power in the product, 1 or 2.
+        vanishes: Whether its value is rounding.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Factor:
 
     @property
     def term(self) -> str:
-        """How it stands in the product: its name, with its power."""
+        """The factor as written in the product: its name, with its power."""
         return self.name + "²" * (self.power == 2)
 
 
@@ -54,11 +54,11 @@ class Rule:
     """A factor as a function of J (..., 6, n), rows [v; ω] of the site along world axes.
 
     Attributes:
-        name: As a `Factor` has it.
-        family: As a `Factor` has it.
-        where: As a `Factor` has it.
+        name: As in `Factor`.
+        family: As in `Factor`.
+        where: As in `Factor`.
         of: The function; its values are (...).
-        power: As a `Factor` has it.
+        power: As in `Factor`.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Product:
     """The determinant of an arm's J as a product of factors.
 
     Attributes:
-        rules: The factors, of which each to its power is in the product.
+        rules: The factors; the product contains each to its power.
         largest: The largest magnitude of each at random configurations, (k,).
     """
 
@@ -85,17 +85,17 @@ class Product:
         return np.stack([rule.of(J) for rule in self.rules], axis=-1)
 
     def nearest(self, J: Array) -> NDArray[np.intp]:
-        """Return which factor is nearest to 0, as a share of its largest, (...), at J (..., 6, n)."""
+        """Return which factor is nearest to 0, relative to its largest, (...), at J (..., 6, n)."""
         return np.asarray(np.argmin(np.abs(self.values(J)) / self.largest, axis=-1))
 
 
 def product(task: Task, columns: Sequence[int] | None = None) -> Product | None:
     """Return det J of the task's rows as a product; None where they are not square or no structure is known.
 
-    A wrist whose three axes meet parts from the arm: det J = det J_v(wrist point) · z₄·(z₅ × z₆) [Khatib08].
-    Where two of three columns stay perpendicular to an axis a, det [c₁ c₂ c₃] = ±(a·c₁) a·(c₂ × c₃): shoulder
-    and elbow, or shoulder and boom. With parallel axes 2 to 4, as of a UR, J parts along and
-    across these.
+    A wrist whose three axes meet separates: det J = det J_v(wrist point) · z₄·(z₅ × z₆) [Khatib08]. Where two
+    of three columns stay normal to an axis a, det [c₁ c₂ c₃] = ±(a·c₁) a·(c₂ × c₃): shoulder and elbow, or
+    shoulder and boom. With parallel axes 2 to 4, as in a UR, J separates into parts along and across these
+    axes.
 
     Args:
         task: The arm and the rows that count.
@@ -118,7 +118,7 @@ def product(task: Task, columns: Sequence[int] | None = None) -> Product | None:
     sign = np.sign(dets @ products)
     if not sign or np.abs(sign * products - dets).max() > ROUNDING * np.abs(dets).max():
         return None
-    if sign < 0.0:  # that of the rows' order
+    if sign < 0.0:  # that of the order of the rows
         rules[0] = replace(rules[0], of=_negated(rules[0].of))
     return Product(tuple(rules), np.abs(values).max(axis=0))
 
@@ -128,7 +128,7 @@ def factors(task: Task, J: Array) -> tuple[Factor, ...]:
 
     Args:
         task: The arm and the rows that count.
-        J: At the configuration, rows [v; ω] along world axes, (6, n).
+        J: J at the configuration, rows [v; ω] along world axes, (6, n).
 
     Returns:
         The factors, whose product, each to its power, is the determinant.
@@ -145,7 +145,7 @@ def factors(task: Task, J: Array) -> tuple[Factor, ...]:
 
 
 def _rules(samples: Array, axes: Sequence[str], joints: Sequence[str]) -> list[Rule]:
-    """Return the factors of an arm by J at some configurations; none if its structure is not known."""
+    """Return the factors of an arm from J at some configurations; none if its structure is not known."""
     turns = {"rx", "ry", "rz"} & set(axes)
     if len(axes) == 6:
         if not _wrist_point(samples)[1]:
@@ -168,7 +168,7 @@ def _wrist(joints: Sequence[str], of: Callable[[Array], Array]) -> Rule:
 
 
 def _arm_rules(samples: Array, joints: Sequence[str], point: str) -> list[Rule]:
-    """Return the factors of three joints that move a point, by their columns of J there."""
+    """Return the factors of three joints that move a point, from their columns of J there."""
     for hinge in range(3):
         if not samples[:, 3:, hinge].any(axis=1).all():
             continue
@@ -190,7 +190,7 @@ def _parted(
     single: int,
     pair: NDArray[np.intp],
 ) -> list[Rule]:
-    """Return the factors where the columns of a pair of joints are perpendicular to the axis of a hinge."""
+    """Return the factors if the columns of a pair of joints are normal to the axis of a hinge."""
     one, two = (int(i) for i in pair)
 
     def across(J: Array) -> Array:
@@ -234,7 +234,8 @@ def _planar_rules(samples: Array, joints: Sequence[str], turns: bool) -> list[Ru
 def _parallel_rules(samples: Array, joints: Sequence[str]) -> list[Rule]:
     """Return the factors of six hinges whose axes 2, 3 and 4 are parallel, and whose axes 5 and 6 meet.
 
-    Joints 2 to 4 move all in a plane, and turn it about their axis a. Left to others are a·v and ω across a.
+    Joints 2 to 4 move everything in a plane, and turn it about their axis a. The others determine a·v and ω
+    across a.
     """
     turned = np.cross(samples[:, 3:, [1, 2]], samples[:, 3:, [2, 3]], axis=1)
     if (
@@ -276,7 +277,7 @@ def _in_plane(J: Array, one: int, two: int, at: int | None) -> Array:
 def _wrist_point(J: Array, first: int = 3) -> tuple[Array, bool]:
     """Return the point that joints from `first` on move least, from the site, (..., 3), and if it stays."""
     axes, v = np.swapaxes(J[..., 3:, first:], -1, -2), np.swapaxes(J[..., :3, first:], -1, -2)
-    # no velocity there: v + ω × p = 0
+    # its velocity is zero: v + ω × p = 0
     rows = np.cross(axes[..., None, :], np.eye(3)).swapaxes(-1, -2).reshape(*J.shape[:-2], -1, 3)
     still = v.reshape(*J.shape[:-2], -1)
     point = -(np.linalg.pinv(rows) @ still[..., None])[..., 0]
@@ -293,7 +294,7 @@ def _at_wrist(J: Array) -> Array:
 
 
 def _behind(of: Callable[[Array], Array]) -> Callable[[Array], Array]:
-    """Return a factor of the first three joints as one of J at the site."""
+    """Return a factor of the first three joints as a function of J at the site."""
     return lambda J: of(_at_wrist(J))
 
 

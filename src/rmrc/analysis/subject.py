@@ -1,4 +1,4 @@
-"""Whom a question is about: an arm, from a file, a scenario or as it was loaded, and its joint positions."""
+"""The subject of a question: an arm, from a file, a scenario or loaded, and its joint positions."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ Packages: TypeAlias = Mapping[str, str | os.PathLike[str]]
 """Folders of the packages that a URDF names, by their names."""
 
 
-# `world`, which is the default, comes first.
+# The default, `world`, comes first.
 FRAMES: tuple[Frame, ...] = get_args(Frame)
 
 
@@ -36,9 +36,9 @@ class Subject:
     Attributes:
         arm: The arm, with the site in question.
         q: Joint positions, (n,) [rad or m].
-        axes: Rows of the twist that count; None for those that suit the question.
+        axes: Rows of the twist that count; None: those that fit the question.
         length: Characteristic length, which makes meters and radians comparable [m].
-        frame: Along whose axes the rows are: `world`, `base`, or `site`, of the site as it turns.
+        frame: Frame of the rows: `world`, `base`, or `site`, which turns with the site.
     """
 
     arm: Arm
@@ -68,20 +68,21 @@ def subject(
 
     Args:
         model: An arm, an MJCF file, or a scenario.
-        q: Joint positions, (n,) [rad or m]; None for the keyframe.
-        keyframe: Joint positions by name; None for the start of a scenario, else `home`.
-        site: The point in question; None for that of the arm or scenario, else that of the hand: see
+        q: Joint positions, (n,) [rad or m]; None: the keyframe.
+        keyframe: Joint positions by name; None: the start of a scenario, or else `home`.
+        site: The site in question; None: that of the arm or scenario, or else of the hand: see
             `rmrc.arm.frames`.
-        axes: Of x y z rx ry rz; None for those of a scenario, else to let the question choose.
-        length: Characteristic length [m]; None for that of a scenario, else 1.
+        axes: Of x y z rx ry rz; None: those of a scenario, or else the question chooses.
+        length: Characteristic length [m]; None: that of a scenario, or else 1.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
-        task_frame: Along whose axes the rows are: `world`, `base` or `site`; None for that of a scenario
-            whose axes they are, else `world`.
+        task_frame: Frame of the rows: `world`, `base` or `site`; None: that of the scenario whose rows
+            they are, or else `world`.
 
     Raises:
-        ModelError: The file, the site or the keyframe is missing or will not do.
-        QuestionError: The arm or scenario has another site, q does not fit it, or axes or length will not do.
+        ModelError: The file, the site or the keyframe is missing or unusable.
+        QuestionError: The arm or scenario has another site, q does not fit it, or axes or length are
+            unusable.
 
     Example:
         >>> found = subject("models/planar_3link.xml", [0.0, 1.0, 0.5], site="wrist")
@@ -119,10 +120,10 @@ def read_arm(
 
     Args:
         model: An arm, an MJCF or URDF file, or a scenario.
-        site: The point in question; None for that of the arm or scenario, else that of the hand.
+        site: The site in question; None: that of the arm or scenario, or else of the hand.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names.
-        joints: That are driven; None for those of the arm or scenario, else all on the chain.
+        joints: The joints to actuate; None: those of the arm or scenario, or else all on the chain.
 
     Raises:
         ModelError: See `rmrc.arm.load`.
@@ -154,7 +155,7 @@ def numbers(what: str, values: ArrayLike, names: Sequence[str]) -> Array:
     """Return finite numbers, one for each name, (len(names),).
 
     Raises:
-        QuestionError: There are more or fewer, or one is no number or not finite.
+        QuestionError: Their number is wrong, or one is no number or not finite.
     """
     try:
         array = np.asarray(values, dtype=np.float64)
@@ -171,7 +172,7 @@ def numbers(what: str, values: ArrayLike, names: Sequence[str]) -> Array:
 
 
 def _check(axes: Sequence[str] | None, length: float | None, task_frame: str | None) -> Frame:
-    """Return the frame of the rows; raise what is wrong with it, with the rows or with the length."""
+    """Return the frame of the rows; raise a problem of it, of the rows or of the length."""
     for axis in axes or ():
         if axis not in AXES:
             raise QuestionError(f'axes: no row "{axis}"; choose from {" ".join(AXES)}')

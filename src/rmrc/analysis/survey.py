@@ -1,7 +1,7 @@
-"""Many configurations of an arm at once: where its site is, and how near to singular, on all cores.
+"""Many configurations of an arm at once: the pose of its site, and its singular values, on all cores.
 
-The Jacobian and its decomposition are those of the law; only the kinematics are not MuJoCo's, which take one
-configuration a call.
+The Jacobian and its decomposition are those of the law. The kinematics are not MuJoCo's, which take one
+configuration per call.
 """
 
 import os
@@ -18,9 +18,9 @@ from rmrc.law.record import records
 from rmrc.law.svd import LANES, put_in_lane, singular_values_of_lanes, take_from_lane
 from rmrc.law.task import Array, Task
 
-# Configurations that a thread takes at a time: some milliseconds of work.
+# Configurations per work item of a thread: some milliseconds.
 SHARE = 4096
-# Configurations that a caller with many more had better ask for at a time: some tens of megabytes.
+# Block size for callers with many more configurations: some tens of megabytes.
 BLOCK = 1 << 16
 
 
@@ -31,7 +31,7 @@ class Survey:
     Attributes:
         q: Joint positions, (N, n).
         pose: Pose of the site, [p, quat w x y z], (N, 7).
-        sigma: Singular values of A = S_x J S_q, falling, (N, k).
+        sigma: Singular values of A = S_x J S_q, descending, (N, k).
     """
 
     q: Array
@@ -57,7 +57,7 @@ def survey(task: Task, q: Array, threads: int | None = None) -> Survey:
     Args:
         task: The arm and the rows that count.
         q: Joint positions, (N, n).
-        threads: None for one on each core; the result does not depend on it.
+        threads: None: one per core; the result does not depend on it.
     """
     q = np.ascontiguousarray(q, np.float64)
     pose, sigma = np.empty((len(q), 7)), np.empty((len(q), min(len(task.rows), task.arm.n)))
@@ -71,7 +71,7 @@ def jacobians(task: Task, q: Array, threads: int | None = None) -> tuple[Array, 
     Args:
         task: The arm; its rows do not matter.
         q: Joint positions, (N, n).
-        threads: None for one on each core; the result does not depend on it.
+        threads: None: one per core; the result does not depend on it.
     """
     q = np.ascontiguousarray(q, np.float64)
     position, J = np.empty((len(q), 3)), np.empty((len(q), 6, task.arm.n))
@@ -88,7 +88,7 @@ def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *array
         compiled(record.copy()[0], *(array[first : first + SHARE] for array in arrays))
 
     shares = range(0, len(arrays[0]), SHARE)
-    if len(shares) < 2:  # threads would take longer to begin
+    if len(shares) < 2:  # starting threads would take longer
         for first in shares:
             share(first)
         return

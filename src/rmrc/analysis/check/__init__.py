@@ -1,1 +1,1 @@
-"""Whether a model is ready to be driven: what is wrong with it, what is missing, and what is assumed."""
+"""Whether a model is ready to be used: its errors, missing data, and assumptions about it."""

@@ -1,4 +1,4 @@
-"""A model as a linter sees it: chain, limits, actuators, start, what else it has, and a second of motion."""
+"""A linter for models: chain, limits, actuators, start, other parts, and a second of motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Checked(Facts):
 
     @property
     def is_ready(self) -> bool:
-        """Whether nothing must be fixed before the arm is driven."""
+        """Whether the arm can be used without a correction."""
         return not any(finding.level == "error" for finding in self.findings)
 
 
@@ -45,15 +45,15 @@ def check(
     joints: Sequence[str] | None = None,
     seed: int = 0,
 ) -> Checked:
-    """Check whether a model is ready to be driven, and tell what must be fixed.
+    """Check whether a model is ready to be used, and report the necessary corrections.
 
     Args:
         model: An arm, an MJCF file, the name of a shipped one, or a scenario, whose arm is checked.
-        site: The point that is controlled; None for that of the arm or scenario, else that of the hand: see
+        site: The site to control; None: that of the arm or scenario, or else of the hand: see
             `rmrc.arm.frames`.
-        body: The body whose frame is controlled, instead of a site.
+        body: The body whose frame to control, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
-        joints: That are driven; None for those of the arm or scenario, else all on the chain.
+        joints: The joints to actuate; None: those of the arm or scenario, or else all on the chain.
         seed: Seed of the second of motion.
 
     Raises:

@@ -19,14 +19,14 @@ class Facts:
 
     Attributes:
         arm: The arm.
-        scales: What suits the arm: task, length, distribution of σ_min.
+        scales: Scales of the arm: task, length, distribution of σ_min.
         home: Joint positions of `home`, (n,) [rad or m].
-        sigma: Singular values of A at home, falling, (k,).
+        sigma: Singular values of A at home, descending, (k,).
         lost: Directions that are lost or nearly lost there, in words.
         nearest: The nearest singularity that was found from home, within the limits.
         actuators: Actuators of the author's model.
-        others: Joints that are not driven.
-        contacts: What touches at home.
+        others: Joints that are not actuated.
+        contacts: Contacts at home.
         routes: Largest difference of J from MuJoCo's by each other route.
         motions: A second of motion on each plant.
         seed: Seed of that motion.

@@ -1,4 +1,4 @@
-"""Findings of a check: errors, missing data and assumptions, each with a code, a line, and the way out."""
+"""Findings of a check: errors, missing data and assumptions, each with a code, a line, and a remedy."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from rmrc.support.legible import listed
 
 Level = Literal["error", "warning", "note"]
 
-# Every code, with what it means; an error makes a run wrong, or has it refused.
+# Every code with its meaning; an error makes a run wrong, or prevents it.
 CODES: dict[str, tuple[Level, str]] = {
     "home-outside-limits": (
         "error",
@@ -56,23 +56,23 @@ CODES: dict[str, tuple[Level, str]] = {
 }
 ORDER: tuple[Level, ...] = ("error", "warning", "note")
 
-# Routes agree to the accuracy of central differences, 1e-10 of an arm of meters.
+# Routes agree to the accuracy of central differences, 1e-10 for an arm of some meters.
 DIFFERENT = 1e-6
-# Bodies deeper than this within each other [m] push each other apart; less is a margin or a mesh.
+# Bodies that overlap by more [m] push each other apart; smaller overlaps are margins or meshes.
 DEEP = 1e-3
-# Ranges of all hinges below the one, or of one above the other [rad], are in the other unit.
+# If all hinges have ranges below the first, or one above the second [rad], the units are mixed up.
 NARROW, WIDE = 0.12, 8.0 * np.pi
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was found.
+    """One finding.
 
     Attributes:
-        code: Its name, one of `CODES`, which stays.
+        code: One of `CODES`, which never changes.
         level: `error`, `warning` or `note`.
-        text: What it is, in a line.
-        way: The way out; "" where none is needed.
+        text: Description, in a line.
+        way: The remedy; "" if none is needed.
     """
 
     code: str
@@ -88,7 +88,7 @@ def found(facts: Facts) -> tuple[Finding, ...]:
     return tuple(sorted(findings, key=lambda finding: ORDER.index(finding.level)))
 
 
-# Code, text and way out of each finding.
+# Code, text and remedy of each finding.
 _Findings = Iterator[tuple[str, str, str]]
 
 
@@ -241,7 +241,7 @@ def _named(facts: Facts, which: NDArray[np.bool_]) -> list[str]:
 
 
 def _pairs(contacts: Sequence[Contact]) -> str:
-    """Return the deepest of some contacts in words, and how many more there are."""
+    """Return the deepest of some contacts in words, and the number of the others."""
     (one, other), (first, second) = contacts[0].geoms, contacts[0].bodies
     more = f", and {len(contacts) - 1} more pairs" if len(contacts) > 1 else ""
     depth = f"{1e3 * contacts[0].depth:.2g} mm"

@@ -22,12 +22,12 @@ from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ScenarioError
 from rmrc.support.spatial import log_rotation, quat_conjugate, quat_multiply
 
-# How far each joint is moved from the start [rad, or of L], between how many places, and in how long [s].
+# Displacement of each joint from the start [rad, or of L], number of positions, and duration [s].
 BOUND, PLACES, DURATION = 0.05, 2, 1.0
-# Of a run so many configurations are looked at for contacts.
+# Number of configurations of a run that are checked for contacts.
 LOOKS = 50
 
-# Names of pairs of geometries.
+# Names of pairs of geoms.
 Touching: TypeAlias = frozenset[tuple[str, str]]
 
 
@@ -38,10 +38,11 @@ class Motion:
     Attributes:
         plant: Its kind.
         refused: Why it was not run, a line; "" if it was.
-        scorecard: The figures; none if it was refused.
+        scorecard: The metrics; none if it was refused.
         diverged: Where and why it diverged, a line; "" if it did not.
-        contacts: Between what the arm's joints move against each other, none of which was there at the start.
-        warnings: MuJoCo's, by their names: how often.
+        contacts: Pairs of parts that the arm's joints move relative to each other, without those at the
+            start.
+        warnings: Number of MuJoCo's warnings, by their names.
     """
 
     plant: str
@@ -55,19 +56,19 @@ class Motion:
 def motions(
     scales: Scales, start: Array, touching: frozenset[tuple[str, str]], seed: int
 ) -> tuple[Motion, ...]:
-    """Return what comes of the motion on each plant.
+    """Return the results of the motion on each plant.
 
-    The site goes to where it is at seeded joint positions near the start, one after another, and back, by the
-    law and within the rate limits; the motion asked for is the same on all plants.
+    The site visits its positions at seeded joint positions near the start, one after another, and returns, by
+    the law and within the rate limits; the target motion is the same on all plants.
 
     Args:
         scales: Scales of the arm.
         start: Joint positions within the limits, (n,).
-        touching: Geometries that touch at the start.
-        seed: Which positions.
+        touching: Geoms that touch at the start.
+        seed: Seed of the positions.
     """
     arm = scales.task.arm
-    told = replace(arm, notes=())  # findings tell them
+    told = replace(arm, notes=())  # the findings contain them
     cache, written = Cache(*() if arm.stretch else (told,)), _scenario(scales, start, seed)
     reference = prepare(written, cache).reference
     hurry = reference.duration / DURATION

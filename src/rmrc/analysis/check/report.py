@@ -1,4 +1,4 @@
-"""What a check of a model found: tables, JSON, and whether it is ready."""
+"""The result of a check of a model: tables, JSON, and whether the model is ready."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -14,15 +14,15 @@ from rmrc.results.scorecard import Figure
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 
-# Figures that are told of each motion.
+# Metrics of each motion that are shown.
 FIGURES = ("joint_rate.peak", "position_error.max", "tau.share_of_limit")
 
 
 def report(found: Checked) -> Report:
-    """Return what there is to show of a check; it holds if there is no error.
+    """Return the report of a check; its condition is met if there is no error.
 
     Args:
-        found: What `check` found.
+        found: The result of `check`.
 
     Example:
         >>> from rmrc.analysis.check.check import check
@@ -34,7 +34,7 @@ def report(found: Checked) -> Report:
 
 
 def _cases(found: Checked) -> list[Case]:
-    """Return a case for each code, which fails if there is an error of it."""
+    """Return one case per code, which fails if there is an error with that code."""
     told = {code: [one for one in found.findings if one.code == code] for code in CODES}
     return [
         Case(code, all(one.level != "error" for one in found), "; ".join(map(_line, found)) or "none")

@@ -1,4 +1,4 @@
-"""The keys of a scenario that stand for what was identified, to paste."""
+"""The identified delay, lag and noise as keys of a scenario, to paste."""
 
 from collections.abc import Callable, Iterable
 from textwrap import wrap
@@ -8,17 +8,17 @@ import numpy as np
 from rmrc.analysis.identify.identify import Identified
 from rmrc.support.legible import visible
 
-# Values of joints that differ by less than this share are written as one: it is what logs of 10 s tell.
+# Values of joints that differ by less than this share are written as one: the accuracy of logs of 10 s.
 ALIKE = 0.05
-# Lines fit a terminal of so many columns.
+# Lines fit a terminal with this many columns.
 WIDTH = 60
 
 
 def block(found: Identified) -> str:
-    """Return `plant` and `arm.encoder` as YAML, "" where no joint tells its delay.
+    """Return `plant` and `arm.encoder` as YAML, "" where no joint determines its delay.
 
     Args:
-        found: What `identify` found.
+        found: The result of `identify`.
     """
     if found.delay is None:
         return ""
@@ -47,7 +47,7 @@ def block(found: Identified) -> str:
 
 
 def _key(name: str, values: Iterable[float], text: Callable[[float], str]) -> list[str]:
-    """Return the lines of a key: one value where those of the joints are alike, none where all are 0."""
+    """Return the lines of a key: one value if the joints' are alike, no line if all are 0."""
     each = sorted(values := [float(one) for one in values])
     if not each[-1]:
         return []
@@ -63,5 +63,5 @@ def _time(value: float) -> str:
 
 
 def _small(value: float) -> str:
-    """Return three digits as YAML reads a number: with a point."""
+    """Return three digits as a number in YAML: with a decimal point."""
     return f"{value:.2e}" if value else "0.0"

@@ -1,4 +1,4 @@
-"""Which columns of a log are time, positions and commanded rates: by their names, or as they are mapped."""
+"""The columns of a log with time, positions and commanded rates: by their names, or by a map."""
 
 import math
 import re
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.legible import listed, quoted
 
-# What programs call them, the surest first; the joint's number or name stands before or behind.
+# Names in various programs, the most certain first; the joint's number or name is before or behind.
 TIME = ("t", "time", "timestamp", "stamp", "clock", "host_time", "robot_time")
 POSITION = (
     "q_measured", "q_meas", "q_actual", "actual_q", "measured_q", "measured_position", "actual_position",
@@ -21,7 +21,7 @@ COMMAND = (
     "target_qd", "qd_target", "qdot_d", "dq_d", "velocity_command", "velocity_cmd", "command_velocity",
     "commanded_velocity", "cmd_velocity", "vel_cmd", "cmd_vel", "speed_cmd", "cmd_speed",
 )  # fmt: skip
-# In the rest of a name they say that it is not the position that was measured.
+# Words in the rest of a name that exclude a measured position.
 NOT_MEASURED = {
     *("cmd", "command", "commanded", "d", "des", "desired", "target", "ref", "reference", "goal"),
     *("set", "setpoint", "dot", "err", "error", "init"),
@@ -39,8 +39,8 @@ class Named(NamedTuple):
     """A column.
 
     Attributes:
-        name: In the file.
-        size: Size of its unit in SI; None where the name does not say it.
+        name: Name in the file.
+        size: Size of its unit in SI; None if the name gives no unit.
     """
 
     name: str
@@ -49,14 +49,14 @@ class Named(NamedTuple):
 
 @dataclass(frozen=True)
 class Columns:
-    """Which columns are what.
+    """The meaning of the columns.
 
     Attributes:
         time: Column of the time.
         joints: Names or numbers of the joints, in the order of the file.
-        q: Of the positions, one per joint.
+        q: Columns of the positions, one per joint.
         qdot_cmd: Columns of the commanded rates, one per joint.
-        unpaired: Columns of joints that lack the other.
+        unpaired: Columns of joints that lack the other one.
     """
 
     time: Named
@@ -67,15 +67,15 @@ class Columns:
 
 
 def choose(names: Sequence[str], given: Mapping[str, str]) -> Columns:
-    """Return which columns are what.
+    """Return the meaning of the columns.
 
     Args:
         names: Names of all numeric columns.
-        given: Columns by t, q and qdot_cmd: a name; names with commas between them; or a name with * where
-            the joint stands; a unit may follow, separated by a blank.
+        given: Columns by t, q and qdot_cmd: a name; names with commas between them; or a name with * in place
+            of the joint; a unit may follow, separated by a blank.
 
     Raises:
-        QuestionError: There are none such, or positions and commands are of different joints.
+            QuestionError: There are no such columns, or positions and commands are of different joints.
     """
     if unknown := set(given) - set(UNITS):
         raise QuestionError(f"--columns must map {', '.join(UNITS)}, got {quoted(sorted(unknown)[0])}")
@@ -144,7 +144,7 @@ def _mapped(names: Sequence[str], kind: str, text: str) -> dict[str, Named]:
 def _groups(
     names: Sequence[str], stems: Sequence[str], units: Mapping[str, float]
 ) -> Iterable[dict[str, Named]]:
-    """Yield the columns that are named by a stem and a joint, by their joints, of the surest stem first."""
+    """Yield the columns whose names consist of a stem and a joint, by their joints, the surest stem first."""
     for stem in stems:
         pattern = re.compile(rf"(?:(.+)_)?{stem}(?:_?(\d+)|_(.+))?")
         found = dict[str, Named]()
@@ -159,7 +159,7 @@ def _groups(
 
 
 def _without_common(found: dict[str, Named]) -> dict[str, Named]:
-    """Return joints without the words that all of them begin with, such as the name of a topic."""
+    """Return joints without their common first words, such as the name of a topic."""
     words = [joint.split("_") for joint in found]
     while len(words) > 1 and all(len(one) > 1 and one[0] == words[0][0] for one in words):
         words = [one[1:] for one in words]
@@ -167,7 +167,7 @@ def _without_common(found: dict[str, Named]) -> dict[str, Named]:
 
 
 def _parts(name: str, units: Mapping[str, float]) -> tuple[str, float | None]:
-    """Return a name in small letters with _ between its words, without its unit, and the unit's size."""
+    """Return a name in lowercase with _ between its words, without its unit, and the unit's size."""
     text, size = name.strip().lower(), None
     match = re.fullmatch(r"(.*?)\s*[\[(]\s*([^\[\]()]*?)\s*[\])]", text)
     if match and match[2] in units:

@@ -1,4 +1,4 @@
-"""The picture of a log: the positions and the fit at the sharpest command of each joint, and what is left."""
+"""The picture of a log: the positions and the fit at each joint's sharpest command, and the residuals."""
 
 from pathlib import Path
 
@@ -12,25 +12,25 @@ from rmrc.analysis.identify.identify import Identified, Joint
 from rmrc.show.figures import plain, save
 from rmrc.show.palette import HUES
 
-# Left is shown what takes so many times delay and lag, and so many periods at least.
+# The left panel shows this multiple of delay and lag, and at least this many periods.
 TIMES, PERIODS = 8.0, 40.0
-# Points that are drawn of a residual at most.
+# Largest number of drawn points of a residual.
 MOST_POINTS = 4000
 BLUE, ORANGE = (f"#{hue >> 8:06x}" for hue in HUES[:2])
 
 
 def draw_fits(found: Identified, path: Path) -> None:
-    """Draw each joint that was fitted: a row of two panels.
+    """Draw each fitted joint in a row of two panels.
 
     Args:
-        found: What `identify` found.
+        found: The result of `identify`.
         path: File to write atomically, in the format of the suffix: `.png`, `.svg` or `.pdf`.
     """
     save(figure(found), [path])
 
 
 def figure(found: Identified) -> Figure:
-    """Return the picture that `draw_fits` writes."""
+    """Return the figure for `draw_fits`."""
     joints = [one for one in found.joints if one.fit is not None]
     picture = Figure(figsize=(12.0, 1.2 + 2.6 * len(joints)), layout="constrained")
     for row, joint in enumerate(joints):
@@ -49,7 +49,7 @@ def figure(found: Identified) -> Figure:
 
 
 def _draw_answer(axes: Axes, joint: Joint, fit: Fitted, period: float) -> None:
-    """Draw the positions where the command changes most within what delay and lag take."""
+    """Draw the positions where the command changes most within the time of delay and lag."""
     samples, best = fit.samples, fit.best
     wide = max(TIMES * abs(best.delay + best.lag), PERIODS * period)
     begin = _sharpest(fit, max(abs(best.delay + best.lag), period)) - 0.25 * wide
@@ -77,7 +77,7 @@ def _draw_answer(axes: Axes, joint: Joint, fit: Fitted, period: float) -> None:
 
 
 def _draw_rest(axes: Axes, joint: Joint, fit: Fitted) -> None:
-    """Draw what the fit leaves, all along."""
+    """Draw the residual of the fit over the whole time."""
     every = -(-len(fit.residual) // MOST_POINTS)
     axes.plot(fit.samples.time[::every], fit.residual[::every], ".", color=BLUE, markersize=2.0)
     if joint.noise is not None:
@@ -87,7 +87,7 @@ def _draw_rest(axes: Axes, joint: Joint, fit: Fitted) -> None:
         title = f"residual of the fit; dashed: twice the noise, {spread:.2g}"
         axes.set_title(title, loc="left", fontsize=10)
     axes.set_ylabel("residual [rad or m]")
-    # 50 µ: the exponent of an axis has no place beside the title
+    # 50 µ, because the exponent of an axis would collide with the title
     axes.yaxis.set_major_formatter(EngFormatter(sep="\N{THIN SPACE}"))
     axes.grid(color="0.9", linewidth=0.8)
 
@@ -100,7 +100,7 @@ def _travel(fit: Fitted, time: np.ndarray, is_answer: bool) -> np.ndarray:
 
 
 def _sharpest(fit: Fitted, wide: float) -> float:
-    """Return when the commands change most within a time [s]."""
+    """Return the time when the commands change most within a duration [s]."""
     sent = fit.samples.commands
     inside = (sent.time >= fit.samples.time[0]) & (sent.time <= fit.samples.time[-1])
     change = np.abs(np.interp(sent.time + wide, sent.time, sent.rate) - sent.rate)

@@ -1,12 +1,11 @@
-"""Which delay, lag and gain explain the positions of one joint best, and within which bounds.
+"""The delay, lag and gain that explain the positions of one joint best, with their intervals.
 
-The positions y are taken to be y = offset + drift t + g x(t; d, L) + noise, with x of `response`. For given d
-and L the rest is linear, and is projected out [Golub73]. The delay that is best at L = 0 is looked for on a
-grid of all delays; from there Gauss-Newton follows the best delay d(L) up the lags, and a golden section
-finds the best lag. An interval is where S(d, L) ≤ S + κ σ² on the profile over L: that needs no inner
-optimum, as L = 0 is a bound where d and L act alike. κ is z², or t² times what the scores of 12 stretches of
-the log vary by over what they would in white noise [Bester11], if that is more: what the model leaves
-unexplained widens the intervals.
+The model of the positions y is y = offset + drift t + g x(t; d, L) + noise, with x of `response`. For given d
+and L the rest is linear, and is projected out [Golub73]. The best delay at L = 0 is found on a grid of all
+delays; from there Gauss-Newton follows the best delay d(L) to larger lags, and a golden section finds the
+best lag. An interval is where S(d, L) ≤ S + κ σ² on the profile over L. It needs no inner optimum, because L
+= 0 is a bound where d and L act alike. κ is z², or, if that is larger, t² times the variance of the scores of
+12 stretches of the log relative to that in white noise [Bester11]: unexplained residuals widen the intervals.
 """
 
 import math
@@ -22,29 +21,29 @@ from rmrc.analysis.identify.response import Array, Commands, Lagged
 
 Mask = NDArray[np.bool_]
 
-# Of a normal distribution 95 % are within so many standard deviations.
+# 95 % of a normal distribution are within this many standard deviations.
 Z = 1.959964
-# What the scores of so many stretches of the log sum up to tells how sure a weight is: it is within so many
-# of their standard deviations with 95 %, by Student's distribution.
+# The sums of the scores of this many stretches of the log give the interval of a weight: with 95 % it is
+# within this many of their standard deviations, by Student's distribution.
 BATCHES, T = 12, 2.200985
-# The earliest that positions may seem to answer: stamps of two clocks differ, or positions are read late [s].
+# The earliest apparent response: stamps of two clocks differ, or positions are read late [s].
 EARLIEST = 0.1
-# Delays and lags on the grids of the first search, which the bandwidth of any arm makes fine enough.
+# Number of delays and lags on the grids of the first search, fine enough for the bandwidth of any arm.
 DELAYS, LAGS = 300, 14
-# A golden section ends where it knows the lag to this share of it.
+# A golden section ends when the lag is known to this share of it.
 GOLDEN, NEAR = (math.sqrt(5.0) - 1.0) / 2.0, 1e-5
-# Of the beginning, and behind a gap, so many times the delay is left out: it answers commands that the log
-# does not have. What remains of them decays with the lag, and is fitted.
+# At the beginning, and behind a gap, this multiple of the delay is left out: it responds to commands that the
+# log lacks. The rest of their effect decays with the lag, and is fitted.
 SKIPPED = 1.5
-# Rows that are fitted at least.
+# Least number of rows for a fit.
 LEAST_ROWS = 30
-# A position that is off from those beside it by so many standard deviations is a mistake of the log, if that
-# is this share of the motion as well: less does no harm, and may be what the model leaves unexplained.
+# A position that differs from its neighbors by this many standard deviations is an error of the log, if the
+# difference is this share of the motion as well: smaller ones do no harm, and may be unexplained motion.
 OUTLIER, HARM = 8.0, 1e-4
 
 
 class Interval(NamedTuple):
-    """A value, and between which bounds it lies with 95 %."""
+    """A value with its 95 % interval."""
 
     value: float
     low: float
@@ -61,8 +60,8 @@ class Point(NamedTuple):
 
     Attributes:
         lag: L [s].
-        delay: That is best with it [s].
-        cost: S, the sum of squares that it leaves.
+        delay: The best delay for it [s].
+        cost: S, the sum of squares of the residual.
         curvature: Curvature of S over the delay: S + curvature · (d − delay)².
         gain: g.
     """
@@ -76,14 +75,14 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Positions of a joint, and the commands that they answer.
+    """Positions of a joint, and the commands to which they respond.
 
     Attributes:
         commands: Commands of the joint.
-        time: Time of the positions, rising, (N,) [s].
+        time: Time of the positions, increasing, (N,) [s].
         position: (N,) [rad or m].
-        parts: Which part between two gaps a position belongs to, (N,), rising.
-        begins: When each part begins [s].
+        parts: Index of the part between two gaps for each position, (N,), ascending.
+        begins: Start of each part [s].
     """
 
     commands: Commands
@@ -108,16 +107,16 @@ class Fitted:
     """The fit of a joint.
 
     Attributes:
-        samples: The rows that were fitted.
+        samples: The fitted rows.
         best: The best fit.
         delay: d [s].
         lag: L [s].
         total: d + L, which is known better than each [s].
-        gain: g: how much of the commanded rate the joint does.
-        drift: How the positions drift besides [rad/s or m/s].
-        residual: What is left of each position, (N,) [rad or m].
-        explained: Share of the motion that the fit explains, of its variance.
-        outliers: Rows that were left out as mistakes.
+        gain: g: ratio of the joint's rate to the command.
+        drift: Additional drift of the positions [rad/s or m/s].
+        residual: Residual of each position, (N,) [rad or m].
+        explained: Share of the motion's variance that the fit explains.
+        outliers: Rows that were left out as errors.
         profile: The best fits at lags within the interval of the lag.
     """
 
@@ -135,11 +134,11 @@ class Fitted:
 
 
 def fit(samples: Samples, longest: float, resolution: float) -> Fitted | None:
-    """Fit delay, lag, gain, drift and offset; None where too few rows are left behind the first answers.
+    """Fit delay, lag, gain, drift and offset; None where too few rows remain after the first responses.
 
     Args:
         samples: Samples of a joint that moves, with commands that change.
-        longest: Delay and lag that are looked for at most [s].
+        longest: Largest delay and lag of the search [s].
         resolution: Resolution of the positions; 0: none is visible.
     """
     first = _Search(samples, longest).scan()
@@ -156,7 +155,7 @@ def fit(samples: Samples, longest: float, resolution: float) -> Fitted | None:
 
 
 def fit_lag(fitted: Fitted, delay: float, longest: float) -> float:
-    """Return the lag that is best with a given delay, as all joints of an arm share one [s]."""
+    """Return the best lag for a given delay, as all joints of an arm share one [s]."""
     work = _Search(fitted.samples, longest)
     lag = max(fitted.best.delay + fitted.best.lag - delay, 0.0)
     low, high = 0.5 * lag, 1.5 * lag + work.period
@@ -182,7 +181,7 @@ class _Search:
         return np.asarray(values - self.basis @ (self.basis.T @ values))
 
     def scan(self) -> float:
-        """Return the delay of a grid that is best without a lag [s]."""
+        """Return the best delay of a grid without a lag [s]."""
         lagged = self.samples.commands.lagged(0.0)
         step = max(self.period, self.longest / DELAYS)
         delays = np.arange(-EARLIEST, self.longest + step, step)
@@ -194,7 +193,7 @@ class _Search:
         return float(delays[np.argmax(gained)])
 
     def best(self, delay: float) -> Point:
-        """Return the best fit, from the delay that is best without a lag."""
+        """Return the best fit, starting from the best delay without a lag."""
         lags = np.array([0.0, *np.geomspace(min(0.2 * self.period, 0.1 * self.longest), self.longest, LAGS)])
         points, at, before = [], delay, 0.0
         for lag in lags:
@@ -211,7 +210,7 @@ class _Search:
         lagged = self.samples.commands.lagged(lag)
         cost, gain, step, curvature = self._step(lagged, delay)
         for _ in range(0 if fixed else 20):
-            while abs(step) > 1e-9:  # half of what goes too far: far from its minimum S is no parabola
+            while abs(step) > 1e-9:  # halve a step that is too long: far from its minimum S is no parabola
                 tried = self._step(lagged, delay + step)
                 if tried[0] < cost:
                     break
@@ -225,7 +224,7 @@ class _Search:
         return Point(float(lag), float(delay), cost, curvature, gain)
 
     def columns(self, lagged: Lagged, delay: float) -> tuple[Array, Array]:
-        """Return travel and what remains of the rates before each part, (N, k), and the rates, (N,)."""
+        """Return travel and the rest of the rates before each part, (N, k), and the rates, (N,)."""
         travel, rate = lagged.at(self.samples.time - delay)
         columns = [travel]
         if lagged.lag:
@@ -234,7 +233,7 @@ class _Search:
         return self.free(np.column_stack(columns)), self.free(rate)
 
     def _step(self, lagged: Lagged, delay: float) -> tuple[float, float, float, float]:
-        """Return S, g, the step to the delay that would be best were x linear in it, and S's curvature."""
+        """Return S, g, the step to the best delay if x were linear in it, and S's curvature."""
         columns, rate = self.columns(lagged, delay)
         weights = _solved(columns, self.y)
         residual = self.y - columns @ weights
@@ -244,7 +243,7 @@ class _Search:
         return float(residual @ residual), float(weights[0]), step, curvature
 
     def residual(self, point: Point) -> Array:
-        """Return what a fit leaves of the positions."""
+        """Return the residual of a fit."""
         columns, _ = self.columns(self.samples.commands.lagged(point.lag), point.delay)
         return np.asarray(self.y - columns @ _solved(columns, self.y))
 
@@ -282,7 +281,7 @@ class _Search:
         )  # fmt: skip
 
     def profile(self, best: Point, bound: float) -> tuple[Point, ...]:
-        """Return best fits at lags from the least to the largest that are within a bound of S."""
+        """Return best fits at lags from the smallest to the largest within a bound of S."""
         total = best.delay + best.lag
 
         def over(lag: float) -> float:
@@ -302,7 +301,7 @@ class _Search:
         return tuple(best if lag == best.lag else self.point(float(lag), total - lag) for lag in lags)
 
     def _drift(self, best: Point, residual: Array) -> Interval:
-        """Return the drift, and how sure it is."""
+        """Return the drift with its interval."""
         travel, rate = self.samples.commands.lagged(best.lag).at(self.samples.time - best.delay)
         rows = self.samples.position - best.gain * travel
         others = np.column_stack([self.own, travel, rate])
@@ -313,7 +312,7 @@ class _Search:
 
 
 def _solved(columns: Array, values: Array) -> Array:
-    """Return the weights of columns that come nearest to values, by scaled normal equations."""
+    """Return the least-squares weights of columns, by scaled normal equations."""
     scale = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     scale[scale == 0.0] = 1.0
     scaled = columns / scale
@@ -321,7 +320,7 @@ def _solved(columns: Array, values: Array) -> Array:
 
 
 def _golden(point: Callable[[float], Point], low: float, high: float) -> Point:
-    """Return the best of the points at lags between two."""
+    """Return the best point at a lag between two."""
     inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)]
     points, near = [point(one) for one in inner], NEAR * high
     while high - low > near:
@@ -335,7 +334,7 @@ def _golden(point: Callable[[float], Point], low: float, high: float) -> Point:
 
 
 def _crossing(over: Callable[[float], float], outside: float, inside: float) -> float:
-    """Return where a function changes its sign, to a hundredth of the way."""
+    """Return where a function changes its sign, to a hundredth of the interval."""
     for _ in range(7):
         middle = 0.5 * (outside + inside)
         outside, inside = (outside, middle) if over(middle) <= 0.0 else (middle, inside)
@@ -353,11 +352,11 @@ def _spread(residual: Array, column: Array) -> float:
 
 
 def _spikes(residual: Array, least: float) -> Mask:
-    """Return which rows are off from the four beside them: no arm moves so.
+    """Return which rows differ from their four neighbors as no arm can move.
 
     Args:
         residual: (N,).
-        least: What is taken for their standard deviation at least.
+        least: Lower bound of their standard deviation.
     """
     padded = np.pad(residual, 2, mode="edge")
     off = residual - np.median(sliding_window_view(padded, 5), axis=1)

@@ -12,23 +12,23 @@ from rmrc.analysis.identify.verdict import odd, unfit, untold
 from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError
 
-# Longer than any arm is known to take [s].
+# Longer than the delay or lag of any known arm [s].
 LONGEST = 0.5
-# Periods that are no lag.
+# A lag below this many periods is none.
 NONE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """What a log tells of a joint.
+    """The result for a joint.
 
     Attributes:
         name: Or number.
-        fit: None where there is nothing to fit.
+        fit: None without a possible fit.
         noise: Standard deviation of its positions' white noise; None without a fit [rad or m].
         resolution: Resolution of its positions; 0: none is visible [rad or m].
-        trouble: Why delay and lag are not told, and what to log instead; "" if they are.
-        notes: What else is odd about it.
+        trouble: Why delay and lag are not determined, and what to log instead; "" if they are.
+        notes: Other observations about it.
     """
 
     name: str
@@ -42,14 +42,14 @@ class Joint:
 @brief
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """What `identify` found.
+    """The result of `identify`.
 
     Attributes:
         log: As it was read.
         joints: One for each joint of the log.
-        delay: Delay of all joints together; None where no joint tells it [s].
-        lag: Of each joint, with that delay; of one that tells none, the median of the others, (n,) [s].
-        notes: What else is odd about the whole.
+        delay: Common delay of all joints; None if no joint determines it [s].
+        lag: Lag of each joint with that delay; for an undetermined one the median of the others, (n,) [s].
+        notes: Other observations about the log as a whole.
     """
 
     log: Log
@@ -60,7 +60,7 @@ class Identified:
 
     @property
     def is_told(self) -> bool:
-        """Whether a joint tells delay and lag."""
+        """Whether any joint determines delay and lag."""
         return self.delay is not None
 
 
@@ -77,14 +77,14 @@ def identify(
         log: A CSV, Parquet or npz file with the columns t, q and qdot_cmd of each joint; a run; or arrays by
             name, (R,) or (R, n).
         columns: Names of columns in the log by t, q and qdot_cmd: a name, names with commas between them, or
-            a name with `*` where the joint stands; a unit may follow, as in `{"t": "stamp ms"}`.
-        degrees: Whether angles are in degrees where the names of columns do not say it.
-        longest: Delay, and lag, that is looked for at most [s].
+            a name with `*` in place of the joint; a unit may follow, as in `{"t": "stamp ms"}`.
+        degrees: Whether angles are in degrees where the names of columns give no unit.
+        longest: Largest delay, and largest lag, of the search [s].
 
-    Returns: The estimates. A joint that tells nothing is no error: it says why, and what to log.
+    Returns: The estimates. A joint without an estimate is no error: it says why, and what to log.
 
     Raises:
-        QuestionError: The log is none, or lacks columns or rows.
+        QuestionError: It is no log, or lacks columns or rows.
         OSError: It cannot be read.
 
     Example:
@@ -107,7 +107,7 @@ def identify(
         return Identified(read, joints, None, (), ())
     if all(
         one.lag.low <= NONE * read.period for one in told.values()
-    ):  # no lag is needed; a delay is the worse of the two
+    ):  # the data need no lag; the interval is the worse of the two
         delay, lags = _together([one.total for one in told.values()]), dict.fromkeys(told, 0.0)
     else:
         delay = _together([one.delay for one in told.values()])
@@ -127,7 +127,7 @@ def identify(
 
 
 def _joint(name: str, samples: Samples | None, period: float, longest: float) -> Joint:
-    """Return what the log tells of a joint."""
+    """Return the result for a joint."""
     trouble = unfit(samples)
     if trouble or samples is None:
         return Joint(name, None, None, 0.0, trouble, ())

@@ -1,4 +1,4 @@
-"""A log of commands and positions: read, put into SI units and in order, and split where rows are missing."""
+"""A log of commands and positions: read, converted to SI units, sorted, and split at missing rows."""
 
 import json
 import os
@@ -22,30 +22,30 @@ from rmrc.support.legible import line, listed, quoted
 Source: TypeAlias = str | os.PathLike[str] | Run | Mapping[str, ArrayLike]
 """A file, a run, or arrays by the names of columns."""
 
-# Between these is the step of a control loop [s]: a unit of time in which it is not is not that of a log.
+# Steps of a control loop are between these [s]; otherwise the assumed unit of time is wrong.
 STEPS = 2e-4, 0.2
-# Where rows are missing for so many periods, and so long [s], a new part begins: which commands were sent is
-# not known. Across fewer, commands of a regular log are taken to run straight.
+# Where rows are missing for this many periods, and this long [s], a new part begins, because the commands
+# there are unknown. In shorter gaps, commands of a regular log are interpolated linearly.
 GAP, GAP_TIME = 10, 0.05
 # Steps this near to their median are regular.
 REGULAR = 0.2
-# A log is regular, and has its commands in all rows, if so many steps and cells are so.
+# A log is regular, and complete in its commands, if this share of steps and cells is.
 MOST = 0.8
-# This share of the positions is repeated, while the arm moves, where they are read less often than logged.
+# If positions are read less often than logged, this share of them is repeated while the arm moves.
 STALE = 0.3
-# A log of more is thinned to about so many positions.
+# A longer log is thinned to about this many positions.
 MOST_ROWS = 20_000
-# So much time may fall back, as rows of two threads do [s]; more is another log.
+# Time may jump back by this much, as rows of two threads do [s]; a larger jump is another log.
 SWAPPED = 0.1
-# A position beyond is hardly one in rad.
+# A larger position is hardly in rad.
 LARGEST_TURN = 15.0
-# Numbers beyond are no positions and no rates in any unit.
+# Larger numbers are no positions or rates in any unit.
 FARTHEST = 1e9
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """What was logged, in SI units.
+    """The contents of a log, in SI units.
 
     Attributes:
         name: Name of the log.
@@ -53,7 +53,7 @@ class Log:
         samples: Samples of each joint; None where it has too few rows.
         period: Median step of the commands' time [s].
         duration: [s].
-        facts: What was read, and what was assumed, by what it is about.
+        facts: Properties and assumptions, by their subject.
     """
 
     name: str
@@ -69,11 +69,11 @@ def read_log(source: Source, columns: Mapping[str, str], degrees: bool) -> Log:
 
     Args:
         source: CSV, Parquet or npz file; a run; or arrays by name.
-        columns: As of `choose`.
+        columns: As in `choose`.
         degrees: Whether angles whose columns name no unit are in degrees.
 
     Raises:
-        QuestionError: It cannot be read, or has not what is needed.
+        QuestionError: It cannot be read, or lacks something.
     """
     name, numbers, facts = _numbers(source)
     try:
@@ -118,7 +118,7 @@ def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
     try:
         if path.suffix == ".npz":
             with path.open("rb") as opened:
-                if not is_zipfile(opened):  # which numpy would take for a pickle
+                if not is_zipfile(opened):  # otherwise numpy would take it for a pickle
                     raise BadZipFile("it is not a zip file")
             with np.load(path, allow_pickle=False) as file:
                 facts = json.loads(str(file["facts"])) if "facts" in file else {}
@@ -159,7 +159,7 @@ def _of_run(
 
 
 def _seconds(values: Array, column: Named) -> tuple[Array, str]:
-    """Return times in s from about 0, and how they were read."""
+    """Return times in s from about 0, and a note on their unit."""
     known = values[np.isfinite(values)]
     steps = np.abs(np.diff(known))
     steps = steps[steps > 0.0]
@@ -167,7 +167,7 @@ def _seconds(values: Array, column: Named) -> tuple[Array, str]:
         raise QuestionError(f'column "{column.name}" must have rising times, got {len(known):,} of one value')
     if column.size:
         return (values - known[0]) * column.size, f'"{column.name}", in {_unit(column.size)} as it says'
-    # of stamps that repeat, as of a coarse clock, the mean step tells more than the median
+    # for repeated stamps of a coarse clock, the mean step is better than the median
     step = min(float(np.median(steps)), float(np.ptp(known)) / max(len(known) - 1, 1))
     for unit, size in SECONDS.items():
         if STEPS[0] <= step * size <= STEPS[1]:
@@ -186,7 +186,7 @@ def _unit(size: float) -> str:
 def _in_si(
     numbers: Mapping[str, Array], chosen: tuple[Named, ...], degrees: bool, unit: str
 ) -> tuple[Array, str]:
-    """Return columns in rad or m, (R, n), and how they were read."""
+    """Return columns in rad or m, (R, n), and a note on their unit."""
     turn = np.pi / 180.0 if degrees else 1.0
     sizes = [one.size or turn for one in chosen]
     values = np.column_stack([numbers[one.name] * size for one, size in zip(chosen, sizes, strict=True)])
@@ -233,7 +233,7 @@ def _in_order(time: Array, values: Array) -> tuple[Array, list[str]]:
 
 
 def _spread_out(time: Array) -> Array:
-    """Return times of which equal ones are spread evenly up to the next: a coarse clock told them."""
+    """Return times with equal ones spread evenly up to the next: they come from a coarse clock."""
     first = np.flatnonzero(np.diff(time, prepend=time[0] - 1.0) > 0.0)
     ends = np.append(first[1:], len(time))
     last = (time[-1] - time[0]) / max(len(time) - (ends[-1] - first[-1]), 1) * (ends[-1] - first[-1])
@@ -247,7 +247,7 @@ def _fresh(q: Array, rates: Array) -> tuple[Array, list[str]]:
     driven = np.nanmax(np.abs(rates) / np.where(top > 0.0, top, 1.0), axis=1, initial=0.0)[1:] > 0.5
     same = (np.diff(q, axis=0) == 0.0) | np.isnan(q[1:])
     repeats = same.all(axis=1)
-    # Coarse encoders repeat as well, but not of all joints at once for long while they are driven.
+    # Coarse encoders repeat as well, but not for all joints at once for long while they move.
     if not driven.any() or not STALE < float(repeats[driven].mean()) < 1.0 or _is_coarse(q):
         return q, []
     q = q.copy()
@@ -258,7 +258,7 @@ def _fresh(q: Array, rates: Array) -> tuple[Array, list[str]]:
 
 
 def _is_coarse(q: Array) -> bool:
-    """Return whether positions move by single steps of their resolution, which a repeat may be too."""
+    """Return whether positions move by single steps of their resolution, so that repeats may be real."""
     for column in q.T:
         steps = np.abs(np.diff(column[np.isfinite(column)]))
         steps = steps[steps > 0.0]
@@ -268,9 +268,9 @@ def _is_coarse(q: Array) -> bool:
 
 
 def _filled(time: Array, rates: Array, period: float) -> tuple[Array, Array, list[str]]:
-    """Return commands with those that a regular log lacks, on a straight line between their neighbors.
+    """Return commands with the missing ones of a regular log interpolated linearly.
 
-    Where it has most commands: those of another rate than the rows are held until the next.
+    This applies where most commands exist: commands at another rate than the rows hold until the next.
     """
     steps = np.diff(time)
     missing = np.round(steps / period).astype(int) - 1

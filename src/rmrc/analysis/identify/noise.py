@@ -1,18 +1,18 @@
-"""Noise and resolution of encoders, from the positions of a log and what a fit leaves of them."""
+"""Noise and resolution of encoders, from the positions of a log and the residual of a fit."""
 
 import numpy as np
 
 from rmrc.analysis.identify.fit import Interval, Z
 from rmrc.analysis.identify.response import Array
 
-# Steps of so many units still tell whether they are whole ones; fewer steps than the second tell nothing.
+# Steps of this many units can still be recognized as multiples; fewer steps than the second are not enough.
 _UNITS, _LEAST = 50.0, 4
-# How well steps must agree to be whole ones: 1 is all, random ones come to 1/sqrt of their number.
+# Required agreement of steps with multiples: 1 is perfect; random ones give 1/sqrt of their number.
 _AGREEMENT = 0.95
 
 
 def resolution(position: Array) -> float:
-    """Return the step of which all differences of positions are multiples; 0 where none is visible.
+    """Return the step that divides all differences of positions; 0 if none is visible.
 
     Args:
         position: (N,) [rad or m].
@@ -23,7 +23,7 @@ def resolution(position: Array) -> float:
     """
     values = np.unique(position)
     steps = np.diff(values)
-    steps = steps[steps > 1e-12 * max(float(np.abs(values).max()), 1e-6)]  # less is rounding
+    steps = steps[steps > 1e-12 * max(float(np.abs(values).max()), 1e-6)]  # smaller ones are rounding
     if len(steps) < _LEAST:
         return 0.0
     unit = float(steps.min())
@@ -38,8 +38,8 @@ def resolution(position: Array) -> float:
 def white_noise(residual: Array, step: float) -> Interval:
     """Return the standard deviation of the white part of a residual, less that of a resolution.
 
-    By second differences, of which what is smooth leaves nothing: var(e₋ − 2 e + e₊) = 6 σ². The variance of
-    their mean square, 140 σ⁴/N, gives the interval.
+    It uses second differences, which cancel smooth parts: var(e₋ − 2 e + e₊) = 6 σ². The variance of their
+    mean square, 140 σ⁴/N, gives the interval.
 
     Args:
         residual: (N,) [rad or m].
@@ -50,5 +50,5 @@ def white_noise(residual: Array, step: float) -> Interval:
     spread = Z * np.sqrt(140.0 / max(len(second), 1)) / 6.0
     ends = (square * (1.0 + far) - step**2 / 12.0 for far in (0.0, -spread, spread))
     value, low, high = (float(np.sqrt(max(one, 0.0))) for one in ends)
-    # a noise below that of the rounding is hidden by it where the joint is slow
+    # where the joint is slow, rounding hides a smaller noise
     return Interval(value, low, max(high, step / np.sqrt(12.0)) if low == 0.0 else high)

@@ -1,4 +1,4 @@
-"""What a log tells: tables, JSON, a picture, and the block to paste."""
+"""The result of a log: tables, JSON, a picture, and the block to paste."""
 
 from functools import partial
 from typing import Any
@@ -11,10 +11,10 @@ from rmrc.show.sheets import UNDEFINED, Sheet, number
 
 
 def report(found: Identified) -> Report:
-    """Return what there is to show of a log; it holds if a joint tells its delay.
+    """Return the report of a log; its condition is met if a joint determines its delay.
 
     Args:
-        found: What `identify` found.
+        found: The result of `identify`.
     """
     from rmrc.analysis.identify.figure import draw_fits
 

@@ -1,10 +1,10 @@
-"""How a joint answers commanded rates by a delay and a first-order lag: exact, at any times.
+"""The response of a joint to commanded rates with a delay and a first-order lag: exact, at any times.
 
 A rate holds until the next is sent. With dead time d and lag L, the rate w of the joint and its travel x are
 
     L ẇ(t) = u(t − d) − w(t),   x(t) = ∫ w = c(t − d) − L w(t),   c(t) = ∫ u
 
-so that between two commands, L apart from 0, w(s) = u + (w₀ − u) exp(−(s − s₀)/L), at s = t − d.
+so that between two commands, for L > 0, w(s) = u + (w₀ − u) exp(−(s − s₀)/L), at s = t − d.
 """
 
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# A lag shorter than this share of the median period cannot be told from none, and would overflow.
+# A lag below this share of the median period has no effect, and would overflow.
 _LEAST_SHARE = 1e-3
-# Of a rate so small a share is lost in rounding.
+# A share of a rate that is lost in rounding.
 _VANISHED = 1e-18
 
 
@@ -25,9 +25,9 @@ class Commands:
     """Commanded rates of a joint.
 
     Attributes:
-        time: When each was sent, rising, (K,) [s].
+        time: Time of each command, increasing, (K,) [s].
         rate: (K,) [rad/s or m/s].
-        travel: Their integral from the first one on, (K,) [rad or m].
+        travel: Their integral since the first one, (K,) [rad or m].
     """
 
     time: Array
@@ -40,7 +40,7 @@ class Commands:
         return cls(time, rate, np.concatenate([[0.0], np.cumsum(np.diff(time) * rate[:-1])]))
 
     def lagged(self, lag: float) -> "Lagged":
-        """Return what they give behind a lag [s], at rest or steady where they begin."""
+        """Return the commands after a lag [s], at rest or steady where they begin."""
         step = np.diff(self.time)
         if lag <= _LEAST_SHARE * float(np.median(step)):
             return Lagged(self, 0.0, self.rate)
@@ -50,12 +50,12 @@ class Commands:
 
 @dataclass(frozen=True, eq=False)
 class Lagged:
-    """Commands behind a lag.
+    """Commands after a lag.
 
     Attributes:
-        commands: That are lagged.
+        commands: The commands before it.
         lag: L; 0: none [s].
-        start: w where each command is sent, (K,) [rad/s or m/s].
+        start: w at the time of each command, (K,) [rad/s or m/s].
     """
 
     commands: Commands

@@ -1,4 +1,4 @@
-"""What a log does not tell of a joint, with what to log instead, and what else is odd about it."""
+"""Why a log does not determine delay and lag of a joint, what to log instead, and other observations."""
 
 from collections.abc import Iterator
 
@@ -7,13 +7,13 @@ import numpy as np
 from rmrc.analysis.identify.fit import EARLIEST, Fitted, Interval, Samples
 from rmrc.analysis.identify.response import Array
 
-# A fit that explains less of a joint's motion is of a joint that does not follow its commands.
+# If a fit explains less of a joint's motion, the joint does not follow its commands.
 EXPLAINED = 0.95
-# Delay and lag together are told if they are within a period, or this share of them.
+# Delay and lag are determined if their sum is known within a period, or this share of it.
 SHARE = 0.1
-# A gain is told where it is off by more; an answer that is weaker is none.
+# A gain that is off by more is reported; a weaker response counts as none.
 OFF, WEAK = 0.02, 0.1
-# Times the noise that must be left for a fit to be told as a poor one, or for a motion to be one.
+# A residual above this multiple of the noise is reported, and so is a motion above it.
 POOR, MOVED = 3.0, 20.0
 # 180/pi, to 5 %: one of the columns is in degrees.
 DEGREES = 57.3
@@ -33,14 +33,14 @@ def unfit(samples: Samples | None) -> str:
 
 
 def untold(fitted: Fitted, noise: Interval, step: float, period: float, longest: float) -> str:
-    """Return why delay and lag of a joint are not told, or "".
+    """Return why delay and lag of a joint are not determined, or "".
 
     Args:
         fitted: Its fit.
         noise: Noise of its positions.
         step: Their resolution.
         period: Period of its commands [s].
-        longest: Delay that was looked for [s].
+        longest: Largest delay of the search [s].
     """
     moved, total = float(np.ptp(fitted.samples.position)), fitted.total
     floor = max(noise.value, step, 1e-12)
@@ -59,7 +59,7 @@ def untold(fitted: Fitted, noise: Interval, step: float, period: float, longest:
 
 
 def odd(fitted: Fitted, noise: Interval, step: float, period: float) -> Iterator[str]:
-    """Yield what is odd about a joint whose delay and lag are told."""
+    """Yield observations about a joint whose delay and lag are determined."""
     gain, lag, total = fitted.gain, fitted.lag, fitted.total
     if gain.value < 0.0:
         yield "moves against its commands: the sign of one of the columns is inverted"
@@ -100,7 +100,7 @@ def _still(samples: Samples) -> str:
 
 
 def _cause(fitted: Fitted, floor: float) -> str:
-    """Return why a joint does not follow, if it can be seen."""
+    """Return why a joint does not follow, if the cause is visible."""
     found = fitted.samples
     asked, _ = found.commands.lagged(fitted.best.lag).at(found.time - fitted.best.delay)
     first, last = _longest_stand(found.position, 4.0 * floor)
@@ -114,7 +114,7 @@ def _cause(fitted: Fitted, floor: float) -> str:
 
 
 def _longest_stand(position: Array, room: float) -> tuple[int, int]:
-    """Return the first and last row of the longest stretch within a room."""
+    """Return the first and last row of the longest stretch within a range."""
     best, first, low, high = (0, 0), 0, position[0], position[0]
     for i, value in enumerate(position.tolist()):
         low, high = min(low, value), max(high, value)

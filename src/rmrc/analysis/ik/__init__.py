@@ -1,1 +1,1 @@
-"""Which joint positions bring a site to a pose: one, many, or all of them."""
+"""The joint positions that bring a site to a pose: one, many, or all of them."""

@@ -1,9 +1,9 @@
-"""Which postures belong to one continuum: the connected pieces of the joint positions that reach a goal.
+"""Continua of postures: the connected pieces of the set of joint positions that reach a goal.
 
-Where the site's rest leaves one freedom, the set is made of curves, each followed until it closes or meets a
-limit (`rmrc.analysis.ik.self_motion`), so that pieces are known to be apart. With more freedoms two postures
-are connected by a chain of others between them, each brought back to the goal: that proves a connection, but
-where none is found it proves nothing, and the answer says so.
+With one degree of freedom at a fixed site, the set consists of curves. Each is followed until it closes or
+meets a limit (`rmrc.analysis.ik.self_motion`), so pieces are known to be separate. With more degrees of
+freedom a chain of other postures connects two postures, each corrected to the goal. A chain proves a
+connection, but a missing chain proves nothing, and the result says so.
 """
 
 from collections.abc import Iterable
@@ -17,28 +17,28 @@ from rmrc.analysis.ik.solve import STEPS
 from rmrc.law.descent import search
 from rmrc.law.task import Array
 
-# All is searched to rounding.
+# All searches end at rounding.
 SHARP = 1e-13
-# Two singular points are one within so much [rad, or m over L]: each is known to 1e-6 or so.
+# Two singular points within this distance are one [rad, or m over L]: each is known to 1e-6 or so.
 SAME_POINT = 1e-4
-# Where curves meet: directions that are tried, and how far away.
+# Where curves meet: the number of directions to try, and their distance.
 AROUND, AWAY = 24, 0.03
 # A singular value below this share of the largest is one more direction to try there.
 NEARLY = 1e-3
-# Curves, and singular points, that are followed at most.
+# Largest numbers of curves, and of singular points, to follow.
 MOST_CURVES, MOST_BRANCHES = 64, 16
-# Points from which no curve can be followed, as where A is singular twice all along: the others are linked.
+# Points from which no curve can be followed, as where A is doubly singular all along: the others are linked.
 MOST_FAILED = 32
-# Postures that are linked with each other; the others are linked to one of them.
+# Number of postures that are linked with each other; the others are linked to one of them.
 MOST_NODES = 600
-# Links: the farthest that is tried, how many of each piece in a round, rounds, and halvings of one.
+# Links: largest length, number per piece and round, rounds, and halvings of one link.
 FARTHEST, TRIED, ROUNDS, HALVINGS = 8.0, 4, 20, 12
-# Of the nearest linked ones so many are tried for each of the others.
+# Number of the nearest linked ones to try for each of the others.
 RETRIED = 12
-# Between two postures so near A must change by less than half of σ_r; where σ_r is 0 all along a set that
-# tells nothing, and they must be nearer.
+# Between two postures this near, A must change by less than half of σ_r; where σ_r is 0 all along a set, that
+# test means nothing, and they must be nearer.
 NEAR, NEARER = LONGEST, 0.02
-# Pieces of two and more freedoms that are told apart.
+# Number of pieces with two or more degrees of freedom that are distinguished.
 MOST_PIECES = 8
 
 
@@ -47,9 +47,9 @@ class Continuum:
     """A connected piece of the set.
 
     Attributes:
-        members: Which of the postures are on it, rising.
-        freedom: Its dimension; 0 for one that limits leave a point.
-        decided: Whether it is known to be apart from all other pieces.
+        members: Indices of the postures on it, ascending.
+        freedom: Its dimension; 0 if limits leave only a point.
+        decided: Whether it is known to be separate from all other pieces.
         nodes: More of its points, as scaled joint positions, (K, n).
     """
 
@@ -67,8 +67,8 @@ def find_continua(
     Args:
         motion: The set.
         x: Points of it, scaled, none of them isolated, (N, n).
-        freedom: In how many directions each can be moved, (N,).
-        threads: None for one on each core.
+        freedom: Number of directions in which each can be moved, (N,).
+        threads: None: one per core.
     """
     curves = _Curves(motion, x, freedom == 1)
     curves.follow()
@@ -93,7 +93,7 @@ class _Curves:
     branches: list[Array] = field(default_factory=list)
 
     def follow(self) -> None:
-        """Follow curves from all points that no curve covers yet, and from where curves meet."""
+        """Follow curves from all points that no curve covers yet, and from points where curves meet."""
         todo, failed = np.flatnonzero(self.wanted), 0
         while len(todo) and len(self.curves) < MOST_CURVES and failed < MOST_FAILED:
             first, known = todo[0], len(self.curves)
@@ -172,7 +172,7 @@ class _Curves:
 
 
 def _directions(motion: SelfMotion, at: Array) -> Iterable[Array]:
-    """Return directions that A loses at a singular point, all round."""
+    """Return directions on a circle in the null space of A at a singular point."""
     _, A, _ = motion.linear(at)
     _, s, Vt = np.linalg.svd(A)
     null = Vt[int(np.count_nonzero(s > NEARLY * s[0])) :]
@@ -186,7 +186,7 @@ def _directions(motion: SelfMotion, at: Array) -> Iterable[Array]:
 
 
 class _Union:
-    """Sets of numbers that grow together."""
+    """Disjoint sets of numbers that merge."""
 
     def __init__(self, count: int) -> None:
         self.up = np.arange(count)
@@ -235,7 +235,7 @@ class _Chains:
         motion: The set.
         x: The points, (N, n).
         rank: Rank of A on it.
-        threads: None for one on each core.
+        threads: None: one per core.
     """
 
     motion: SelfMotion
@@ -244,7 +244,7 @@ class _Chains:
     threads: int | None
 
     def groups(self) -> list[NDArray[np.intp]]:
-        """Return the points that are connected: nearest ones first, those of other pieces only."""
+        """Return connected points: the nearest ones first, and only pairs of different pieces."""
         count = len(self.x)
         nodes = np.arange(count) if count <= MOST_NODES else np.linspace(0, count - 1, MOST_NODES).astype(int)
         union = _Union(count)
@@ -288,7 +288,7 @@ class _Chains:
         return np.array(sorted(found), np.intp).reshape(-1, 2)
 
     def _connects(self, pairs: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Return which pairs of points a chain connects, found by halving the way between them."""
+        """Return which pairs of points a chain connects, found by halving the distance between them."""
         connected = np.ones(len(pairs), np.bool_)
         edge: NDArray[np.intp] = np.arange(len(pairs))
         a = self.x[pairs[:, 0]]
@@ -311,7 +311,7 @@ class _Chains:
         return connected
 
     def _is_one(self, a: Array, b: Array) -> NDArray[np.bool_]:
-        """Return which pairs of points are so near that the set is a graph over the way between them."""
+        """Return which pairs of points are so near that the set is a graph over the segment between them."""
         apart = np.linalg.norm(b - a, axis=1)
         is_one: NDArray[np.bool_] = apart <= NEAR
         near = np.flatnonzero(is_one)
@@ -325,7 +325,7 @@ class _Chains:
         return is_one
 
     def _project(self, x: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Return points of the set near others, within the limits, and which were reached."""
+        """Return points of the set near given ones, within the limits, and which were reached."""
         motion, scale = self.motion, self.motion.task.joint_scale
         limit = np.stack([motion.low, motion.high], axis=1) * scale[:, None]
         first = np.clip(x * scale, *limit.T)

@@ -29,17 +29,17 @@ from rmrc.support.spatial import AXES
 @brief
 @dataclass(frozen=True, eq=False)
 class IkResult:
-    """What `ik` found.
+    """The result of `ik`.
 
     Attributes:
         task: The arm and the rows that count.
-        goal: Pose of the site that was asked for, (7,).
+        goal: Target pose of the site, (7,).
         start: Joint positions at which the search began, (n,).
-        limits: Whether the model's position limits were kept to.
+        limits: Whether the search kept the model's position limits.
         tolerance: Tolerance of |e|: orientation in rad, position over L.
-        solution: Joint positions at the goal, or the nearest that were found; of all postures the nearest to
+        solution: Joint positions at the goal, or the nearest ones found; of all postures the nearest to
             the start.
-        postures: All of them; None if one was asked for.
+        postures: All of them; None if only one was requested.
     """
 
     task: Task
@@ -87,33 +87,33 @@ def ik(
         model: An arm, an MJCF file, or a scenario.
         to: The goal: a value for each row that counts [m, rad], see `rmrc.analysis.ik.solve.goal_pose`; with
             `quat` one for each of x, y, z that counts.
-        q: Joint positions to begin at, (n,) [rad or m]; None for the keyframe.
+        q: Joint positions to begin at, (n,) [rad or m]; None: those of the keyframe.
         quat: The goal's orientation [w, x, y, z], of any length but 0.
-        to_q: The goal instead: where these joint positions put the site, (n,) [rad or m].
-        pose: The goal instead: [p, quat w x y z], (7,); what does not count is not looked at.
-        keyframe: Joint positions to begin at by name; None for the start of a scenario, else `home`.
-        site: The point that is to get there; None for that of the arm or scenario, else that of the hand: see
+        to_q: The goal instead: the pose of the site at these joint positions, (n,) [rad or m].
+        pose: The goal instead: [p, quat w x y z], (7,); rows that do not count are ignored.
+        keyframe: Name of the joint positions to begin at; None: the start of a scenario, or else `home`.
+        site: The site to bring there; None: that of the arm or scenario, or else of the hand: see
             `rmrc.arm.frames`.
-        body: The body whose frame is to get there, instead of a site.
+        body: The body whose frame to bring there, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
-        axes: Rows that count, of x y z rx ry rz; None for those of a scenario, else those that the arm can
+        axes: Rows that count, of x y z rx ry rz; None: those of a scenario, or else those that the arm can
             move independently.
-        task_frame: Along whose axes the rows are: `world`, `base` or `site`; None for that of a scenario
-            whose axes they are, else `world`. A goal is a pose
-            in the world: in another frame, all three positions count or none, and so do rotations.
-        length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
-            scenario, else 1.
+        task_frame: Frame of the rows: `world`, `base` or `site`; None: that of the scenario whose rows they
+            are, or else `world`. A goal is a pose in the world: in another frame, all three positions count
+            or none, and likewise rotations.
+        length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
+            scenario, or else 1.
         method: `damped` steps from several starts, or `newton`'s from one.
-        limits: Whether the model's position limits are kept to.
-        every: Whether all postures are looked for, from many starts, by damped steps.
+        limits: Whether to keep the model's position limits.
+        every: Whether to search for all postures, from many starts, by damped steps.
         tolerance: Tolerance of |e|: orientation in rad, position over L.
 
     Returns:
-        The result. A goal that is not reached is no error: `found` is False then, and `q` is where |e| is
-        least.
+        The result. A goal that is not reached is no error: then `found` is False, and `q` is where |e| is
+        smallest.
 
     Raises:
-        ModelError: The file, the site or the keyframe is missing or will not do.
+        ModelError: The file, the site or the keyframe is missing or unusable.
         QuestionError: There is no goal or more than one, or any of the others does not fit the arm.
 
     Example:
@@ -146,10 +146,10 @@ def ik(
 
 
 def searchable(task: Task) -> Task:
-    """Return the task along world axes: of whole positions and rotations it is the same.
+    """Return the task along world axes: for whole positions and rotations it is the same.
 
     Raises:
-        QuestionError: It has some of three rows along axes that turn with the site, or are the base's.
+        QuestionError: It has only some of three rows along axes of the site or of the base.
     """
     if task.frame == "world":
         return task

@@ -1,4 +1,4 @@
-"""All postures of an arm that reach a goal: how many there are, and whether they are a continuum."""
+"""All postures of an arm that reach a goal: their number, and whether they are a continuum."""
 
 from dataclasses import dataclass
 
@@ -20,12 +20,13 @@ from rmrc.analysis.ik.solve import (
 from rmrc.law.descent import search, unwound
 from rmrc.law.task import Array, Task
 
-# Starts of a search for all postures. One that a hundredth of them leads to is missed with probability 1e-9.
+# Starts of a search for all postures. A posture that a hundredth of them reaches is missed with probability
+# 1e-9.
 STARTS = 2000
 # Two postures are one if no joint differs by more, hinges modulo whole turns [rad, or m over L]. Where two
-# fuse at a singularity, each is known to the root of rounding only, 1e-7 and some.
+# merge at a singularity, each is known only to the root of rounding, about 1e-7.
 SAME = 1e-4
-# A posture is asked whether it is one of a continuum if σ_k/σ_1 is less, and if it can be moved so far.
+# A posture is tested for a continuum if σ_k/σ_1 is smaller, by moving it this far.
 NEARLY_SINGULAR = 1e-4
 NUDGE = 0.05
 
@@ -35,14 +36,14 @@ class Postures:
     """All postures that were found for a goal.
 
     Attributes:
-        q: Joint positions, (k, n), rising; hinges in (−π, π] where limits allow. Of each continuum there is
-            one posture, of those that were met the nearest to the start.
-        hits: How many starts led to each, (k,); to that of a continuum, those that led to any of it.
-        freedom: In how many directions each can be moved with the site at rest, (k,); 0: it is isolated.
-        decided: Whether each is known to be apart from all others, (k,); of some continua of two and more
+        q: Joint positions, (k, n), ascending; hinges in (−π, π] where limits allow. Each continuum has one
+            posture, the nearest to the start of those found.
+        hits: Number of starts that led to each, (k,); for a continuum, to any of its postures.
+        freedom: Number of directions in which each can move with the site at rest, (k,); 0: it is isolated.
+        decided: Whether each is known to be separate from all others, (k,); for some continua of two and more
             dimensions it is not.
-        led_to: Which of them each start led to, (S,); −1: to none.
-        starts: How many starts were tried, S.
+        led_to: Index of the posture to which each start led, (S,); −1: none.
+        starts: Number of starts, S.
         nearest: The nearest configuration that was found, if there is no posture.
     """
 
@@ -67,21 +68,23 @@ def find_postures(
     """Find all postures that bring the site to a goal, as far as many starts lead to them.
 
     Two are the same if no joint differs by more than 1e-4 [rad, or m over L], hinges modulo whole turns. A
-    posture is one of a continuum if A has not rank n there, and others, not isolated either, are beside it in
-    a direction that A loses: those of an arm with more joints than task rows, or of a singular configuration,
-    as with a point on the first axis. A singular posture with none beside it, as that of an arm stretched to
-    its reach, is isolated. Each connected piece of all postures is one continuum
-    (`rmrc.analysis.ik.continua`), within limits and modulo whole turns of hinges that have them.
+    posture belongs to a continuum if the rank of A is below n there, and other postures that are not isolated
+    either are beside it along the null space of A. This happens for an arm with more joints than task rows,
+    and at some singular configurations, such as with a point on the first axis. A singular posture without
+    neighbors, such as that of an arm stretched to its reach, is isolated. Each connected piece of all
+    postures is one continuum (`rmrc.analysis.ik.continua`), within limits and modulo whole turns of unlimited
+    hinges.
 
     Args:
         task: The arm and the rows that count.
         goal: Pose of the site, (7,).
-        start: Joint positions, (n,), to begin at, and to which that of each continuum is the nearest;
-            None for `home`.
-        limits: Whether the model's position limits are kept to.
+        start: Joint positions, (n,), to begin at, and from which the posture of each continuum is the
+            nearest;
+            None: `home`.
+        limits: Whether to keep the model's position limits.
         tolerance: Tolerance of |e|: orientation in rad, position over L.
-        starts: How many starts.
-        threads: None for one on each core; the result does not depend on it.
+        starts: Number of starts.
+        threads: None: one per core; the result does not depend on it.
 
     Returns:
         The postures, or the nearest configuration if none was found.
@@ -114,7 +117,7 @@ def find_postures(
     freedom = _freedom(motion, found, tolerance, threads)
     shown, freedom, decided, entry = _gathered(motion, found, freedom, start[0], tolerance, threads)
     # Rounding must not decide between equal first joints. On a continuum the search ends anywhere near the
-    # nearest point: there the joint comes first that differs most between the entries.
+    # nearest point: there the joint that differs most between the entries comes first.
     keys = shown.round(6).T
     order = np.lexsort(
         (keys[np.argsort(-np.ptp(keys, axis=1), kind="stable")] if freedom.any() else keys)[::-1]
@@ -136,7 +139,7 @@ def _sharpest(
 
 
 def _distinct(motion: SelfMotion, q: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return the different ones of joint positions (N, n), and which of them each is, (N,)."""
+    """Return the distinct ones of joint positions (N, n), and the index of each among them, (N,)."""
     distinct: list[Array] = []
     which = np.full(len(q), -1)
     left = np.arange(len(q))
@@ -153,11 +156,11 @@ def _gathered(
     motion: SelfMotion, q: Array, freedom: NDArray[np.int64], start: Array, tolerance: float,
     threads: int | None,
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:  # fmt: skip
-    """Return one posture of each continuum beside the isolated ones.
+    """Return one posture of each continuum, and the isolated ones.
 
     Returns:
-        Postures (k, n), their freedom (k,), whether each is known to be apart (k,), and to which of them each
-        of the given ones belongs, (N,).
+        Postures (k, n), their freedom (k,), whether each is known to be separate (k,), and the index of the
+        posture to which each given one belongs, (N,).
     """
     scale = motion.task.joint_scale
     alone, loose = np.flatnonzero(freedom == 0), np.flatnonzero(freedom)
@@ -176,7 +179,7 @@ def _gathered(
 
 
 def _nearest(motion: SelfMotion, met: Array, nodes: Array, start: Array, tolerance: float) -> Array:
-    """Return the nearest to the start of postures that were met, (N, n), and of others between, (K, n)."""
+    """Return the posture nearest to the start, among those found, (N, n), and nodes between, (K, n)."""
     task, limit = motion.task, motion.limit
     nodes = np.clip(unwound(task.arm, limit, nodes, np.zeros((1, task.arm.n))), *limit.T)
     every = np.concatenate([met, nodes])
@@ -188,18 +191,18 @@ def _nearest(motion: SelfMotion, met: Array, nodes: Array, start: Array, toleran
 
 
 def _null(motion: SelfMotion, x: Array, threads: int | None) -> list[Array]:
-    """Return the directions that A loses at scaled joint positions (N, n), each (d, n)."""
+    """Return the null space of A at scaled joint positions (N, n), each (d, n)."""
     _, sigma, v = np.linalg.svd(motion.matrices(x, threads))
     rank = np.count_nonzero(sigma > NEARLY_SINGULAR * sigma[:, :1], axis=1)
     return [lost[r:] for lost, r in zip(v, rank, strict=True)]
 
 
 def _freedom(motion: SelfMotion, q: Array, tolerance: float, threads: int | None) -> NDArray[np.int64]:
-    """Return in how many directions each posture (k, n) can be moved with the site at rest.
+    """Return the number of directions in which each posture (k, n) can move with the site at rest.
 
-    Where A has as many independent rows as there are, it is what the joints have to spare, by the theorem on
-    implicit functions. Elsewhere each direction that A loses is tried: those count into which postures beside
-    it lie, and no more than A loses at these.
+    Where the rows of A are independent, it is the number of redundant joints, by the implicit function
+    theorem. Elsewhere each direction of the null space of A is tried: those with neighboring postures count,
+    up to the dimension of the null space at these neighbors.
     """
     task, x = motion.task, q / motion.task.joint_scale
     spare = task.arm.n - len(task.rows)
@@ -223,6 +226,6 @@ def _freedom(motion: SelfMotion, q: Array, tolerance: float, threads: int | None
         for i in np.unique(owner[far]):
             beside = np.flatnonzero((owner == i) & far)
             spread = np.linalg.svd(moved[beside], compute_uv=False)
-            # Where the set is bent, what leaves its tangent is a twentieth of a nudge or so.
+            # Where the set is curved, the deviation from its tangent is about a twentieth of a nudge.
             freedom[i] = min(losses[beside].min(), np.count_nonzero(spread > 0.2 * spread[0]))
     return freedom

@@ -1,4 +1,4 @@
-"""What inverse kinematics found, as tables of at most 100 columns and as JSON."""
+"""The result of inverse kinematics, as tables of at most 100 columns and as JSON."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -17,10 +17,10 @@ BESIDE = 8
 
 
 def report(found: IkResult, iterates: bool = False) -> Report:
-    """Return what there is to show of a goal and the joint positions for it; met if they reach it.
+    """Return the report of a goal and the joint positions for it; its condition is met if they reach it.
 
     Args:
-        found: What `ik` found.
+        found: The result of `ik`.
         iterates: Whether to show every step; those of Newton's method are shown anyway.
 
     Example:
@@ -67,7 +67,7 @@ def _solution_values(task: Task, solution: Solution, iterates: bool) -> dict[str
 
 
 def _posture_values(task: Task, postures: Postures) -> dict[str, Any]:
-    """Return all postures; `apart` is null where a continuum may be a part of another."""
+    """Return all postures; `apart` is null if a continuum may be a part of another."""
     return {
         "found": postures.nearest is None,
         "postures": [
@@ -88,7 +88,7 @@ def _posture_values(task: Task, postures: Postures) -> dict[str, Any]:
 
 
 def _solution_sheets(task: Task, solution: Solution, limits: bool, iterates: bool) -> list[Sheet]:
-    """Return the joints, the errors, and the steps if they are wanted; limits that were kept to are shown."""
+    """Return the joints, the errors, and the steps if wanted, with the limits that were kept."""
     arm = task.arm
     rows = []
     for j, (joint, position) in enumerate(zip(arm.joints, solution.q, strict=True)):
@@ -159,7 +159,7 @@ def _posture_sheets(task: Task, postures: Postures) -> list[Sheet]:
 
 
 def _iterates(solution: Solution) -> list[Sheet]:
-    """Return q, and h of q⁺ = q − h, of every step, in blocks of joints."""
+    """Return q, and h of q⁺ = q − h, for every step, in blocks of joints."""
     path, sheets = solution.iterates, []
     damped = solution.method == "damped"
     for first in range(0, path.q.shape[1], BESIDE):
@@ -179,7 +179,7 @@ def _iterates(solution: Solution) -> list[Sheet]:
 
 
 def _equations(task: Task, solution: Solution) -> list[Sheet]:
-    """Return f, and J of J h = f, of every step, in blocks of joints [Selig92, §6.3]."""
+    """Return f, and J of J h = f, for every step, in blocks of joints [Selig92, §6.3]."""
     sheets = []
     for first in range(0, task.arm.n, BESIDE - 1):
         part = slice(first, first + BESIDE - 1)
@@ -194,7 +194,7 @@ def _equations(task: Task, solution: Solution) -> list[Sheet]:
 
 
 def _decimals(values: Iterable[float], digits: int = 6) -> tuple[str, ...]:
-    """Return so many decimals, without the sign of what is 0 then."""
+    """Return this many decimals, and no sign for values that round to 0."""
     return tuple(
         f"{round(value, digits) + 0.0:.{digits}f}" if abs(value) < 1e3 else number(value) for value in values
     )

@@ -1,10 +1,10 @@
-"""The joint positions that keep a site at its goal: a set, and the curves that it consists of.
+"""The set of joint positions that keep a site at its goal, and the curves of which it consists.
 
-A curve is followed by steps along the direction that A loses, each brought back to the goal by Newton's steps
-across it. The set M = {q: e(q) = 0} is near a point the graph of a function over its tangent, with no other
-piece of M beside it, as long as |A⁺ ΔA| < 1 for the change ΔA of A, with A⁺ of the r = n − 1 directions
-across the tangent: it is the theorem on implicit functions, for A⁺ e. A step with more than a quarter of that
-is halved, so that none jumps to a piece that passes by closely.
+A curve is followed by steps along the null space of A, each corrected to the goal by Newton's steps across
+it. Near a point, the set M = {q: e(q) = 0} is the graph of a function over its tangent, with no other piece
+of M beside it, as long as |A⁺ ΔA| < 1 for the change ΔA of A, with A⁺ of the r = n − 1 directions across the
+tangent: this is the implicit function theorem for A⁺ e. A step with more than a quarter of that is halved, so
+that none jumps to a piece that passes nearby.
 """
 
 from dataclasses import dataclass, field
@@ -22,19 +22,20 @@ End = Literal["closed", "limit", "singular", "open"]
 
 # The longest step [rad, or m over L], and the shortest before a curve is given up.
 LONGEST, SHORTEST = 0.1, 1e-9
-# |A⁺ ΔA| of a step at most; from a third of it on, the next step is no longer.
+# The largest |A⁺ ΔA| of a step; from a third of it on, the next step is no longer.
 CHANGE, EASY = 0.25, 0.08
-# Below this share of σ_1, σ_r is taken as 0: the curve meets others, or ends, within 1e-6 or so.
+# Below this share of σ_1, σ_r counts as 0: the curve meets others, or ends, within 1e-6 or so.
 BRANCHING = 1e-6
-# |e| of a point of M. Newton's steps end at rounding, 1e-15; a curve that leaves M does so by much more.
+# The largest |e| of a point of M. Newton's steps end at rounding, 1e-15; a curve that leaves M exceeds it by
+# far.
 ON_SET = 1e-10
-# A step is rounding if it is below this part of |x|; of e a hundredth of it is, which A⁺ makes larger.
+# A step is rounding if it is below this part of |x|; for e it is a hundredth of it, which A⁺ makes larger.
 ROUNDING = 1e-12
 # Newton's steps from a tangent to M: quadratic from 1e-2, so that four suffice.
 CORRECTIONS = 6
-# Of a joint at its limit [rad, or m over L]: what rounding leaves.
+# The distance of a joint from its limit that is rounding [rad, or m over L].
 AT_LIMIT = 1e-9
-# Steps in one direction: 80 rad, or m over L, where nothing is in the way. A loop is some 10 long.
+# Steps in one direction: 80 rad, or m over L, where nothing ends the curve. A loop is about 10 long.
 MOST_STEPS = 800
 
 
@@ -43,13 +44,13 @@ class Point:
     """A point of the set, in scaled joint positions x = S_q⁻¹ q.
 
     Attributes:
-        x: Where it is, (n,).
+        x: Its coordinates, (n,).
         A: S_x L(φ) J S_q there, (m, n).
-        inverse: Uᵀ e/σ of its r largest singular values is `inverse` @ e, (r, m).
-        tangent: The direction that A loses most, of length 1, (n,).
+        inverse: Uᵀ e/σ over its r largest singular values is `inverse` @ e, (r, m).
+        tangent: Unit vector of the smallest singular value of A, (n,).
         sigma: σ_r of A, the smallest across the tangent; infinite if there is none.
         largest: σ_1.
-        turn: The rotation vector of the error, of which only some rows vanish where not all count, (3,).
+        turn: The rotation vector of the error; only some of its rows vanish where not all count, (3,).
     """
 
     x: Array
@@ -63,11 +64,11 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A piece of the set that is one-dimensional, with no gap.
+    """A one-dimensional piece of the set, without gaps.
 
     Attributes:
         nodes: Scaled joint positions along it, (k, n), hinges without jumps.
-        ends: How both ends are: `closed` on itself, at a `limit`, at a `singular` point, or `open`: not
+        ends: Types of its ends: `closed` on itself, at a `limit`, at a `singular` point, or `open`: not
             followed further.
     """
 
@@ -98,7 +99,7 @@ class SelfMotion:
     high: Array = field(init=False)
 
     def __post_init__(self) -> None:  # noqa: D105
-        # A hinge with a whole turn or more reaches each of its directions: there are no walls for it.
+        # A hinge with a whole turn or more reaches each of its directions: limits do not bound it.
         turns = self.task.arm.comes_round & ~(self.limit[:, 1] - self.limit[:, 0] < 2.0 * np.pi)
         low, high = (self.limit / self.task.joint_scale[:, None]).T
         object.__setattr__(self, "turns", turns)
@@ -106,7 +107,7 @@ class SelfMotion:
         object.__setattr__(self, "high", np.where(turns, np.inf, high))
 
     def gap(self, a: Array, b: Array) -> Array:
-        """Return a − b of scaled positions; hinges that have whole turns by the nearest way round."""
+        """Return a − b of scaled positions; unlimited hinges go the shorter way round."""
         gap = a - b
         return np.where(self.turns, gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)), gap)
 
@@ -115,12 +116,12 @@ class SelfMotion:
         return np.asarray((x < self.low - AT_LIMIT) | (x > self.high + AT_LIMIT))
 
     def linear(self, x: Array, near: Array | None = None) -> tuple[Array, Array, Array]:
-        """Return e (m,), the error that is left, A (m, n) = −∂e/∂x, and the rotation vector of the error.
+        """Return e (m,), the remaining error, A (m, n) = −∂e/∂x, and the rotation vector of the error.
 
         Args:
             x: Scaled joint positions, (n,).
-            near: A rotation vector (3,); of the two that mean the same turn, one way round and the other, the
-                nearer to this one is taken, so that e does not jump at half a turn. None for the shorter.
+            near: A rotation vector (3,); of the two vectors of the same rotation, the one nearer to this is
+                used, so that e does not jump at half a turn. None: the shorter one.
         """
         task, q = self.task, x * self.task.joint_scale
         error = pose_error(self.goal, task.arm.pose(q))
@@ -136,11 +137,11 @@ class SelfMotion:
         return task.row_scale * error[task.rows], task.matrix(J), error[3:]
 
     def matrices(self, x: Array, threads: int | None = None) -> Array:
-        """Return A at many scaled joint positions (N, n), as `linear` has it without `near`, (N, m, n).
+        """Return A at many scaled joint positions (N, n), as in `linear` without `near`, (N, m, n).
 
         Args:
             x: Scaled joint positions, (N, n).
-            threads: None for one on each core.
+            threads: None: one per core.
         """
         task, q = self.task, x * self.task.joint_scale
         J = jacobians(task, q, threads)[1]
@@ -150,10 +151,10 @@ class SelfMotion:
         return task.matrix(J)
 
     def corrected(self, x: Array, near: Array | None = None) -> Point | None:
-        """Return the point of the set that Newton's steps across the tangent lead to; None if there is none.
+        """Return the point of the set that Newton's steps across the tangent reach; None if they fail.
 
-        A has rank r = n − 1 along a curve also where it is singular all along it, so that only its r largest
-        singular values are used; what is left of e must vanish with the rest.
+        A has rank r = n − 1 along a curve even if the curve is singular all along, so only its r largest
+        singular values are used; the rest of e must vanish with them.
 
         Args:
             x: Scaled joint positions, (n,).
@@ -194,7 +195,8 @@ class SelfMotion:
     def covers(self, curve: Curve, x: Array) -> NDArray[np.bool_]:
         """Return which points of the set, (N, n), are on a curve.
 
-        A point that is nearer to a piece of the curve than its length is on it, as M is a graph there.
+        A point that is nearer to a piece of the curve than the length of that piece is on it, as M is a graph
+        there.
         """
         on = np.zeros(len(x), np.bool_)
         if len(curve.nodes) == 1:
@@ -210,13 +212,13 @@ class SelfMotion:
             from_a = self.gap(x[left], a)
             along = from_a @ way / length
             across = np.linalg.norm(from_a - along[:, None] * way / length, axis=1)
-            # Rounding, and what a singular point is known to, at both ends.
+            # The tolerance at both ends: rounding, and the accuracy of a singular point.
             slack = 1e-6 + 1e-3 * length
             on[left] = (along >= -slack) & (along <= length + slack) & (across <= 0.3 * length + 1e-6)
         return on
 
     def _follow(self, begin: Point, direction: Array) -> tuple[list[Array], End]:
-        """Return the nodes from a point on, and how they end."""
+        """Return the nodes from a point on, and the type of their end."""
         nodes, here, way, step = [begin.x], begin, direction, LONGEST / 4.0
         for _ in range(MOST_STEPS):
             if here.sigma <= BRANCHING * here.largest:
@@ -228,7 +230,7 @@ class SelfMotion:
             if wall is not None:
                 return [*nodes, wall], "limit"
             if len(nodes) > 2 and self._passes(here.x, there.x, begin.x):
-                # The last node is the first one, further by whole turns.
+                # The last node is the first one, shifted by whole turns.
                 return [*nodes, here.x + self.gap(begin.x, here.x)], "closed"
             nodes.append(there.x)
             way = there.tangent * (1.0 if there.tangent @ way > 0.0 else -1.0)
@@ -250,10 +252,10 @@ class SelfMotion:
         return None, step
 
     def _wall(self, here: Point, way: Array, there: Point) -> Array | None:
-        """Return where a limit is met between two points, or None.
+        """Return the point between two at which a limit is met, or None.
 
-        A joint can leave its range and come back within a step only where its rate changes its sign; the
-        farthest point of that is looked at.
+        A joint can leave its range and return within a step only if its rate changes its sign; the farthest
+        point of that motion is checked.
         """
         reach = float((there.x - here.x) @ way)
         if self.beyond(there.x).any():
@@ -274,7 +276,7 @@ class SelfMotion:
         return None
 
     def _last_within(self, here: Point, way: Array, reach: float) -> Array:
-        """Return the last point within the limits, of which a step so long leads beyond one."""
+        """Return the last point within the limits on a step that leads beyond one."""
         low, high, last = 0.0, reach, here.x
         while high - low > 1e-11:
             middle = 0.5 * (low + high)
@@ -286,7 +288,7 @@ class SelfMotion:
         return last
 
     def _passes(self, a: Array, b: Array, x: Array) -> bool:
-        """Whether the step from a to b passes a point of the set."""
+        """Return whether the step from a to b passes a point of the set."""
         way, from_a = b - a, self.gap(x, a)
         length = float(np.linalg.norm(way))
         along = float(from_a @ way) / length
@@ -295,7 +297,7 @@ class SelfMotion:
 
 
 def _inverse_right_jacobian(turn: Array) -> Array:
-    """Return L(φ) (..., 3, 3): the rates of an error's rotation vector φ are −L(φ) ω [Sola18]."""
+    """Return L(φ) (..., 3, 3): the rate of an error's rotation vector φ is −L(φ) ω [Sola18]."""
     angle, cross = np.linalg.norm(turn, axis=-1), skew(turn)
     half = np.maximum(0.5 * angle, SMALL_TURN)
     factor = np.where(

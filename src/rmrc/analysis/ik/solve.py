@@ -1,7 +1,7 @@
 """Inverse kinematics of any arm: joint positions that bring its site to a pose, or as near as they can.
 
-It is a search (`rmrc.law.descent`), from a start and from random but always equal others: what it
-finds is proven by forward kinematics, what it does not find may still exist.
+It is a search (`rmrc.law.descent`) from a start and from random but always equal others. Forward kinematics
+proves its results; other solutions may still exist.
 """
 
 from dataclasses import dataclass, replace
@@ -20,22 +20,23 @@ Method: TypeAlias = Literal["damped", "newton"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 TOLERANCE = 1e-9
-# The search aims a little lower than what is promised, so that MuJoCo's rounding, 1e-15, does not break it.
+# The search has a smaller tolerance than promised, so that MuJoCo's rounding, 1e-15, does not break the
+# promise.
 AIM = 0.99
-# A damped try has converged or is stuck after some 30 steps; Newton's method that has not after 50 is lost.
+# A damped try has converged or is stuck after some 30 steps; Newton's method is lost if not done after 50.
 STEPS: dict[Method, int] = {"damped": 300, "newton": 50}
-# Other starts. Of 20,000 random poses of the PUMA arm, one in a hundred needs more than 19, one in a thousand
-# more than 32, and one needed 133.
+# Number of other starts. Of 20,000 random poses of the PUMA arm, one in a hundred needs more than 19, one in
+# a thousand more than 32, and one needed 133.
 RESTARTS = 200
-# Random starts are not those of `Arm.sampled` by default, from which examples and tests take their goals.
+# The seed differs from the default of `Arm.sampled`, which gives examples and tests their goals.
 SEED = 6
-# A limit counts as reached from here on: what rounding leaves of it.
+# A limit counts as reached within this distance, for rounding.
 AT_LIMIT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Iterates:
-    """What a search went through; k steps were made, those not counted that would have made the error larger.
+    """The history of a search with k steps; steps that would increase the error are not included.
 
     Attributes:
         q: Joint positions, (k + 1, n).
@@ -55,21 +56,21 @@ class Iterates:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Joint positions that reach a goal, or the nearest that were found.
+    """Joint positions that reach a goal, or the nearest ones found.
 
     Attributes:
         found: Whether the error is within the tolerance and no limit is violated.
         method: "damped" or "newton".
         q: Joint positions, (n,).
         pose: Pose of the site there, by MuJoCo, (7,).
-        goal: What it was to be, (7,).
-        error: |e| = √(|Δp|²/L² + |Δφ|²) of the rows that count; the nearest are where this is least.
+        goal: Its target, (7,).
+        error: |e| = √(|Δp|²/L² + |Δφ|²) over the rows that count; the nearest positions minimize it.
         position_error: |Δp| [m].
         orientation_error: |Δφ| [rad].
         at_limit: −1 at the lower limit, 1 at the upper, 0 between them, (n,).
         beyond: Joints beyond a limit, (n,); only Newton's method leaves some.
-        steps: Steps that led here from the start that succeeded.
-        tries: Starts that were tried, up to this one; all, if none succeeded.
+        steps: Number of steps from the successful start.
+        tries: Number of starts up to this one; all, if none succeeded.
         iterates: Those steps.
     """
 
@@ -97,7 +98,7 @@ class Solutions:
         error: |e| there, as in `Solution`, (N,).
         found: Whether it is within the tolerance, (N,).
         steps: Steps of all tries together, (N,).
-        tries: Starts that were tried, (N,).
+        tries: Number of starts, (N,).
     """
 
     q: Array
@@ -108,14 +109,14 @@ class Solutions:
 
 
 def goal_pose(task: Task, values: ArrayLike, quat: ArrayLike | None = None) -> Array:
-    """Return the pose (7,) that values for the rows of a task, in their order, mean.
+    """Return the pose (7,) for values of the rows of a task, in their order.
 
     rx, ry, rz are the rotation vector of the orientation if all three count. If only some do, they turn the
     site from its orientation with all joints at 0, which for parallel axes is the sum of the joint angles:
 
         R_ref = exp([rx, ry, rz]),   or   exp([rx, ry, rz]) R(0)
 
-    What does not count is left at 0.
+    Rows that do not count stay 0.
 
     Args:
         task: The arm and the rows that count.
@@ -162,23 +163,24 @@ def solve_ik(
 ) -> Solution:  # fmt: skip
     """Find joint positions that bring the site to a goal.
 
-    damped: z = Σ_i σ_i/(σ_i² + λ²) v_i u_iᵀ e, with λ² in proportion to |e|² and limits as an active set
+    damped: z = Σ_i σ_i/(σ_i² + λ²) v_i u_iᵀ e, with λ² proportional to |e|² and limits as an active set
     [Levenberg44], [Chan88], [Sugihara11], [Fan03]; from other starts if it does not succeed.
-    newton: q⁺ = q + S_q A⁺ e, as the notes' Newton-Raphson [Selig92, §6.3], from one start; limits are not
-    looked at until it ends. They are `descend` and `newton` of `rmrc.law.descent`.
+    newton: q⁺ = q + S_q A⁺ e, the Newton-Raphson method of the notes [Selig92, §6.3], from one start; limits
+        are
+    ignored until it ends. They are `descend` and `newton` of `rmrc.law.descent`.
 
     Args:
         task: The arm and the rows that count, and the length L that weighs rotation against position.
         goal: Pose of the site, [p, quat w x y z], (7,); see `goal_pose`.
-        start: Joint positions, (n,); None for `home`. The damped method begins at the nearest within limits.
+        start: Joint positions, (n,); None: `home`. The damped method begins at the nearest within limits.
         method: "damped" or "newton".
-        limits: Whether the model's position limits are kept to.
+        limits: Whether to keep the model's position limits.
         tolerance: Tolerance of |e|: orientation in rad, position over L.
         restarts: Other starts to try.
 
     Returns:
         Joint positions, hinges at most half a turn from the start where limits allow. A goal that is not
-        reached is no error: `found` is False then, and q is where |e| is least.
+        reached is no error: then `found` is False, and q is where |e| is smallest.
 
     Raises:
         QuestionError: Goal or start do not fit the arm or are not finite.
@@ -201,7 +203,7 @@ def solve_ik(
     first, more = np.clip(begin, *bound.T), random_starts(task, 0 if undamped else restarts, limits)
     _, _, tally = search(task, bound, undamped, AIM * tolerance, most, goals, first, more)
     winner = int(tally[0, 2])
-    # Once more from where it succeeded, now with all iterates.
+    # Once more from the successful start, now with all iterates.
     if winner > 0:
         first = more[winner - 1 : winner]
     trace = np.full((most + 1, arm.n + 2), np.nan)
@@ -226,14 +228,14 @@ def solve_many(
     Args:
         task: The arm and the rows that count.
         goals: Poses of the site, (N, 7).
-        starts: Joint positions to begin at, (n,) or one for each goal, (N, n); None for `home`.
-        limits: Whether the model's position limits are kept to.
+        starts: Joint positions to begin at, (n,) or one for each goal, (N, n); None: `home`.
+        limits: Whether to keep the model's position limits.
         tolerance: Tolerance of |e|: orientation in rad, position over L.
         restarts: Other starts to try for a goal.
-        threads: None for one on each core; the result does not depend on it.
+        threads: None: one per core; the result does not depend on it.
 
     Returns:
-        What was found for each, as `solve_ik` finds it; |e| is the search's own.
+        The result for each, as in `solve_ik`; |e| is the search's own.
 
     Raises:
         QuestionError: Goals or starts do not fit the arm or are not finite.
@@ -262,8 +264,8 @@ def solve_many(
 def random_starts(task: Task, count: int, limits: bool) -> Array:
     """Return joint positions to begin at, (count, n), the same at every call.
 
-    Without limits a hinge is taken anywhere on its circle, and a slide as far to either side of 0 as its
-    farther limit is.
+    Without limits the range of a hinge is its circle, and a slide goes as far to either side of 0 as its
+    farther limit.
     """
     starts = task.arm.sampled(count, SEED)
     if limits:
@@ -274,11 +276,11 @@ def random_starts(task: Task, count: int, limits: bool) -> Array:
 
 
 def judge(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> Solution:
-    """Return joint positions as MuJoCo's own kinematics judge them, without what the search can tell.
+    """Return joint positions judged by MuJoCo's own kinematics, without the history of the search.
 
     Args:
         task: The arm and the rows that count.
-        limit: Position limits that are kept to, (n, 2); see `kept_limit`.
+        limit: Position limits to keep, (n, 2); see `kept_limit`.
         q: Joint positions, (n,).
         goal: Pose of the site, (7,).
         tolerance: Tolerance of |e|: orientation in rad, position over L.
@@ -299,14 +301,14 @@ def judge(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> 
 
 
 def linearized(task: Task, solution: Solution) -> tuple[Array, Array]:
-    """Return what Newton's method solves at each iterate: J(q) h = f(q), q⁺ = q − h [Selig92, §6.3].
+    """Return the equations of Newton's method at each iterate: J(q) h = f(q), q⁺ = q − h [Selig92, §6.3].
 
     Args:
         task: The arm and the rows that count, m of them.
-        solution: What was found, after k steps.
+        solution: The solution, after k steps.
 
     Returns:
-        f, what the site has beyond the goal, (k + 1, m) [m, rad], and J, (k + 1, m, n).
+        f, the site's excess over the goal, (k + 1, m) [m, rad], and J, (k + 1, m, n).
     """
     q = solution.iterates.q
     poses = np.array([task.arm.pose(one) for one in q])
@@ -315,12 +317,12 @@ def linearized(task: Task, solution: Solution) -> tuple[Array, Array]:
 
 
 def kept_limit(arm: Arm, limits: bool) -> Array:
-    """Return the position limits that are kept to, (n, 2)."""
+    """Return the position limits to keep, (n, 2)."""
     return arm.position_limit if limits else np.tile([-np.inf, np.inf], (arm.n, 1))
 
 
 def checked_goals(goals: ArrayLike, count: int | None = None) -> Array:
-    """Return goals as (N, 7), their quaternions of length 1 and with w >= 0, as those of a site are."""
+    """Return goals as (N, 7), their quaternions normalized and with w >= 0, like those of a site."""
     poses = np.array(goals, np.float64)
     poses = poses[None] if poses.ndim == 1 and count == 1 else poses
     if poses.ndim != 2 or poses.shape[1] != 7 or (count is not None and len(poses) != count):

@@ -1,1 +1,1 @@
-"""What an arm is at one configuration: its Jacobian, the directions it has lost, and what they cost."""
+"""An arm at one configuration: its Jacobian, the directions that it has lost, and their effect."""

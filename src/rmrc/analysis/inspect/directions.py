@@ -1,4 +1,4 @@
-"""What a Jacobian cannot do, or hardly: task directions that are lost, and joint motions that stand still."""
+"""Lost and nearly lost task directions of a Jacobian, and joint motions that do not move the task."""
 
 from dataclasses import dataclass
 
@@ -8,9 +8,9 @@ from rmrc.analysis.inspect import words as in_words
 from rmrc.law.law import SINGULAR_BELOW
 from rmrc.law.task import RANK_TOLERANCE, Array, Task
 
-# A singular value of this share of the largest is rounding: the direction is lost, not nearly so.
+# A singular value of this share of the largest is rounding: the direction is lost, not nearly lost.
 LOST = RANK_TOLERANCE
-# A direction whose singular value is this share of the largest is nearly lost: what the law calls SINGULAR.
+# A direction whose singular value is this share of the largest is nearly lost: the law's SINGULAR.
 SLOW = SINGULAR_BELOW
 # Squares of cosines that differ by less are the same to rounding.
 SAME = 1e-9
@@ -23,7 +23,7 @@ class Lost:
     Attributes:
         twist: S_x⁻¹ u, [v; ω] along world axes, 0 in the rows that do not count, (6,) [m, rad].
         wrench: S_x u, the wrench with Jᵀ F = 0, likewise, (6,) [N, N·m].
-        words: What the arm cannot do.
+        words: The impossible motion.
     """
 
     twist: Array
@@ -37,9 +37,9 @@ class Slow:
 
     Attributes:
         sigma: Singular value of A.
-        twist: What the joint motion gives of the task, S_x⁻¹ σ u, along world axes, (6,) [m, rad].
+        twist: Motion of the task by the joint motion, S_x⁻¹ σ u, along world axes, (6,) [m, rad].
         motion: Joint motion S_q v, of norm 1 with slides in units of L, (n,) [rad or m].
-        words: What the arm does only slowly, and with which joints.
+        words: The slow motion, and its joints.
     """
 
     sigma: float
@@ -54,8 +54,8 @@ class Motion:
 
     Attributes:
         motion: S_q v, of norm 1 with slides in units of L, (n,) [rad or m].
-        twist: What the site does besides, [v; ω] along world axes, (6,) [m, rad].
-        words: Which joints, and what else moves.
+        twist: Other motion of the site, [v; ω] along world axes, (6,) [m, rad].
+        words: Its joints, and the other motion.
     """
 
     motion: Array
@@ -64,29 +64,29 @@ class Motion:
 
 
 def rank_of(sigma: Array) -> int:
-    """Return the number of singular values that are not rounding beside the largest."""
+    """Return the number of singular values above rounding relative to the largest."""
     return int(np.count_nonzero(sigma > LOST * sigma[0])) if sigma[0] > 0.0 else 0
 
 
 def examine(
     task: Task, J: Array, pose: Array, R_world_frame: Array, frame: str
 ) -> tuple[Array, tuple[Lost, ...], tuple[Slow, ...], tuple[Motion, ...]]:
-    """Return the singular values, what is lost, what is nearly so, and the motions that do not move the task.
+    """Return the singular values, lost and nearly lost directions, and motions that do not move the task.
 
     All come from one decomposition: LAPACK's values with and without vectors differ by rounding.
 
-    Where several directions are lost, or several motions stand still, those are returned that have the fewest
-    rows, or move the fewest joints.
+    Where several directions are lost, or several motions do not move the task, the ones with the fewest rows
+    or joints are returned.
 
     Args:
         task: The rows that count.
         J: Rows [v; ω] of the site along world axes, (6, n).
         pose: Pose of the site, (7,).
-        R_world_frame: Of the frame along whose axes the words are, (3, 3).
+        R_world_frame: Rotation of the frame of the words, (3, 3).
         frame: Its name.
 
     Returns:
-        Singular values of A, falling, (k,), and the three.
+        Singular values of A, descending, (k,), and the three lists.
     """
     arm = task.arm
     named = f"{in_words.listed(task.axes)} of the site"
@@ -125,10 +125,10 @@ def examine(
 
 
 def _simple(basis: Array) -> list[Array]:
-    """Return unit vectors that span the same space as a basis and have as many zeros as can be.
+    """Return unit vectors that span the same space as a basis, with as many zeros as possible.
 
-    Some coordinates are chosen, as many as vectors: one after another, that whose axis is nearest to what is
-    left of the space. Each vector has one of them, and the coordinates that nobody chose.
+    As many coordinates are chosen as there are vectors: in turn, the one whose axis is nearest to the rest of
+    the space. Each vector has one of them, and the coordinates that were not chosen.
     """
     left, chosen = basis @ basis.T, []
     for _ in range(basis.shape[1]):

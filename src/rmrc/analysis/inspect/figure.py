@@ -1,4 +1,4 @@
-"""An arm as a stick figure, with the ellipses of what its tip can do: velocities and forces."""
+"""An arm as a stick figure, with the velocity and force ellipses of its tip."""
 
 from collections.abc import Sequence
 from itertools import accumulate
@@ -18,10 +18,10 @@ from rmrc.show.sheets import number
 from rmrc.textbook.ellipsoid import Ellipsoid, ellipsoid_points, force_ellipsoid, velocity_ellipsoid
 from rmrc.textbook.reference_frame import rotate_jacobian
 
-# Shares of the arm's length: the longest velocity is drawn as the first, a force as the second, and what is
-# longer than the third is cut off there.
+# Shares of the arm's length: the length of the longest velocity, and of the longest force; forces longer than
+# the third are cut off there.
 VELOCITY_SHARE, FORCE_SHARE, CUT_SHARE = 0.25, 0.15, 0.4
-# An axis is that of the world to what eight digits in a file leave.
+# An axis equals the world's up to the rounding of eight digits in a file.
 PARALLEL = 1e-7
 # Lighter gray for the later configurations, still dark enough on white paper.
 LIGHTEST = 0.55
@@ -31,9 +31,9 @@ MARKS = {"hinge": "o", "slide": "s", "screw": "D"}
 def draw_arm(found: Sequence[Inspection], path: Path) -> None:
     """Draw one arm at one configuration or several, with its velocity and force ellipses.
 
-    A planar arm is drawn in the plane in which it moves, any other in the planes x-y and x-z. The velocity
-    ellipse is the shadow of the ellipsoid, for joint rates of norm 1; in the force ellipse are the forces in
-    the plane that joint torques of norm 1 hold.
+    A planar arm is drawn in its plane of motion, any other in the planes x-y and x-z. The velocity ellipse is
+    the projection of the ellipsoid for joint rates of norm 1; the force ellipse holds the forces in the plane
+    that joint torques of norm 1 balance.
 
     Args:
         found: Inspections of one arm, one or more.
@@ -44,7 +44,7 @@ def draw_arm(found: Sequence[Inspection], path: Path) -> None:
 
 
 def figure(found: Sequence[Inspection]) -> Figure:
-    """Return the picture that `draw_arm` writes."""
+    """Return the figure for `draw_arm`."""
     planes = moving_planes(found[0].arm)
     sticks = [skeleton(one) for one in found]
     length = max(float(np.linalg.norm(np.diff(stick, axis=0), axis=1).sum()) for stick in sticks)
@@ -76,7 +76,7 @@ def figure(found: Sequence[Inspection]) -> Figure:
 
 
 def moving_planes(arm: Arm) -> list[list[int]]:
-    """Return the planes to draw, two of the world's axes each: that of a planar arm, else x-y and x-z."""
+    """Return the planes to draw, two world axes each: that of a planar arm, else x-y and x-z."""
     slides, axis = np.isinf(arm.chain.pitch), np.abs(arm.chain.axis)
     for normal in range(3):
         across = np.all(axis[slides, normal] < PARALLEL)
@@ -91,7 +91,7 @@ def moving_planes(arm: Arm) -> list[list[int]]:
 
 
 def skeleton(found: Inspection) -> Array:
-    """Return what a stick figure joins: base, a point on each axis, site, (ℓ + 2, 3) [m]."""
+    """Return the points of a stick figure: base, a point on each axis, site, (ℓ + 2, 3) [m]."""
     arm = found.arm
     poses, _ = arm.frames(arm.configuration(found.q)[None])
     frames = accumulate(link_transforms(arm, found.q)[0], np.matmul)
@@ -107,7 +107,7 @@ def ellipses(found: Inspection, plane: Sequence[int]) -> tuple[Ellipsoid, Ellips
 def _scales(
     found: Sequence[Inspection], planes: Sequence[Sequence[int]], length: float
 ) -> tuple[float, float]:
-    """Return how long 1 m/s and 1 N are drawn [m]; 0 where there is nothing to draw."""
+    """Return the drawn lengths of 1 m/s and 1 N [m]; 0 if there is nothing to draw."""
     both = [ellipses(one, plane) for one in found for plane in planes]
     fastest = max(velocity.half_axes.max() for velocity, _ in both)
     forces = np.concatenate([force.half_axes[np.isfinite(force.half_axes)] for _, force in both])
@@ -151,7 +151,7 @@ def _draw(
 
 
 def _legend(found: Sequence[Inspection], scales: tuple[float, float], cut: float) -> list[Line2D]:
-    """Return what the marks mean, the scales of the ellipses, and which number is which configuration."""
+    """Return the legend: the marks, the scales of the ellipses, and the numbers of the configurations."""
     arm = found[0].arm
     kinds = set(arm.chain.kinds)
     marks = [("base", "^", "black")]

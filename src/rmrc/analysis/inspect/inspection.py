@@ -1,4 +1,4 @@
-"""An arm at one configuration: pose, Jacobian, what is lost or nearly so, ellipsoids, errors, reactions."""
+"""An arm at one configuration: pose, Jacobian, lost directions, ellipsoids, errors, reactions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,24 +27,24 @@ from rmrc.textbook.singularity import rank_by_minors
 
 WRENCH = ("fx", "fy", "fz", "nx", "ny", "nz")
 
-# A joint is said to be near its limit within this share of its range: some 10 degrees of most joints.
+# A joint counts as near its limit within this share of its range: some 10 degrees for most joints.
 NEAR_LIMIT = 0.05
-# A limit in degrees, rounded to radians in a file of eight digits, is not yet passed.
+# A limit in degrees, rounded to radians in a file of eight digits, is not exceeded by less than this.
 AT_LIMIT = 1e-6
-# More minors than these are not computed. 6 rows and 20 joints have 230 229, which take a tenth of a second.
+# The largest number of minors to compute. 6 rows and 20 joints have 230 229, which take a tenth of a second.
 MOST_MINORS = 250_000
 
 
 @dataclass(frozen=True, eq=False)
 class Ellipsoids:
-    """Velocities that unit joint rates give, and forces that unit joint torques hold, in one kind of rows.
+    """Velocities for unit joint rates, and forces for unit joint torques, in one kind of rows.
 
     Slides count per L meters, the characteristic length, and their forces times L.
 
     Attributes:
         rows: Names of the rows: of x y z, or of rx ry rz.
-        velocity: Half axes falling [m/s or rad/s].
-        force: Along the same axes, half axes rising [N or N·m]; infinite along what is lost.
+        velocity: Half axes, descending [m/s or rad/s].
+        force: Along the same axes, half axes ascending [N or N·m]; infinite along lost directions.
     """
 
     rows: tuple[str, ...]
@@ -54,14 +54,14 @@ class Ellipsoids:
 
 @dataclass(frozen=True, eq=False)
 class TipError:
-    """What errors of the joints do to the site, to first order.
+    """The effect of joint errors on the site, to first order.
 
     Attributes:
         joints: Error of each joint, δθ, (n,) [rad or m].
         displacement: J δθ, rows x y z rx ry rz, (6,) [m, rad]: these errors, with their signs.
         covariance: J Σ Jᵀ for independent random errors with standard deviations |δθ|, (6, 6)
             [m², m rad, rad²].
-        worst_translation: Standard deviation times direction in which it is largest, (3,) [m].
+        worst_translation: Largest standard deviation, times its direction, (3,) [m].
         worst_rotation: Likewise, (3,) [rad].
     """
 
@@ -83,32 +83,32 @@ class Inspection:
     """An arm at one configuration. Vectors are along world axes except `jacobian`.
 
     Attributes:
-        arm: The arm, and which of its sites.
+        arm: The arm, with its site.
         q: Joint positions, (n,) [rad or m].
         pose: Pose of the site in the world, [p, quat w x y z], (7,).
         angles: Its orientation as Z-Y-Z angles, (3,) [rad].
-        frame: `world`, `site` or `base`: what `jacobian` and the words are along.
+        frame: `world`, `site` or `base`: the axes of `jacobian` and of the words.
         R_world_frame: Its rotation, (3, 3).
         jacobian: J of the site's origin, rows [v; ω] along the axes of the frame, (6, n).
         disagreement: Largest entry of the difference from MuJoCo's J, by route of `routes.ROUTES` [m or 1].
         task: The rows that count.
-        why: These rows and no others, in words.
+        why: The reason for these rows, in words.
         determinant: Determinant of these rows of J along the axes of the task; None if they are not square.
-        factors: Its factors, one for each family of singularities; none where no structure is known.
-        sigma: Singular values of A = S_x J S_q, falling, (k,).
+        factors: Its factors, one for each family of singularities; none if no structure is known.
+        sigma: Singular values of A = S_x J S_q, descending, (k,).
         rank: Rank of A, by its singular values.
-        rank_by_minors: By its determinants; None where they are too many.
+        rank_by_minors: By its determinants; None if they are too many.
         lost: Task directions that cannot move.
-        slow: Task directions that nearly cannot: κ of them is at least the 100 that the law calls SINGULAR.
+        slow: Task directions that nearly cannot: their κ is at least 100, the law's SINGULAR.
         standing: Joint motions that do not move the task: of a redundant arm, or at a singularity.
         ellipsoids: Ellipsoids of the translations of the task, and of its rotations, along its axes.
         E: Ω = E Θ̇ for the Z-Y-Z angles, (3, 3).
         analytic_jacobian: Rows [ṗ; α̇; β̇; γ̇], (6, n); None where the angles are singular.
-        angles_in_words: Whether the angles are singular here, and what they cannot do.
+        angles_in_words: Whether the angles are singular here, and which motion they cannot describe.
         tip_error: None if no joint errors were given.
-        balance: What holds it against the wrench, without gravity; None if no wrench was given.
-        mechanism: What the actuators make of the site where loops close the arm; None if none do.
-        warnings: What is wrong with the question, but can be answered.
+        balance: The torques that balance the wrench, without gravity; None if no wrench was given.
+        mechanism: The motion of the site by the actuators where loops close the arm; None without loops.
+        warnings: Problems of the question that do not prevent an answer.
     """
 
     arm: Arm
@@ -150,7 +150,7 @@ class Inspection:
 
     @property
     def room(self) -> Array:
-        """Way of each joint to the nearer of its limits, (n,) [rad or m]; negative beyond it."""
+        """Distance of each joint from the nearer of its limits, (n,) [rad or m]; negative beyond it."""
         lower, upper = self.arm.position_limit.T
         return np.asarray(np.minimum(self.q - lower, upper - self.q))
 
@@ -170,30 +170,30 @@ def inspect(
     joint_error: ArrayLike | None = None,
     wrench: ArrayLike | None = None,
 ) -> Inspection:
-    """Return what an arm is and can do at one configuration; the function behind `rmrc inspect`.
+    """Return the kinematics of an arm at one configuration; the function behind `rmrc inspect`.
 
     Args:
         model: An arm, an MJCF file, or a scenario.
-        q: Joint positions, (n,) [rad or m]; outside of limits is a warning. None for the keyframe.
-        keyframe: Joint positions by name; None for the start of a scenario, else `home`.
-        site: The point in question; None for that of the arm or scenario, else that of the hand: see
+        q: Joint positions, (n,) [rad or m]; a warning reports those outside limits. None: the keyframe.
+        keyframe: Joint positions by name; None: the start of a scenario, or else `home`.
+        site: The site in question; None: that of the arm or scenario, or else of the hand: see
             `rmrc.arm.frames`.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
-        axes: Rows that count, of x y z rx ry rz; None for those of a scenario, else those that the arm can
-            move independently, see `rmrc.law.task.choose`.
-        task_frame: Along whose axes the rows are: `world`, `base` or `site`; None for that of a scenario
-            whose axes they are, else `world`.
-        length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
-            scenario, else 1.
-        frame: Along whose axes J and the words are: `world`, `site` or `base`, the body that carries the arm;
-            None for those of the rows.
+        axes: Rows that count, of x y z rx ry rz; None: those of a scenario, or else those that the arm
+            can move independently, see `rmrc.law.task.choose`.
+        task_frame: Frame of the rows: `world`, `base` or `site`; None: that of the scenario whose rows
+            they are, or else `world`.
+        length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
+            scenario, or else 1.
+        frame: Frame of J and of the words: `world`, `site` or `base`, the body that carries the arm;
+            None: that of the rows.
         joint_error: Error of each joint, whose magnitude is taken as a standard deviation as well, (n,)
             [rad or m].
         wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
 
     Raises:
-        ModelError: The file, the site or the keyframe is missing or will not do.
+        ModelError: The file, the site or the keyframe is missing or unusable.
         QuestionError: Any of the others does not fit the arm.
 
     Example:
@@ -248,7 +248,7 @@ def _frame_rotation(arm: Arm, q: Array, pose: Array, frame: str) -> Array:
 
 
 def _why(task: Task, asked: bool) -> str:
-    """Return why these rows count."""
+    """Return the reason for these rows."""
     if asked:
         return "as requested"
     if len(task.rows) == 6:
@@ -276,7 +276,7 @@ def _ellipsoids(task: Task, J: Array) -> tuple[Ellipsoids, ...]:
 
 
 def _angles_in_words(angles: Array) -> str:
-    """Return whether Z-Y-Z angles are singular at an orientation, and what their rates cannot do there."""
+    """Return whether Z-Y-Z angles are singular at an orientation, and which motion they cannot describe."""
     u, sigma, _ = np.linalg.svd(zyz_rate_matrix(angles))
     hard = direction(u[:, -1] * np.sign(u[np.argmax(np.abs(u[:, -1])), -1]))
     if zyz_is_singular(angles):

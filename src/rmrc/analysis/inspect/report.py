@@ -1,4 +1,4 @@
-"""What an inspection found, as tables, as JSON and as a picture."""
+"""The result of an inspection, as tables, as JSON and as a picture."""
 
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.support.spatial import AXES
 
-# Loops that are open by more are not closed [m].
+# Loops that are open by more than this are not closed [m].
 OPEN = 1e-6
 
 ROUTE_NAMES = {
@@ -54,7 +54,7 @@ KEYS = {
 
 
 def report(*found: Inspection) -> Report:
-    """Return what there is to show of an arm at one configuration or at several.
+    """Return the report of an arm at one configuration or at several.
 
     Args:
         *found: Inspections of one arm; the JSON of several is a list.
@@ -355,7 +355,7 @@ def _mechanism(found: Mechanism) -> Sheet:
 
 
 def _clean(value: float) -> float:
-    """Return 0 for what is rounding beside lengths of meters and forces of newtons."""
+    """Return 0 for a value that is rounding beside lengths of meters and forces of newtons."""
     return 0.0 if abs(value) < 1e-12 else float(value)
 
 

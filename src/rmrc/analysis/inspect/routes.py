@@ -1,8 +1,8 @@
 """The Jacobian of an arm by four routes, so that each checks the others.
 
-MuJoCo's own comes from the bodies as they stand at q. Screws and propagation know the axes at q = 0 only: the
-one moves screws by a product of exponentials, the other carries velocities along frames from link to link.
-Differences know nothing but poses.
+MuJoCo's own comes from the poses of the bodies at q. Screws and propagation only know the axes at q = 0: one
+moves screws by a product of exponentials, the other propagates velocities along frames from link to link.
+Differences use only poses.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 ROUTES = ("mujoco", "screws", "propagation", "differences")
 
 # Truncation, step²/6 times a third derivative, and rounding over the step are both about 1e-11 for an arm of
-# meters: less than the 1e-8 by which a wrong Jacobian would be taken for a right one.
+# meters: below 1e-8, the tolerance for a correct Jacobian.
 DIFFERENCE_STEP = 1e-5
 
 

@@ -1,4 +1,4 @@
-"""Directions and joint motions in words: what an arm cannot do, and which joints are to blame."""
+"""Directions and joint motions in words: the impossible motions of an arm, and the joints responsible."""
 
 from collections.abc import Sequence
 
@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# A direction is said with two decimals: what rounds to 0.00 of it is not said.
+# A direction is written with two decimals; components that round to 0.00 are left out.
 SAID = 0.005
-# Joints that move less than this share of the one that moves most are left out, and the motion said to be
+# Joints that move less than this share of the one that moves most are left out, and the motion is called
 # mainly that of the others.
 MAIN_SHARE = 0.1
-# Of a joint motion of norm 1: what moves less than this stands still, except rounding.
+# In a joint motion of norm 1, smaller components are rounding.
 STANDS_STILL = 1e-9
 
 
@@ -33,7 +33,7 @@ def direction(vector: Array) -> str:
 
 
 def listed(words: Sequence[str]) -> str:
-    """Return words as a sentence has them.
+    """Return words as in a sentence.
 
     >>> listed(["x"]), listed(["x", "y", "rz"])
     ('x', 'x, y and rz')
@@ -42,7 +42,7 @@ def listed(words: Sequence[str]) -> str:
 
 
 def amount(value: float) -> str:
-    """Return two digits, so that a sentence stays one.
+    """Return two digits, to keep sentences short.
 
     >>> amount(0.01234), amount(-57.29), amount(1.0)
     ('0.012', '-57', '1')
@@ -51,13 +51,13 @@ def amount(value: float) -> str:
 
 
 def lost(twist: Array, wrench: Array) -> str:
-    """Return what an arm cannot do at a singularity, and which wrench costs it nothing there.
+    """Return the impossible motion of an arm at a singularity, and the wrench that costs it nothing there.
 
-    Every motion has f·v + n·ω = 0. So where both f and n count, it cannot turn about n while v = 0, nor move
+    Every motion has f·v + n·ω = 0. Where both f and n count, it cannot turn about n while v = 0, nor move
     along f while ω = 0.
 
     Args:
-        twist: The motion that is lost, [v; ω] (6,) [m, rad].
+        twist: The lost motion, [v; ω] (6,) [m, rad].
         wrench: The wrench with Jᵀ F = 0, likewise, (6,) [N, N·m].
 
     >>> lost(np.eye(6)[0], np.eye(6)[0])
@@ -80,10 +80,10 @@ def lost(twist: Array, wrench: Array) -> str:
 
 
 def nearly_lost(twist: Array, motion: Array, joints: Sequence[str], units: Sequence[str]) -> str:
-    """Return what an arm does only slowly, with the joint motion for it.
+    """Return the slow motion of an arm, with the joint motion for it.
 
     Args:
-        twist: What the joint motion does, [v; ω] (6,) [m, rad].
+        twist: The effect of the joint motion, [v; ω] (6,) [m, rad].
         motion: Motion of the joints, of norm 1, (n,) [rad or m].
         joints: Their names.
         units: `rad` or `m` of each.
@@ -109,12 +109,12 @@ def nearly_lost(twist: Array, motion: Array, joints: Sequence[str], units: Seque
 def standing_still(
     motion: Array, twist: Array, task: str, joints: Sequence[str], units: Sequence[str]
 ) -> str:
-    """Return a joint motion that does not move the task, and what it does besides.
+    """Return a joint motion that does not move the task, and its other effect.
 
     Args:
         motion: Motion of the joints, (n,) [rad or m].
         twist: Twist of the site, 0 in the rows of the task, (6,) [m, rad].
-        task: What of the site does not move, in words.
+        task: The resting rows of the site, in words.
         joints: Names of the joints.
         units: `rad` or `m` of each.
     """
@@ -144,19 +144,19 @@ def standing_still(
 
 
 def _parts(twist: Array) -> tuple[bool, bool]:
-    """Return whether a twist moves, and whether it turns, by more than is said."""
+    """Return whether a twist translates, and whether it rotates, by more than the threshold of words."""
     moves, turns = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
     said = SAID * np.hypot(moves, turns)
     return bool(moves > said), bool(turns > said)
 
 
 def main_joints(motion: Array) -> list[int]:
-    """Return the joints that a motion is mainly made of."""
+    """Return the joints that contribute most to a motion."""
     return [int(i) for i in np.flatnonzero(np.abs(motion) >= MAIN_SHARE * np.abs(motion).max())]
 
 
 def _mainly(motion: Array) -> str:
-    """Return `mainly ` if joints that are left out do move."""
+    """Return `mainly ` if joints that are left out move."""
     rest = np.delete(motion, main_joints(motion))
     return "mainly " if np.abs(rest).max(initial=0.0) >= STANDS_STILL else ""
 
@@ -168,7 +168,7 @@ def _proportion(motion: Array, main: Sequence[int], units: Sequence[str]) -> str
 
 
 def _line(vector: Array) -> str:
-    """Return a direction of which both ways are meant: its first large component is positive."""
+    """Return a direction regardless of its sign: its first large component is positive."""
     size = np.abs(vector)
     first = np.argmax(size >= size.max() * (1.0 - SAID))
     return direction(vector * np.sign(vector[first]))

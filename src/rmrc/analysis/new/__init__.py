@@ -1,1 +1,1 @@
-"""A first scenario for an arm that has none: every number scaled to the arm, and why it is that number."""
+"""A first scenario for an arm: every number scaled to the arm, with its reason."""

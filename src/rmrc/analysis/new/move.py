@@ -1,4 +1,4 @@
-"""A move through the nearest singularity and back, or towards it and back where the workspace ends there."""
+"""A motion through the nearest singularity and back, or towards it and back if the workspace ends there."""
 
 import math
 from collections.abc import Iterator
@@ -11,28 +11,28 @@ from rmrc.analysis.new.scaling import CLEAR, PATH_SHARE, Scales, tidy
 from rmrc.law.task import Array
 from rmrc.support.spatial import exp_rotation, log_rotation, quat_conjugate, quat_multiply
 
-# How far behind the singularity a move through it turns back, as a share of the way there.
+# How far behind the singularity a motion through it turns back, as a share of the distance to it.
 BEYOND = 0.5
-# How far beside it the move passes [rad, or of L]: an exact crossing asks nothing of the direction that is
-# lost, and hides the problem.
+# Distance at which the motion passes it [rad, or of L]: an exact crossing asks nothing of the lost direction,
+# and hides the problem.
 BESIDE = 0.02
-# Shares of the way from the singularity to the start at which a move begins, the next where one will not do.
+# Shares of the way from the singularity to the start at which a motion begins; the next if one fails.
 NEARER = (1.0, 0.5, 0.25)
-# A move without a singularity goes so far [of L, or rad].
+# Length of a motion without a singularity [of L, or rad].
 SHORT = 0.2
-# What is less of L, or of a radian, is rounding.
+# Smaller values relative to L, or in radians, are rounding.
 NOTHING = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
 class Move:
-    """Where a scenario starts, where it turns back, and how fast.
+    """The start, turning point and speed of a scenario's motion.
 
     Attributes:
         start: Joint positions, (n,).
         is_home: Whether they are those of `home`.
-        how: `through`, `towards`, or `aside` where no singularity takes part.
-        by: Way of the site on the way out, (3,) [m].
+        how: `through`, `towards`, or `aside` without a singularity.
+        by: Displacement of the site on the way out, (3,) [m].
         turn: Rotation vector on the way out, (3,) [rad].
         epsilon: σ_min below which the law damps.
         speed: Norm of the scaled twist S_x [v; ω] [rad/s].
@@ -54,7 +54,7 @@ class Move:
 
 
 def begin(scales: Scales) -> tuple[Array, bool]:
-    """Return where a scenario starts, and whether that is `home`: else the nearest that is clear."""
+    """Return the start of a scenario, and whether it is `home`; otherwise the nearest clear configuration."""
     arm = scales.task.arm
     home = arm.configuration("home")[arm.wiring.qpos]
     lower, upper = arm.position_limit.T
@@ -68,7 +68,7 @@ def begin(scales: Scales) -> tuple[Array, bool]:
 
 
 def moves(scales: Scales) -> Iterator[Move]:
-    """Yield moves, the one that shows most first."""
+    """Yield motions, the most instructive first."""
     start, is_home = begin(scales)
     nearest = nearest_singularity(scales, start)
     for share in NEARER:
@@ -84,7 +84,7 @@ def moves(scales: Scales) -> Iterator[Move]:
 
 
 def _move(scales: Scales, nearest: Nearest, start: Array, is_home: bool, how: str, end: Array) -> Move:
-    """Return a move from a start to where the arm is at other joint positions."""
+    """Return a motion from a start to the pose at other joint positions."""
     arm = scales.task.arm
     first, last = arm.pose(start), arm.pose(end)
     beside = BESIDE * nearest.twist if how == "through" else np.zeros(6)
@@ -102,7 +102,7 @@ def _move(scales: Scales, nearest: Nearest, start: Array, is_home: bool, how: st
 
 
 def _aside(scales: Scales, nearest: Nearest, start: Array, is_home: bool, sign: float) -> Move:
-    """Return a short move in the direction in which the arm moves best at the start."""
+    """Return a short motion in the direction in which the arm moves best at the start."""
     task = scales.task
     best = np.zeros(6)
     best[task.rows] = np.linalg.svd(task.matrix(task.arm.jacobian(start)))[0][:, 0] / task.row_scale
@@ -115,7 +115,7 @@ def _timed(
 ) -> Move:
     rows, length = set(scales.task.rows.tolist()), scales.task.length
     by = np.array([tidy(x, 4) if i in rows and abs(x) > NOTHING * length else 0.0 for i, x in enumerate(by)])
-    # a single row of rotation is turned about alone; two of them do not commute, and take all three
+    # a single rotational row is turned about alone; two of them do not commute, and use all three
     turning = rows & {3, 4, 5}
     wanted = [len(turning) > 1 or i + 3 in turning for i in range(3)]
     turn = np.array(

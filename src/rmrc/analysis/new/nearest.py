@@ -1,4 +1,4 @@
-"""The singular configuration nearest to another one that a descent of σ_min finds within the limits."""
+"""The singular configuration nearest to a given one, by descents of σ_min within the limits."""
 
 from dataclasses import dataclass
 
@@ -8,13 +8,13 @@ from rmrc.analysis.new.scaling import Scales
 from rmrc.analysis.survey import survey
 from rmrc.law.task import Array, Task
 
-# Steps of a descent, each at most this long [rad]; farther the slope of σ_min means little.
+# Steps of a descent, each at most this long [rad]: over longer ones the slope of σ_min is not constant.
 STEPS, LONGEST = 60, 0.2
 # A configuration is singular if σ_min is this share of the largest σ.
 SINGULAR = 1e-6
-# Where a descent begins: this many positions of each joint alone, and so many drawn around.
+# Starts of descents: this many positions of each joint alone, and this many random ones around.
 SCANNED, DRAWN = 36, 128
-# Largest distance from there of those that are drawn [rad].
+# Largest distance of the random ones [rad].
 AROUND = 1.0
 # Step of a difference as a share of σ_min, and its bounds [rad]: rounding is 1e-16 of σ₁ over it.
 SHARE, SHORTEST, FINEST = 0.01, 1e-6, 1e-9
@@ -26,9 +26,9 @@ class Nearest:
 
     Attributes:
         q: Joint positions, (n,) [rad or m].
-        sigma: Singular values there, falling, (k,).
-        is_singular: Whether the smallest is 0 to rounding; else it is the least that was found.
-        twist: The direction that is lost, S_x⁻¹ u of norm 1 in units of L, (6,) [m, rad].
+        sigma: Singular values there, descending, (k,).
+        is_singular: Whether the smallest is 0 to rounding; otherwise it is the smallest that was found.
+        twist: The lost direction, S_x⁻¹ u of norm 1 in units of L, (6,) [m, rad].
         wrench: S_x u, (6,) [N, N·m].
     """
 
@@ -40,7 +40,7 @@ class Nearest:
 
 
 def nearest_singularity(scales: Scales, start: Array) -> Nearest:
-    """Return the singular configuration nearest to a start that is found, or that of the least σ_min.
+    """Return the nearest singular configuration that is found, or the one with the smallest σ_min.
 
     Args:
         scales: Scales of the arm.
@@ -75,7 +75,7 @@ def descend(scales: Scales, q: Array) -> Array:
             break
         least = sigma[left, -1]
         slope = _slope(task, q[left], np.clip(SHARE * least, FINEST, SHORTEST))
-        # a joint at its limit that would go on stays
+        # a joint at its limit that would move beyond it stays
         held = ((q[left] <= scales.lower) & (slope > 0.0)) | ((q[left] >= scales.upper) & (slope < 0.0))
         slope[held] = 0.0
         steep = np.sum(slope**2, axis=1)
@@ -87,9 +87,9 @@ def descend(scales: Scales, q: Array) -> Array:
 
 
 def ascend(scales: Scales, start: Array, least: float) -> Array:
-    """Return the first configuration uphill from a start where σ_min is at least so large, or the best."""
+    """Return the first configuration uphill from a start with at least this σ_min, or the best."""
     task, unit = scales.task, scales.task.joint_scale
-    # off a singular start, where no direction is uphill
+    # away from a singular start, where no direction is uphill
     q = np.clip(
         start + 1e-3 * unit * np.random.default_rng(0).standard_normal(len(start)), scales.lower, scales.upper
     )
@@ -119,7 +119,7 @@ def _slope(task: Task, q: Array, step: Array) -> Array:
 
 
 def _beginnings(scales: Scales, start: Array) -> Array:
-    """Return where descents begin: the start, each joint alone over its range, and around, (N, n)."""
+    """Return the starts of descents: the start, each joint alone over its range, and around, (N, n)."""
     task, n = scales.task, len(start)
     lower = np.where(np.isfinite(scales.lower), scales.lower, start - np.pi * task.joint_scale)
     upper = np.where(np.isfinite(scales.upper), scales.upper, start + np.pi * task.joint_scale)
@@ -127,7 +127,7 @@ def _beginnings(scales: Scales, start: Array) -> Array:
     for j in range(n):
         alone[SCANNED * j : SCANNED * (j + 1), j] = np.linspace(lower[j], upper[j], SCANNED)
     least = survey(task, alone).sigma[:, -1].reshape(n, SCANNED)
-    # only the valleys: where both neighbors are higher, or there is none
+    # only the valleys: both neighbors are higher, or missing
     edge = np.full((n, 1), np.inf)
     low = (least <= np.hstack([edge, least[:, :-1]])) & (least <= np.hstack([least[:, 1:], edge]))
     rng = np.random.default_rng(0)

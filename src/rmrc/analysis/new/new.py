@@ -1,4 +1,4 @@
-"""A first scenario for an arm, which runs as it is: tried before it is handed out."""
+"""A first scenario for an arm that runs as it is: it is tried before it is returned."""
 
 import os
 import re
@@ -29,33 +29,33 @@ from rmrc.support.files import written_whole
 from rmrc.support.legible import quoted
 from rmrc.support.problems import join
 
-# Errors may be this many times what they were when the scenario was made, on other machines and versions.
+# Factor on the errors at the time of creation, as room for other machines and versions.
 SLACK = 1.5
-# Errors below it, of the length or in rad, are rounding, and are bounded by it.
+# Smaller errors, relative to the length or in rad, are rounding; this number bounds them.
 LEAST = 1e-6
-# What a move must keep to be taken before others: share of its time at rate limits; largest error, of the
-# length or in rad; and how long it lasts [s].
+# Preferred motions: largest share of time at rate limits; largest error, relative to the length or in rad;
+# and largest duration [s].
 LIMITED, ASTRAY, LONG = 0.05, 0.1, 40.0
-# Control period of the runs that moves are chosen by [s]: short beside the 0.1 s of the feedback.
+# Control period of the runs by which motions are chosen [s]: short beside the 0.1 s of the feedback.
 COARSE = 5.0 * PERIOD
-# Configurations of a run that are looked at for contacts.
+# Number of configurations of a run that are checked for contacts.
 LOOKS = 40
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class New:
-    """A scenario for an arm that had none.
+    """A new scenario for an arm.
 
     Attributes:
         arm: The arm.
         text: The scenario as YAML, with comments; `arm.model` is relative to `folder`.
         scenario: The same, checked.
-        scales: What its numbers come from.
-        move: What it does.
-        plant: On which plant.
-        faults: What is wrong with the move, where none without a fault was found; the file says so.
-        scorecards: What came of it on the plants that it was tried on, by name.
+        scales: The source of its numbers.
+        move: Its motion.
+        plant: Its plant.
+        faults: Faults of the motion, if all had some; the file lists them.
+        scorecards: Its metrics on the plants on which it was tried, by name.
     """
 
     arm: Arm
@@ -68,7 +68,7 @@ class New:
     scorecards: Mapping[str, Scorecard]
 
 
-# What can be wrong with a move on the ideal plant, the worst first.
+# Possible faults of a motion on the ideal plant, the worst first.
 FAULTS = (
     "it cannot run", "a joint reaches its position limit", "the arm touches something",
     "the arm stands still", "the error is large", "rates are limited for a while",
@@ -79,7 +79,7 @@ FAULTS = (
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A move as it was run on the ideal plant, with which of `FAULTS` it has: all, or the first and why."""
+    """A motion after its run on the ideal plant, with all its `FAULTS`, or the first with its reason."""
 
     move: Move
     faults: tuple[bool, ...]
@@ -102,23 +102,23 @@ def new(
     out: str | os.PathLike[str] | None = None,
     force: bool = False,
 ) -> New:
-    """Make a scenario for an arm, all of its numbers scaled to it, and run it before it is handed out.
+    """Make a scenario for an arm, with all numbers scaled to it, and run it before it is returned.
 
     Args:
         model: An arm, an MJCF file, or the name of a shipped one.
-        site: The point that is controlled; None for that of the arm, else that of the hand: see
+        site: The site to control; None: that of the arm, or else of the hand: see
             `rmrc.arm.frames`.
-        body: The body whose frame is controlled, instead of a site.
+        body: The body whose frame to control, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
-        joints: That are driven; None for those of the arm or scenario, else all on the chain.
-        length: Characteristic length [m]; None for the rms distance of the site from the hinges' axes.
+        joints: The joints to actuate; None: those of the arm or scenario, or else all on the chain.
+        length: Characteristic length [m]; None: the rms distance of the site from the hinges' axes.
         plant: Kind of the plant.
         out: File to write, atomically; None: writes nothing.
-        force: Whether it may be overwritten.
+        force: Whether an existing file may be overwritten.
 
     Raises:
-        ModelError: The file or the site is missing or will not do.
-        QuestionError: There is no such plant, the file is there already, or the arm cannot be run.
+        ModelError: The file or the site is missing or unusable.
+        QuestionError: There is no such plant, the file exists, or the arm cannot be run.
         OSError: The file cannot be written.
 
     Example:
@@ -168,7 +168,7 @@ def refuse_there(path: Path, force: bool) -> None:
     """Refuse to overwrite a file.
 
     Raises:
-        QuestionError: It is there, and may not be overwritten.
+        QuestionError: It exists, and may not be overwritten.
     """
     if path.is_dir():
         raise QuestionError(f"{path}: is a folder, give a file")
@@ -185,7 +185,7 @@ def _placed(suits: Scales, move: Move, plant: str, expect: Mapping[str, Any], sa
 
 
 def _best(suits: Scales, cache: Cache) -> _Trial:
-    """Return the first move without a fault, else that whose worst fault is the least."""
+    """Return the first motion without a fault, or else the one whose worst fault is the smallest."""
     best: _Trial | None = None
     for move in moves(suits):
         trial = _trial(suits, move, cache)
@@ -235,7 +235,7 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
 
 
 def _run(suits: Scales, move: Move, plant: str, cache: Cache, period: float = PERIOD) -> Run:
-    """Return the run of a move on a plant."""
+    """Return the run of a motion on a plant."""
     one = loads(_placed(suits, move, plant, {}, [])).set({"control.period": period})
     return Simulation([prepare(one, cache)]).run()[0]
 
@@ -243,7 +243,7 @@ def _run(suits: Scales, move: Move, plant: str, cache: Cache, period: float = PE
 def _tried(
     suits: Scales, move: Move, plant: str, cache: Cache
 ) -> tuple[dict[str, Scorecard], tuple[str, ...]]:
-    """Return the figures on the plants that can run the move, and a sentence on each of the others."""
+    """Return the metrics on the plants that can run the motion, and a sentence on each of the others."""
     cards, left = {}, []
     for name in PLANTS.names:
         try:
@@ -270,7 +270,7 @@ def _tried(
 
 
 def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tuple[dict[str, Any], list[str]]:
-    """Return the checks that hold on the plants that were tried, and the comment on them."""
+    """Return checks that pass on the tried plants, and the comment on them."""
     expect: dict[str, Any] = {"completed": {"equals": 1, "within": 0}}
     seen = []
     for figure in ("status_time.POSITION_LIMITED", "status_time.RATE_LIMITED", "status_time.STUCK"):
@@ -306,17 +306,17 @@ def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tupl
 
 
 def _value(card: Scorecard, name: str) -> float:
-    """Return a figure; 0 for the error of rows that do not count, which has none."""
+    """Return a metric; 0 for the undefined error of rows that do not count."""
     return float(card[name].value) if name in card else 0.0
 
 
 def _name(path: Path) -> str:
-    """Return a file's name as a scenario may be called."""
+    """Return a file's name in the form of a scenario's name."""
     return re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100] or "new"
 
 
 def _seen_from(model: Path, folder: Path) -> str:
-    """Return a model's path from a folder, or whole where they have nothing in common but the root."""
+    """Return a model's path relative to a folder, or absolute if they share only the root."""
     full, seen = model.resolve(), folder.resolve()
     common = os.path.commonpath([full, seen])
     return os.path.relpath(full, seen) if common != os.path.sep else str(full)

@@ -1,4 +1,4 @@
-"""What a new scenario does, and what came of it: a table and JSON."""
+"""The motion of a new scenario, and its results: a table and JSON."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from rmrc.analysis.new.text import listed_positions
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 
-# Figures that are told of each plant, with what they are called.
+# Metrics of each plant that are shown, with their names in words.
 FIGURES = {
     "duration": "duration [s]", "position_error.max": "largest position error [m]",
     "orientation_error.max": "largest orientation error [rad]", "sigma.min": "smallest sigma [1]",
@@ -17,10 +17,10 @@ FIGURES = {
 
 
 def report(made: New) -> Report:
-    """Return what there is to show of a new scenario.
+    """Return the report of a new scenario.
 
     Args:
-        made: What `new` returned.
+        made: The result of `new`.
 
     Example:
         >>> from rmrc.analysis.new.new import new

@@ -1,4 +1,4 @@
-"""Numbers of a control law that suit an arm: length, rate limits, damping and speed, each from the arm alone.
+"""Numbers of a control law scaled to an arm: length, rate limits, damping and speed, from the arm alone.
 
     L    rms distance of the site from the hinges' axes: a radian of a hinge moves the site by L
     ε    σ_min is below it in a quarter of the configurations within the limits; or half of that at the start
@@ -19,32 +19,32 @@ from rmrc.analysis.survey import jacobians, survey
 from rmrc.arm import Arm
 from rmrc.law.task import Array, Task, choose
 
-# Configurations that the distribution of σ_min is taken from: a share of a quarter is known to 0.7 %.
+# Number of configurations for the distribution of σ_min: a share of a quarter is known to 0.7 %.
 SAMPLES = 4096
 # Share of the configurations within the limits in which the law may damp.
 DAMPED_SHARE = 0.25
-# Share of the rate limits that the path takes; the feedback has the rest.
+# Share of the rate limits for the path; the feedback has the rest.
 PATH_SHARE = 0.8
-# Rate of a hinge whose model tells none [rad/s]: drives of arms as large as a person's are of this order.
+# Rate of a hinge whose model gives none [rad/s]: the order of magnitude for arms as large as a person's.
 ASSUMED_RATE = 2.0
 # σ_min at the start over ε, so that the law does not damp there.
 CLEAR = 2.0
-# Limits are kept clear of by this share of the range.
+# Distance to keep from limits, as a share of the range.
 MARGIN = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """What suits an arm.
+    """The scales of an arm.
 
     Attributes:
         task: Rows that the arm can move independently, with its length.
         rate: Limits, (n,) [rad/s or m/s].
-        is_assumed: Which of them the model does not tell, (n,).
-        sigma: σ_min over configurations within the limits, rising.
+        is_assumed: Which of them the model does not give, (n,).
+        sigma: σ_min over configurations within the limits, ascending.
         lower: Positions that are clear of the limits, (n,); -inf without one.
         upper: Likewise; inf without one.
-        is_length_given: Whether the length is one that was asked for.
+        is_length_given: Whether the caller gave the length.
     """
 
     task: Task
@@ -57,7 +57,7 @@ class Scales:
 
     @property
     def quartile(self) -> float:
-        """σ_min that a quarter of the configurations are below."""
+        """First quartile of σ_min."""
         return float(np.quantile(self.sigma, DAMPED_SHARE))
 
     def sigma_at(self, q: Array) -> float:
@@ -66,16 +66,16 @@ class Scales:
 
     @property
     def slowest(self) -> float:
-        """Least rate limit, sliding joints over L [rad/s]."""
+        """Smallest rate limit, sliding joints over L [rad/s]."""
         return float((self.rate / self.task.joint_scale).min())
 
 
 def scales(arm: Arm, length: float | None = None) -> Scales:
-    """Return what suits an arm.
+    """Return the scales of an arm.
 
     Args:
         arm: The arm; its site and joints are those of the scenario.
-        length: Characteristic length [m]; None for the rms distance of the site from the hinges' axes.
+        length: Characteristic length [m]; None: the rms distance of the site from the hinges' axes.
     """
     q = arm.sampled(SAMPLES)
     rows = choose(arm)

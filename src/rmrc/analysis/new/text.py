@@ -1,4 +1,4 @@
-"""A scenario as a text for people: every key with its unit and with why it has its value."""
+"""A scenario as a text for people: every key with its unit and the reason for its value."""
 
 import math
 import textwrap
@@ -17,11 +17,11 @@ from rmrc.scenario import inline
 from rmrc.scenario.sections import ToolSection
 from rmrc.support.legible import quoted, visible
 
-# Columns of a comment.
+# Width of a comment.
 WIDTH = 100
-# Feedback [1/s]: an error is gone to a third in 0.1 s, and ten ticks of delay would still leave it stable.
+# Feedback [1/s]: an error falls to a third in 0.1 s, and the loop is stable even with ten ticks of delay.
 FEEDBACK = 10.0
-# Rate with which redundant joints pull back to the start [1/s]: slower than the feedback.
+# Rate at which redundant joints return to the start [1/s]: slower than the feedback.
 POSTURE_GAIN = 1.0
 PERIOD = 0.001
 # The target reaches its speed in a quarter of a second, and its acceleration in a tenth.
@@ -45,12 +45,12 @@ def text(
     """Return the scenario.
 
     Args:
-        scales: What suits the arm.
-        move: What it does.
-        seen: What the scenario has for a path.
+        scales: Scales of the arm.
+        move: The motion.
+        seen: Path of the model in the scenario.
         name: Name of the scenario.
         plant: Its kind.
-        expect: Checks by name of figure.
+        expect: Checks by name of metric.
         said: The comment on `expect`, its lines.
     """
     parts = (
@@ -80,11 +80,11 @@ def _head(scales: Scales, move: Move, name: str) -> str:
 
 
 def identity(arm: Arm, seen: Seen) -> dict[str, Any]:
-    """Return the keys of `arm` in a scenario that name an arm: all but where it starts.
+    """Return the keys of `arm` in a scenario that identify an arm, without its start.
 
     Args:
         arm: The arm.
-        seen: What the scenario has for a path.
+        seen: Path of the model in the scenario.
     """
     keys: dict[str, Any] = {"model": str(seen(arm.path))}
     if arm.frame is not None:
@@ -124,7 +124,7 @@ def _arm(scales: Scales, move: Move, seen: Seen) -> str:
 
 
 def _home(arm: Arm) -> str:
-    """Return what home is."""
+    """Return a description of home."""
     name = "home" if arm.home is None else arm.model.key(arm.home).name
     if name != "home":
         return f"keyframe {quoted(name) if name else arm.home}, as none is called home"

@@ -1,1 +1,1 @@
-"""Which joint torques balance a wrench, by the Jacobian and by the physics."""
+"""The joint torques that balance a wrench, by the Jacobian and by the physics."""

@@ -1,7 +1,7 @@
-"""What an arm bears at rest: drives and links under a wrench at the site, and the wrenches that cost nothing.
+"""Actuator torques and link loads of an arm at rest under a wrench, and the wrenches that need no torque.
 
 The wrench is the one that acts *on* the arm. Jᵀ F is equivalent to it, −Jᵀ F balances it, see
-`rmrc.textbook.statics`; the forces from link to link, found inward from the site without any Jacobian, are
+`rmrc.textbook.statics`. The forces from link to link, found inward from the site without any Jacobian, are
 the second route to the same torques.
 """
 
@@ -21,9 +21,9 @@ from rmrc.textbook.statics import equilibrium_torques, joint_torques
 
 Array = NDArray[np.float64]
 
-# Less than this share of what is summed up is rounding.
+# A result below this share of its summands is rounding.
 ROUNDING = 1e-12
-# A direction is nearly free if it costs less than a tenth of what the dearest one does.
+# A direction is nearly free if it costs less than a tenth of the most expensive one.
 NEARLY = 0.1
 
 
@@ -37,15 +37,14 @@ class Balance:
         wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
         equivalent: Jᵀ F, (n,): with it the site presses on the world with F [N·m or N].
         equilibrium: −Jᵀ F, (n,): with it the arm holds still while F acts on it.
-        bears_weight: Whether the actuators support the arm's weight; else it is compensated.
-        gravity: What the actuators give against gravity, (n,); 0 if gravity is compensated.
-        springs: What the actuators give against springs of the joints, (n,).
-        frames: T_0_i of the link behind each axis of the chain, (ℓ, 4, 4), as `link_frames` has them.
-        reaction: [f; n] of the wrench alone that each link takes from the one before, at the origin and
+        bears_weight: Whether the actuators support the arm's weight; otherwise it is compensated.
+        gravity: Actuator torques against gravity, (n,); 0 if gravity is compensated.
+        springs: Actuator torques against springs of the joints, (n,).
+        frames: T_0_i of the link behind each axis of the chain, (ℓ, 4, 4), as in `link_frames`.
+        reaction: [f; n] of the wrench alone that each link receives from the one before, at the origin and
             along the axes of its frame, (ℓ, 6) [N, N·m].
-        driven: The component of it that moves each axis, (ℓ,): the drive gives it, or what makes a joint
-            follow another.
-        propagated: What each actuator gives of all axes that it moves, (n,): `equilibrium` by the other
+        driven: Its component along each axis, (ℓ,): the actuator provides it, or the coupling of a follower.
+        propagated: Torque of each actuator for all axes that it moves, (n,): `equilibrium` by the other
             route.
     """
 
@@ -64,7 +63,7 @@ class Balance:
 
     @property
     def torque(self) -> Array:
-        """What the actuators give in all, (n,) [N·m or N]: against the wrench, gravity and springs."""
+        """Total actuator torques, (n,) [N·m or N]: against the wrench, gravity and springs."""
         return self.equilibrium + self.gravity + self.springs
 
     @property
@@ -87,12 +86,12 @@ class Balance:
 
     @property
     def structure(self) -> Array:
-        """The reactions without what the actuators give: what bearings and links take, own frames, (ℓ, 6).
+        """The reactions without the actuators' part: the load of bearings and links, own frames, (ℓ, 6).
 
         It does no work in the joint's own motion: a screw's nut takes its share of a thrust as a moment.
         """
         taken = np.array(self.reaction)
-        # A drive pushes along a slide, and turns a hinge or the hinge of a screw.
+        # An actuator pushes along a slide, and turns a hinge or the hinge of a screw.
         along = np.where(np.isinf(self.arm.chain.pitch), 2, 5)
         taken[np.arange(len(taken)), along] -= self.driven
         return taken
@@ -111,7 +110,7 @@ class Balance:
 
 
 def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) -> Balance:
-    """Return what drives and links of an arm bear at rest while a wrench acts on it.
+    """Return actuator torques and link loads of an arm at rest while a wrench acts on it.
 
     τ = −Jᵀ F by MuJoCo's Jacobian, and by forces from link to link [Craig05, §5.9, §5.10].
 
@@ -119,7 +118,7 @@ def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) ->
         arm: The arm.
         q: Joint positions, (n,) [rad or m].
         wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
-        gravity: Whether the actuators support the arm's weight; else it is compensated.
+        gravity: Whether the actuators support the arm's weight; otherwise it is compensated.
 
     Raises:
         QuestionError: The wrench has not 6 values, or q not n.
@@ -133,7 +132,7 @@ def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) ->
     weight, springs = arm.rest_torques(q)
     frames, tip = link_frames(arm, q)
     links = np.linalg.inv(np.concatenate([np.eye(4)[None], frames[:-1]])) @ frames
-    # What acts on the arm is the negative of what the arm presses with.
+    # The wrench on the arm is the negative of the wrench with which the arm presses.
     to_tip = tip[:3, :3].T
     pressed = -np.concatenate([to_tip @ wrench[:3], to_tip @ wrench[3:]])
     reaction = inward_wrenches(links, pressed, np.linalg.inv(frames[-1]) @ tip)
@@ -165,7 +164,7 @@ class Elsewhere:
 
 
 def elsewhere(arm: Arm, q: ArrayLike, wrench: ArrayLike, site: str) -> Elsewhere:
-    """Return a wrench as another site of the same body has it: it does the same work [Craig05, §5.11].
+    """Return a wrench as seen at another site of the same body: it does the same work [Craig05, §5.11].
 
     Args:
         arm: The arm.
@@ -196,11 +195,11 @@ def elsewhere(arm: Arm, q: ArrayLike, wrench: ArrayLike, site: str) -> Elsewhere
 
 
 def link_frames(arm: Arm, q: ArrayLike) -> tuple[Array, Array]:
-    """Return the frame of each link, T_0_i (ℓ, 4, 4), and of the site, (4, 4), as the joints put them.
+    """Return the frame of each link, T_0_i (ℓ, 4, 4), and of the site, (4, 4), at joint positions.
 
     Each has its origin on an axis of the chain and z along it; with all joints at 0 its axes are the world's,
-    turned the shortest way that brings z there. By the product of exponentials, which asks of MuJoCo the
-    arm's geometry at 0 alone [Lynch17, §4.1].
+    turned the shortest way that brings z there. They come from the product of exponentials, which only uses
+    the arm's geometry at 0 from MuJoCo [Lynch17, §4.1].
 
     Args:
         arm: The arm.
@@ -233,7 +232,7 @@ def _turn_to(axis: Array) -> Array:
 
 
 class Cost(StrEnum):
-    """What a wrench costs the actuators, and whether that is so at other configurations."""
+    """The cost of a wrench for the actuators, and whether it is the same at other configurations."""
 
     ALWAYS = "nothing, anywhere"
     OTHERS = "nothing; elsewhere another"
@@ -245,7 +244,7 @@ class Cost(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A wrench of size 1, meters and radians made comparable by the length.
+    """A wrench of norm 1, with meters and radians made comparable by the length.
 
     Attributes:
         wrench: [f; n] at the site, along world axes, (6,).
@@ -259,18 +258,18 @@ class Direction:
 
     @property
     def amplification(self) -> float:
-        """Force for a torque of 1: 1/σ, infinite where it costs nothing."""
+        """Force per unit torque: 1/σ, infinite where it costs nothing."""
         return 1.0 / self.sigma if self.sigma > 0.0 else np.inf
 
 
 @dataclass(frozen=True, eq=False)
 class Costs:
-    """What wrenches of one kind cost the actuators at a configuration.
+    """The costs of wrenches of one kind for the actuators at a configuration.
 
     Attributes:
         kind: `wrench`, `force` or `moment`.
         directions: Orthogonal to each other, the cheapest first.
-        free_anywhere: How many cost nothing at almost every configuration, perhaps in other directions there.
+        free_anywhere: Number that cost nothing at almost every configuration, perhaps in other directions.
     """
 
     kind: str
@@ -279,12 +278,12 @@ class Costs:
 
     @property
     def free(self) -> int:
-        """How many cost nothing here."""
+        """Number that cost nothing here."""
         return sum(one.sigma == 0.0 for one in self.directions)
 
     @property
     def free_only_here(self) -> int:
-        """How many more cost nothing than at almost every configuration; 0 where J has its full rank."""
+        """Number that cost nothing here only; 0 where J has its full rank."""
         return self.free - self.free_anywhere
 
 
@@ -293,14 +292,14 @@ KINDS = {"wrench": range(6), "force": range(3), "moment": range(3, 6)}
 
 
 def wrench_costs(arm: Arm, q: ArrayLike, length: float = 1.0) -> tuple[Costs, ...]:
-    """Return what wrenches, forces alone and moments alone cost the actuators, and which cost nothing.
+    """Return the costs of wrenches, forces alone and moments alone for the actuators, and the free ones.
 
-    |S_q Jᵀ F| = σ_i for S_x⁻¹ F = u_i, the left singular vectors of A = S_x J S_q: a force along a direction
-    that is lost is borne by the links alone, and one along a direction that is nearly lost 1/σ times as well
-    as a unit of torque [Khatib08] [Yoshikawa85].
+    |S_q Jᵀ F| = σ_i for S_x⁻¹ F = u_i, the left singular vectors of A = S_x J S_q. The links alone carry a
+    force along a lost direction, and a force along a nearly lost one can be 1/σ times as large per unit of
+    torque [Khatib08] [Yoshikawa85].
 
-    What is free at almost every configuration, as the arm has not joints enough, is told from what is free
-    here alone by the rank that J has almost everywhere.
+    The rank of J almost everywhere separates directions that are free at almost every configuration, because
+    the arm has too few joints, from those that are free here alone.
 
     Args:
         arm: The arm.
@@ -319,7 +318,7 @@ def _costs(task: Task, kind: str, jacobians: Array) -> Costs:
     u, sigma, _ = np.linalg.svd(scaled[0])
     sigma = np.pad(sigma, (0, len(u) - len(sigma)))
     dear = sigma > floor
-    # What is free at all of them is free to all of their columns.
+    # A direction that is free at all of them is free for all of their columns.
     columns = np.concatenate(list(scaled), axis=1)
     v, sizes, _ = np.linalg.svd(columns)
     constant, free = v[:, np.count_nonzero(sizes > floor) :], u[:, ~dear]
@@ -340,7 +339,7 @@ def _costs(task: Task, kind: str, jacobians: Array) -> Costs:
 
 
 def _as_wrench(task: Task, scaled: Array) -> Array:
-    """Return F = S_x u as all six rows, its largest component positive, rounding taken off."""
+    """Return F = S_x u as all six rows, its largest component positive, without rounding."""
     wrench = np.zeros(6)
     wrench[task.rows] = task.row_scale * np.where(np.abs(scaled) < RANK_TOLERANCE, 0.0, scaled)
     largest = np.argmax(np.round(np.abs(wrench), 9))
@@ -348,15 +347,15 @@ def _as_wrench(task: Task, scaled: Array) -> Array:
 
 
 def _readable(spanning: Array, count: int) -> list[Array]:
-    """Return an orthonormal basis of a column space, (m,) each, that goes along axes where it can.
+    """Return an orthonormal basis of a column space, (m,) each, along axes where possible.
 
-    The axis that lies nearest to the space is projected into it, and that direction taken off, `count` times.
+    `count` times, the axis nearest to the space is projected into it, and that direction is removed.
     """
     u = np.linalg.svd(spanning, full_matrices=False)[0][:, :count]
     projector = u @ u.T
     basis = []
     for _ in range(count):
-        # Rounding must not choose between axes that lie equally near.
+        # Rounding must not choose between axes that are equally near.
         nearest = int(np.argmax(np.round(np.diag(projector), 9)))
         one = projector[:, nearest] / np.linalg.norm(projector[:, nearest])
         basis.append(one)

@@ -1,4 +1,4 @@
-"""Why the actuators do not give what statics says: what else bears a part of a wrench, and the way out."""
+"""Why the actuators do not give the torques of statics: other parts carry some of the load; remedies."""
 
 import numpy as np
 
@@ -7,12 +7,12 @@ from rmrc.arm.bearing import ends, pulls
 from rmrc.arm.inventory import contacts
 from rmrc.show.sheets import number
 
-# A joint beside the arm that is faster moves [rad/s or m/s]; slower it creeps below its friction.
+# A joint beside the arm that is faster moves [rad/s or m/s]; slower ones creep below their friction.
 MOVES = 1e-6
 
 
 def borne(held: HoldResult) -> str:
-    """Say what else bears a part of the wrench, and the way out; "" where nothing is found."""
+    """Return what else carries a part of the wrench, and a remedy; "" if nothing is found."""
     arm, qpos = held.wanted.arm, held.run["qpos"]
     touching = (one.bodies for one in contacts(arm, qpos[-1:]) if one.is_moved)
     bears = [*ends(arm, qpos[-1]), *[f"{one} touches {other}" for one, other in touching][:1]]

@@ -1,9 +1,9 @@
-"""Hold a wrench in the physics, and read from the actuators what it takes.
+"""Hold a wrench in the physics, and read the torques from the actuators.
 
-A study of one does it: rate servos, and feedback of the position. The law is given one row of the task,
-one that the arm is far from losing, and the posture in what that leaves; together they bring every joint back
-at the same rate, singular or not, as joint servos do. `rmrc.analysis.statics.balance` says what the
-actuators should read.
+It is a study of one scenario, with rate servos and feedback of the position. The law gets one row of the
+task, one that is far from singular, and the posture in its null space. Together they bring every joint back
+at the same rate, singular or not, as joint servos do. `rmrc.analysis.statics.balance` computes the expected
+torques.
 """
 
 import threading
@@ -29,36 +29,36 @@ from rmrc.support.spatial import AXES, pose_error
 
 Array = NDArray[np.float64]
 
-# Control period, which is the time that a servo takes to follow [s]. MuJoCo's step is a fraction of it: at a
-# step as long, such servos and the soft constraint of a screw set each other swinging.
+# Control period, which is also the time constant of a servo [s]. MuJoCo's step is a fraction of it: with a
+# step as long, such servos and the soft constraint of a screw excite each other.
 PERIOD, TIMESTEP = 1e-3, 2.5e-4
-# Rate at which a joint goes back [1/s]: the stiffness of a joint is this times its servo's gain. A fiftieth
-# of a second is slow for servos that take a millisecond, and still before a second is over.
+# Rate at which a joint returns [1/s]: the stiffness of a joint is this times its servo's gain. A fiftieth of
+# a second is slow for servos with a millisecond, and the arm still comes to rest within a second.
 FEEDBACK = 50.0
-# An arm is still when no joint was faster in the last tenth of a second [rad/s or m/s].
+# An arm is at rest if no joint was faster in the last tenth of a second [rad/s or m/s].
 STILL, LAST = 1e-8, 0.1
-# Below its dry friction a joint creeps, as MuJoCo's friction is soft. At a rate that its servo brakes by so
-# small a share of the friction it is still.
+# Below its dry friction a joint creeps, as MuJoCo's friction is soft. It is at rest at a rate at which its
+# servo brakes by this share of the friction.
 CREEP = 1e-2
-# What the actuators give may differ by this share of what the torques would be if nothing canceled: far
-# above rounding, far below what an actuator knows. The constraint that makes a screw of a hinge and a slide
-# is soft, and gives by some hundredths of a millimeter under a load.
+# Tolerance of the actuator torques, relative to the torques if nothing canceled: far above rounding, far
+# below what an actuator can measure. The constraint that makes a screw of a hinge and a slide is soft, and
+# yields by some hundredths of a millimeter under a load.
 SHARE, SHARE_OF_SCREWS = 1e-6, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class HoldResult:
-    """What it took to hold a wrench.
+    """The result of holding a wrench.
 
     Attributes:
-        wanted: Where the arm should stay.
-        ended: Where it came to rest: what the actuators should give there.
-        measured: What they gave, (n,) [N·m or N].
-        drift: From where the site should stay to where it rests, [Δp; rotation vector], (6,) [m, rad].
-        at_limit: Joints whose drive gave all it can at any time, (n,).
-        rate: Fastest joint in the last tenth of a second [rad/s or m/s].
-        is_at_rest: Whether none was faster than what counts as rest.
-        allowed: How much the actuators may differ, (n,) [N·m or N].
+        wanted: The balance at the wanted configuration.
+        ended: The balance at the configuration of rest: the expected torques.
+        measured: Measured torques, (n,) [N·m or N].
+        drift: From the wanted pose of the site to its pose at rest, [Δp; rotation vector], (6,) [m, rad].
+        at_limit: Joints whose actuator was at its limit at any time, (n,).
+        rate: Rate of the fastest joint in the last tenth of a second [rad/s or m/s].
+        is_at_rest: Whether all were below the threshold of rest.
+        allowed: Tolerance of the torques, (n,) [N·m or N].
         run: The run.
     """
 
@@ -74,7 +74,7 @@ class HoldResult:
 
     @property
     def difference(self) -> Array:
-        """Measured less wanted, where the arm came to rest, (n,) [N·m or N]."""
+        """Measured minus expected torques at the configuration of rest, (n,) [N·m or N]."""
         return np.asarray(self.measured - self.ended.torque)
 
     @property
@@ -84,23 +84,23 @@ class HoldResult:
 
     @property
     def agrees(self) -> bool:
-        """Whether it came to rest, and its actuators give there what statics says."""
+        """Whether it came to rest, with the torques of statics."""
         return self.is_still and bool((np.abs(self.difference) <= self.allowed).all())
 
 
 def hold_wrench(
     wanted: Balance, seconds: float = 10.0, on_ticks: Callable[[int], None] | None = None
 ) -> HoldResult:
-    """Hold a wrench in the physics until the arm is still or the time is over.
+    """Hold a wrench in the physics until the arm is at rest or the time is over.
 
     Args:
-        wanted: Where, and which wrench.
-        seconds: For how long at most.
-        on_ticks: Called with the number of ticks of each block that was finished.
+        wanted: The configuration and the wrench.
+        seconds: Longest duration.
+        on_ticks: Called with the number of ticks of each finished block.
 
     Raises:
-        QuestionError: A joint is beyond its limits or feels no inertia, or so long a run does not fit into
-            memory.
+        QuestionError: A joint is beyond its limits or moves no inertia, or a run of this length does not fit
+            into memory.
         DivergenceError: The state was not finite after the first step.
 
     Example:
@@ -122,7 +122,7 @@ def hold_wrench(
 
     def result(run: Run) -> HoldResult:
         ended, rates = balance(arm, run["q"][-1], wanted.wrench, wanted.bears_weight), _rates(run)
-        # What still moves is braked by M q̈, and the actuators are those of a step ago: both are within this.
+        # M q̈ brakes the remaining motion, and the actuator values are a step old: both are within this.
         moving = kv * np.maximum(rates, min(rates.max(), STILL))
         return HoldResult(
             wanted=wanted, ended=ended, measured=run["tau"][-1],
@@ -132,7 +132,7 @@ def hold_wrench(
             allowed=np.asarray(share * ended.size.max() + moving + arm.friction), run=run,
         )  # fmt: skip
 
-    # Where the arm is still but something beside it is not, it waits for that.
+    # An arm that is at rest waits until everything beside it is at rest.
     watchers: list[Watcher] = [lambda _, part: stop.set() if result(part).agrees else None]
     if on_ticks is not None:
         watchers.insert(0, lambda _, part: on_ticks(len(part)))
@@ -143,12 +143,12 @@ def hold_wrench(
 
 
 def most_ticks(seconds: float) -> int:
-    """Return how many ticks `hold_wrench` takes at most, for a progress bar."""
+    """Return the largest number of ticks of `hold_wrench`, for a progress bar."""
     return round(seconds / PERIOD) + 1
 
 
 def _check(wanted: Balance) -> None:
-    """Refuse an arm that may not stay where it is, or whose servos cannot be made."""
+    """Refuse an arm that cannot stay where it is, or whose servos cannot be made."""
     arm = wanted.arm
     for name, position, (lower, upper), unit in zip(
         arm.joints, wanted.q, arm.position_limit, arm.units, strict=True
@@ -159,7 +159,7 @@ def _check(wanted: Balance) -> None:
                 f"{unit}, got {position:.6g}; choose other joint positions"
             )
     for name, inertia in zip(arm.joints, arm.inertia, strict=True):
-        if not inertia > 0.0:  # of which the servos' gains are made
+        if not inertia > 0.0:  # on which the servos' gains depend
             raise QuestionError(
                 f'cannot hold: joint "{name}" must have an inertia > 0 at home, got {inertia:.6g}; '
                 "correct masses, inertias and armature of the model"
@@ -173,11 +173,11 @@ def _rates(run: Run) -> Array:
 
 
 def hold_scenario(wanted: Balance, seconds: float) -> Scenario:
-    """Return the scenario of an arm that holds a wrench where it is.
+    """Return the scenario of an arm that holds a wrench at its configuration.
 
     Args:
-        wanted: Where, and which wrench.
-        seconds: For how long.
+        wanted: The configuration and the wrench.
+        seconds: Duration.
     """
     arm = wanted.arm
     # The row that moves most: no arm has lost it.
@@ -187,7 +187,7 @@ def hold_scenario(wanted: Balance, seconds: float) -> Scenario:
         "name": "hold",
         "arm": {
             **{key: value for key, value in identity(arm, Path.resolve).items() if key != "stretch"},
-            "start": tuple(wanted.q),  # the arm that is given is stretched already
+            "start": tuple(wanted.q),  # the given arm is stretched already
         },
         "task": {"axes": (axis,)},
         "control": {

@@ -1,4 +1,4 @@
-"""What actuators and links carry, which wrenches cost nothing, and what the physics says: tables and JSON."""
+"""Actuator torques, link loads, free wrenches, and the result of the physics: tables and JSON."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -22,10 +22,10 @@ TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
 def report(found: Statics) -> Report:
-    """Return what there is to show of an arm under a wrench; met unless it was held and did not agree.
+    """Return the report of an arm under a wrench; its condition fails if holding it did not agree.
 
     Args:
-        found: What `statics` found.
+        found: The result of `statics`.
 
     Example:
         >>> from rmrc.analysis.statics.statics import statics
@@ -252,7 +252,7 @@ def _held(held: HoldResult) -> Sheet:
 
 
 def verdict(held: HoldResult) -> str:
-    """Say how the holding went."""
+    """Return how the holding went, in words."""
     names = [name for name, is_there in zip(held.wanted.arm.joints, held.at_limit, strict=True) if is_there]
     reached = (
         f"{', '.join(names)} reached its torque limit" if names else "no actuator reached its torque limit"
@@ -282,7 +282,7 @@ def in_words(wrench: Array) -> str:
 def _axis(v: Array) -> str:
     if np.count_nonzero(v) == 1:
         return "xyz"[int(np.flatnonzero(v)[0])]
-    # an axis that is nearly met is not called by its name
+    # an axis that is only nearly met is not named
     return f"({', '.join(f'{x:.3g}' for x in np.round(v / np.linalg.norm(v), 6) + 0.0)})"
 
 
@@ -295,7 +295,7 @@ def _vector(v: Array) -> str:
 
 
 def _rounded(size: float) -> Callable[[float], str]:
-    """Return how to show numbers that come from sums of some size."""
+    """Return a format for numbers that are sums of terms of some size."""
     return lambda value: number(0.0 if abs(value) <= ROUNDING * size else float(value))
 
 

@@ -1,4 +1,4 @@
-"""What an arm bears at rest under a wrench, what wrenches cost, and whether the physics says the same."""
+"""Actuator torques and link loads of an arm at rest under a wrench, by statics and by the physics."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ WRENCH = ("fx", "fy", "fz", "nx", "ny", "nz")
 @brief
 @dataclass(frozen=True, eq=False)
 class Statics:
-    """What `statics` found.
+    """The result of `statics`.
 
     Attributes:
-        balance: What actuators and links carry.
-        costs: What wrenches, forces alone and moments alone cost the actuators.
+        balance: Actuator torques and link loads.
+        costs: Costs of wrenches, forces alone and moments alone for the actuators.
         length: Characteristic length, which makes meters and radians comparable in `costs` [m].
         elsewhere: The wrench at another site; None if no other was named.
-        held: What it took to hold the wrench in the physics; None if that was not asked.
+        held: The result of holding the wrench in the physics; None if that was not requested.
     """
 
     balance: Balance
@@ -57,25 +57,25 @@ def statics(
 
     Args:
         model: An arm, an MJCF file, or a scenario.
-        wrench: What acts on the arm at the site: force and moment [f; n], (6,) [N, N·m], or a force alone,
+        wrench: The wrench on the arm at the site: force and moment [f; n], (6,) [N, N·m], or a force alone,
             (3,) [N].
-        q: Joint positions, (n,) [rad or m]; None for the keyframe.
-        keyframe: Joint positions by name; None for the start of a scenario, else `home`.
-        site: The point in question; None for that of the arm or scenario, else that of the hand: see
+        q: Joint positions, (n,) [rad or m]; None: the keyframe.
+        keyframe: Joint positions by name; None: the start of a scenario, or else `home`.
+        site: The site in question; None: that of the arm or scenario, or else of the hand: see
             `rmrc.arm.frames`.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
-        frame: Along whose axes the wrench is given: `world` or `site`.
-        at: Another site of the same body, at which the wrench is to be told as well.
-        gravity: Whether the actuators support the arm's weight; else it is compensated.
-        hold: For how long at most the wrench is held in the physics, until all is still [s]; None: not at
-            all.
-        length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
-            scenario, else 1.
+        frame: Frame of the wrench: `world` or `site`.
+        at: Another site of the same body, at which to report the wrench as well.
+        gravity: Whether the actuators support the arm's weight; otherwise it is compensated.
+        hold: Longest duration of holding the wrench in the physics, until all is at rest [s]; None: no
+            holding.
+        length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
+            scenario, or else 1.
         on_ticks: Called with the number of ticks of each block that was held.
 
     Raises:
-        ModelError: The file, the site or the keyframe is missing or will not do.
+        ModelError: The file, the site or the keyframe is missing or unusable.
         QuestionError: Any of the others does not fit the arm, or it cannot be held.
         DivergenceError: The physics broke in its first step.
 

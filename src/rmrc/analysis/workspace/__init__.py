@@ -1,1 +1,1 @@
-"""Where a site can be, and where it is singular there."""
+"""The workspace of a site, and its singularities."""

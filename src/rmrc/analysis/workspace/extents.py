@@ -1,8 +1,8 @@
-"""How far a workspace goes: the extremes of a slice's coordinates, climbed to from curves and samples.
+"""The extents of a workspace: the extremes of a slice's coordinates, by climbs from curves and samples.
 
 A coordinate is extreme where the site has lost its direction, on a singular curve, or where limits hold it,
-on a limit curve; so the outermost of these curves, and of what else was looked at, are where Newton's method
-begins. It ends at rounding, at joint positions that reach the extreme.
+on a limit curve. Newton's method therefore begins at the outermost of these curves and of the samples. It
+ends at rounding, at joint positions that reach the extreme.
 """
 
 from dataclasses import dataclass
@@ -14,30 +14,30 @@ from rmrc.analysis.workspace.singular_set import curvature
 from rmrc.analysis.workspace.slices import Slice
 from rmrc.law.task import Array, Task
 
-# What Newton's method leaves of an extreme, and of the distance from the slice [m].
+# Error of Newton's method for an extreme, and for the distance from the slice [m].
 REACHED = 1e-9
-# Steps of a climb, and the longest [rad or m]: farther the second derivatives mean little.
+# Number of steps of a climb, and the longest [rad or m]: second derivatives do not hold farther away.
 STEPS, LONGEST = 60, 0.3
-# A climb ends where the slope is below this part of the largest entry of J_v: its square, over the second
-# derivative, is what is left to climb.
+# A climb ends where the slope is below this part of the largest entry of J_v: the remaining height is its
+# square over the second derivative.
 FLAT = 1e-8
-# A step that does not pay when it is this part of Newton's is none: nothing higher is near.
+# A step that does not improve at this part of Newton's step is given up: nothing nearby is higher.
 SHORTEST = 1e-3
-# Of the outermost configurations so many are looked at, and so many that differ are climbed from.
+# Of the outermost configurations, this many are examined, and this many distinct ones are starts of climbs.
 OUTERMOST, CLIMBS = 400, 8
-# Two that differ by less climb to the same [rad or m].
+# Two that differ by less climb to the same extreme [rad or m].
 ALIKE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """The least and the largest value of a coordinate.
+    """The smallest and the largest value of a coordinate.
 
     Attributes:
-        low: Least value [m].
+        low: Smallest value [m].
         high: Largest value [m].
-        accuracy: By how much what is known to be reached can fall short of them [m]; of samples it says how
-            exact the ends of the searches are, and some may have been missed.
+        accuracy: Largest possible error of the reached values [m]; for samples it is the accuracy of the
+            searches' ends, and some ends may have been missed.
         q: Joint positions that reach them, (2, n) [rad or m].
     """
 
@@ -54,10 +54,10 @@ class Hill:
     Attributes:
         task: The arm.
         part: The slice.
-        low: Lower limits of its joints, −inf of hinges that turn fully, (k,).
+        low: Lower limits of its joints, −inf for hinges that turn fully, (k,).
         high: Upper limits, (k,).
-        axis: 0 or 1; the distance from the axis of a half-plane is climbed as half its square.
-        sign: 1.0 to climb to the largest, −1.0 to the least.
+        axis: 0 or 1; for the distance from the axis of a half-plane, half its square is climbed.
+        sign: 1.0 to climb to the largest, −1.0 to the smallest.
     """
 
     task: Task
@@ -73,7 +73,7 @@ class Hill:
         return self.part.is_round and self.axis == 0
 
     def height(self, q: Array) -> tuple[float, float]:
-        """Return how high a configuration is, and how far from the slice."""
+        """Return the height of a configuration, and its distance from the slice."""
         position = self.task.arm.pose(q)[:3]
         value = float(self.part.coordinates(position)[self.axis])
         return self.sign * (0.5 * value * value if self.is_distance else value), float(
@@ -103,10 +103,11 @@ class Hill:
         return float(self.sign * height), self.sign * slope, self.sign * bend, off, tilt, twist
 
     def climb(self, q: Array) -> tuple[Array, bool]:
-        """Return where the climb from a configuration (n,) ends, and whether it ended at rounding.
+        """Return the end of a climb from a configuration (n,), and whether it is exact to rounding.
 
         Each step is Newton's for the Lagrangian of the height and the slice, upward along every direction of
-        its second derivatives, with joints held that are pushed beyond a limit, and shortened until it pays.
+        its second derivatives. Joints that are pushed beyond a limit are held, and the step is shortened
+        until it improves.
         """
         joints, q = self.part.joints, q.copy()
         price = 1.0
@@ -137,14 +138,14 @@ class Hill:
                     break
                 part *= 0.5
             else:
-                # Nothing higher is near, to rounding.
+                # Nothing nearby is higher, to rounding.
                 return q, bool(left <= 1e-6 * size and abs(off) <= REACHED)
             q = trial
         return q, False
 
 
 def _step(slope: Array, bend: Array, tilt: Array, off: float) -> tuple[Array, float]:
-    """Return Newton's step of the free joints back to the slice and upward, and the slope that is left."""
+    """Return Newton's step of the free joints back to the slice and upward, and the remaining slope."""
     if not len(slope):
         return np.zeros(0), 0.0
     weight = float(tilt @ tilt)
@@ -170,10 +171,10 @@ def find_extents(
     Args:
         task: The arm.
         part: The slice.
-        ranges: Lower and upper position of each joint, (n, 2); a full turn is none.
+        ranges: Lower and upper position of each joint, (n, 2); a full turn has no bounds.
         q: Configurations in the slice within them, curves and samples, (N, n).
-        fine: By how much the outermost of them can be off the extreme, where they are dense; each that is no
-            more inside is climbed from. None for samples, of which the outermost are.
+        fine: Largest distance of the outermost ones from the extreme, if they are dense; each within it is a
+            start of a climb. None for samples, of which the outermost are.
     """
     joints = part.joints
     turns = task.arm.comes_round[joints] & ~(ranges[joints, 1] - ranges[joints, 0] < 2.0 * np.pi - REACHED)
@@ -187,7 +188,7 @@ def find_extents(
             hill = Hill(task, part, low, high, axis, sign)
             side = part.signed(position)[:, 0]
             if hill.is_distance and sign < 0.0 and side.min() <= 0.0 <= side.max():
-                # Of a joint space in one piece, what is on both sides of the axis is also on it.
+                # A connected joint space with points on both sides of the axis also has some on it.
                 value, at, accuracy = 0.0, q[np.argmin(points[:, 0])], 0.0
             else:
                 value, at, accuracy = _highest(hill, q, sign * points[:, axis], fine)
@@ -199,7 +200,7 @@ def find_extents(
 
 
 def _highest(hill: Hill, q: Array, height: Array, fine: float | None) -> tuple[float, Array, float]:
-    """Return the largest height, where it is reached, and what it can be off by."""
+    """Return the largest height, its configuration, and its possible error."""
     joints = hill.part.joints
     best, at, accuracy = float(height.max()), q[np.argmax(height)], fine or REACHED
     order = np.argsort(-height, kind="stable")

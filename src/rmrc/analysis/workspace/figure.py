@@ -1,4 +1,4 @@
-"""Pictures of a workspace: what is reached, with and without limits, and how well the arm moves there."""
+"""Pictures of a workspace: the reached set, with and without limits, and how well the arm moves there."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,16 +25,16 @@ NAMES = {
     "condition": r"condition $\kappa = \sigma_1/\sigma_{\min}$ [1]",
     "postures": "postures [1]",
 }
-WIDTH = 7.2  # inches of the picture
-# Condition numbers beyond it are drawn alike.
+WIDTH = 7.2  # width of the picture [in]
+# Larger condition numbers are drawn alike.
 WORST_CONDITION = 100.0
-# Joints at their limits differ by these where there are no colors.
+# Line styles of joints at their limits, for pictures without colors.
 DASHES = ((0, (1, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
 MARKERS = "^sD+vP*<"
 
 
 class Look(NamedTuple):
-    """How a family of singularities is drawn: its color, and its markers on lines, and of points."""
+    """The style of a family of singularities: its color, and its markers on lines, and of points."""
 
     color: str = "black"
     on_line: str = ""
@@ -50,7 +50,7 @@ FAMILIES = {
     "boom": Look("#00809c", "s", "d", "3"),
     "pivot": Look("#8c1d40"),
 }
-# Curves stand out from maps and from gray.
+# Curves must be visible on maps and on gray.
 CASING = [Stroke(linewidth=4.2, foreground="white"), Normal()]
 PALE, DARK = "0.88", "0.70"
 _LEGEND = {"markersize": 6.0}
@@ -62,8 +62,8 @@ def draw(found: Workspace | JointMap, path: Path, measure: str | None = None) ->
     Args:
         found: What to draw.
         path: File to write atomically, in the format of the suffix: `.png`, `.svg` or `.pdf`.
-        measure: `sigma_min`, `manipulability`, `condition`, or of a slice `postures`, as a map of what is
-            reached within the limits; None for none, and over two joints for `sigma_min`.
+        measure: `sigma_min`, `manipulability`, `condition`, or for a slice `postures`, as a map of the set
+            that is reached within the limits; None: none, or over two joints `sigma_min`.
     """
     with lettering():
         if isinstance(found, JointMap):
@@ -128,7 +128,7 @@ def _posture(found: Workspace, measure: str) -> str:
 
 
 def _region(axes: Axes, found: Workspace, reached: NDArray[np.bool_], color: str, hatch: str) -> None:
-    """Fill the cells that are reached, up to the middle of their borders."""
+    """Fill the reached cells, up to the middle of their borders."""
     a, b = (0.5 * (edges[1:] + edges[:-1]) for edges in (found.a, found.b))
     # A half-plane begins on the axis, not in the middle of its first cells.
     if found.part.is_round:
@@ -144,7 +144,7 @@ def _region(axes: Axes, found: Workspace, reached: NDArray[np.bool_], color: str
 def _singular(axes: Axes, found: Workspace) -> list[Line2D]:
     """Draw singular curves: solid within the limits, dashed beyond; or points, filled and crosses.
 
-    Each family has its color; black are those of no known family.
+    Each family has its color; curves of no known family are black.
     """
     handles: dict[tuple[str, str], Line2D] = {}
     for within, word in ((False, ", beyond the limits"), (True, "")):
@@ -171,7 +171,7 @@ def _singular(axes: Axes, found: Workspace) -> list[Line2D]:
 
 
 def _family(rule: Rule | None) -> str:
-    """Return what a family of singular curves is called."""
+    """Return the name of a family of singular curves."""
     if rule is None:
         return "singular"
     return f"singular: {rule.name}" + (f", {rule.family}" if rule.family else "")
@@ -187,7 +187,7 @@ def _look(rule: Rule | None, is_line: bool, within: bool = True) -> dict[str, An
 
 
 def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
-    """Draw what limits bound, a style for each joint, and write the limit beside it."""
+    """Draw limit curves with one style per joint, and write the limit beside each."""
     arm, handles, taken = found.task.arm, [], [*found.links]
     for i, joint in enumerate(found.part.joints):
         style: dict[str, Any] = {"linestyle": DASHES[i % len(DASHES)], "color": "black", "linewidth": 2.2}
@@ -203,7 +203,7 @@ def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
         for curve in curves:
             shown = curve.points
             if found.part.is_surface and curve is not curves[0]:
-                # Where two curves are one, as at ±160°, the dashes of both would make a solid line.
+                # Where two curves coincide, as at ±160°, the dashes of both would make a solid line.
                 gap = np.linalg.norm(shown[:, None] - curves[0].points, axis=-1).min(axis=1)
                 shown = np.where(gap[:, None] < found.free.size, np.nan, shown)
             axes.plot(*shown.T, zorder=3, **style)
@@ -224,7 +224,7 @@ def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
 
 
 def _clearest(points: Array, found: Workspace, taken: list[Array]) -> Array:
-    """Return the point of a curve that is farthest from the frame, the arm, and what is written already."""
+    """Return the point of a curve that is farthest from the frame, the arm, and existing texts."""
     low, high = np.array([found.a[0], found.b[0]]), np.array([found.a[-1], found.b[-1]])
     # A text is about three times as wide as high.
     frame = (np.minimum(points - low, high - points) / [2.0, 1.0]).min(axis=1)

@@ -1,4 +1,4 @@
-"""A workspace for others, as arrays in a file."""
+"""A workspace as arrays in a file, for other programs."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ from rmrc.analysis.workspace.joint_map import JointMap
 from rmrc.analysis.workspace.reach import Workspace
 from rmrc.support.files import written_whole
 
-# What the arrays of a file mean, in order: (key, meaning).
+# The meaning of the arrays of a file, in order: (key, meaning).
 ARRAYS = {
     "a": "edges of the cells along the first coordinate of the slice, (A + 1,) [m]",
     "b": "edges of the cells along the second coordinate, (B + 1,) [m]",
@@ -41,10 +41,10 @@ ARRAYS = {
 
 
 def save(found: Workspace | JointMap, path: Path) -> None:
-    """Write everything that was found as arrays, atomically; `meaning` says what each is.
+    """Write all results as arrays, atomically; `meaning` describes each.
 
     Args:
-        found: What `workspace` or `joint_map` found.
+        found: The result of `workspace` or `joint_map`.
         path: An `.npz` file.
     """
     arrays, meaning, about = _joint_map(found) if isinstance(found, JointMap) else _workspace(found)

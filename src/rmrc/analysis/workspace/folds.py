@@ -1,4 +1,4 @@
-"""The image of two joints' ranges in a plane: which points it covers, how often, and where it folds."""
+"""The image of two joints' ranges in a plane: the points that it covers, how often, and its folds."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,10 @@ from rmrc.law.task import Array
 def covering(
     at: Array, origin: Array, size: float, shape: tuple[int, int]
 ) -> tuple[NDArray[np.int64], Array]:
-    """Return which centers of cells the image of a grid covers, each as often as it does.
+    """Return the centers of cells that the image of a grid covers, each as often as it is covered.
 
     Each square of the grid is cut into two triangles, which are mapped to triangles; a center on a border
-    that two triangles share belongs to one of them. So every layer of the image counts once.
+    that two triangles share belongs to one of them. Every layer of the image therefore counts once.
 
     Args:
         at: Images of the grid's nodes, (A, B, 2).
@@ -22,8 +22,8 @@ def covering(
         shape: Number of cells along both coordinates.
 
     Returns:
-        Index (first coordinate · shape[1] + second) of the cell, (K,), and where on the grid its center is
-        the image of, in steps of the grid, (K, 2).
+        Index (first coordinate · shape[1] + second) of the cell, (K,), and the preimage of its center on the
+        grid, in steps of the grid, (K, 2).
 
     Example:
         A square that is folded along its diagonal covers a half of itself twice:
@@ -44,9 +44,9 @@ def covering(
 
 @compiled
 def is_left(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> bool:
-    """Whether a point is left of the way from a to b; to rounding the opposite for the way from b to a.
+    """Return whether a point is left of the line from a to b; exactly the opposite for the line from b to a.
 
-    The side is computed from the lesser end, so that both triangles of a border decide alike.
+    The side is computed from the smaller end, so that both triangles of a border decide alike.
     """
     if (bx, by) < (ax, ay):
         return not (ax - bx) * (y - by) - (ay - by) * (x - bx) > 0.0
@@ -85,7 +85,7 @@ def scan(  # noqa: C901 - a loop for each of squares, halves, columns, rows
                         if side != is_left(bx, by, cx, cy, x, y) or side != is_left(cx, cy, ax, ay, x, y):
                             continue
                         if len(cells):
-                            # Shares of the corners, by areas.
+                            # Barycentric coordinates, by areas.
                             whole = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
                             s, t = 1.0 / 3.0, 1.0 / 3.0
                             if whole != 0.0:
@@ -103,7 +103,7 @@ def zero_curves(value: Array) -> list[Array]:
     A curve crosses edges of the grid where their ends differ in sign, at the zero of the line between them.
 
     Args:
-        value: At the nodes, (A, B).
+        value: Values at the nodes, (A, B).
 
     Returns:
         Polylines, each (k, 2); closed ones end where they begin.
@@ -113,7 +113,7 @@ def zero_curves(value: Array) -> list[Array]:
         [[[0.25, 0.0], [0.5, 1.0]]]
     """
     positive = value >= 0.0
-    # An edge is known by its lower node and its direction.
+    # The key of an edge is its lower node and its direction.
     _, width = value.shape
     node = np.arange(value.size).reshape(value.shape)
     edges = np.stack(

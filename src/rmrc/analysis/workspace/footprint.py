@@ -1,10 +1,10 @@
-"""What a map of a workspace takes of memory: refused before anything moves where it does not fit."""
+"""The memory of a map of a workspace: one that does not fit is refused before the computation."""
 
 from rmrc.simulation.footprint import LIBRARIES
 from rmrc.support.errors import QuestionError
 from rmrc.support.memory import excess
 
-# Measured [B]: of each node of a surface's grid, of each cell where it is sampled, and of a map over joints.
+# Measured [B]: per node of a surface's grid, per sampled cell, and per node of a map over joints.
 NODE, CELL, MAPPED = 150, 500, 300
 
 
@@ -12,8 +12,8 @@ def refuse_excess(cells: int, size: int) -> None:
     """Refuse a grid that does not fit into memory.
 
     Args:
-        cells: That were asked for along the longer side.
-        size: What is held [B].
+        cells: Requested number along the longer side.
+        size: Memory of the data [B].
 
     Raises:
         QuestionError: It does not fit.

@@ -1,4 +1,4 @@
-"""How near to singular an arm is over two of its joints, the others at rest."""
+"""The singular values of an arm over two of its joints, with the others at rest."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.legible import quoted
 
-# Below this share of σ_1, σ_min is 0: a place is known to 1e-10 or so.
+# Below this share of σ_1, σ_min is 0: a location is known to 1e-10 or so.
 SINGULAR = 1e-8
-# A determinant below this share of the largest is 0: what rounding leaves of products of sines.
+# A determinant below this share of the largest is 0: rounding of products of sines.
 ROUNDING = 1e-12
-# Where a search between the positions begins, how often it goes on or halves its step, and where it ends.
+# Starts of a search between the positions, its largest number of steps, and its final step.
 VALLEYS, ROUNDS, FINEST = 8, 200, 1e-11
 
 
 @brief
 @dataclass(frozen=True)
 class JointMap:
-    """What `joint_map` found.
+    """The result of `joint_map`.
 
     Attributes:
         task: The arm, and the rows whose singular values were taken.
@@ -37,9 +37,9 @@ class JointMap:
         second: Positions of the second, (B,) [rad or m].
         q: Positions of all joints; those of the two do not matter, (n,).
         values: σ_min, w and κ, each (A, B).
-        ends: Least and largest of each over both ranges, also between the positions; 0, 0 and infinite where
-            the arm is singular.
-        singular: Where det A = 0 of a square task, as polylines (k, 2) of both positions; none of another.
+        ends: Smallest and largest of each over both ranges, also between the positions; 0, 0 and infinite
+            where the arm is singular.
+        singular: Curves det A = 0 of a square task, as polylines (k, 2) of both positions; none for others.
         families: Families of singularities, one for each factor of det A; none if no factors are known.
         family: Number of the family of each curve; none if no factors are known.
     """
@@ -78,24 +78,24 @@ def joint_map(
     Args:
         model: An arm, an MJCF file, or a scenario.
         over: Names of two of its joints.
-        q: Positions of the others, (n,) [rad or m]; those of the two do not matter. None for the keyframe.
-        keyframe: Joint positions by name; None for the start of a scenario, else `home`.
-        site: The point in question; None for that of the arm or scenario, else that of the hand: see
+        q: Positions of the others, (n,) [rad or m]; those of the two do not matter. None: the keyframe.
+        keyframe: Joint positions by name; None: the start of a scenario, or else `home`.
+        site: The site in question; None: that of the arm or scenario, or else of the hand: see
             `rmrc.arm.frames`.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
-        axes: Rows of the twist whose singular values are taken; None for those of a scenario, else those that
+        axes: Rows of the twist whose singular values are taken; None: those of a scenario, or else those that
             the arm can move independently.
-        task_frame: Along whose axes the rows are: `world`, `base` or `site`; None for that of a scenario
-            whose axes they are, else `world`.
-        length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
-            scenario, else 1.
+        task_frame: Frame of the rows: `world`, `base` or `site`; None: that of the scenario whose rows
+            they are, or else `world`.
+        length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
+            scenario, or else 1.
         cells: Steps over the range of each.
-        on_samples: Called with the number of configurations that were looked at since the last call.
+        on_samples: Called with the number of configurations examined since the last call.
 
     Raises:
-        ModelError: The file, the site or the keyframe is missing or will not do.
-        QuestionError: There are not two such joints, one slides without limits, or so many cells do not fit
+        ModelError: The file, the site or the keyframe is missing or unusable.
+        QuestionError: There are no two such joints, one slides without limits, or the cells do not fit
             into memory.
 
     Example:
@@ -193,13 +193,13 @@ def _singular_curves(value: Array, is_share: bool) -> list[Array]:
 def _ends(
     task: Task, joints: tuple[int, int], q: Array, steps: list[Array], values: dict[str, Array]
 ) -> dict[str, tuple[float, float]]:
-    """Return least and largest σ_min, w and κ, searched between the positions from the extreme ones.
+    """Return smallest and largest σ_min, w and κ, searched between the positions from the extreme ones.
 
-    It is a search by compass: of a place and its eight neighbors at some distance the best is next,
-    and the distance is halved where that is the place itself. It needs no derivative, which σ_min has not
-    where it is 0.
+    It is a compass search: the best of a location and its eight neighbors at some distance is the next
+    location, and the distance is halved if that is the location itself. It needs no derivative, which σ_min
+    does not have where it is 0.
     """
-    # To be as small as can be: each measure and its negative, κ as 1/κ.
+    # Minimized: each measure and its negative, κ as 1/κ.
     rows = [(name, sign) for name in values for sign in (1.0, -1.0)]
     grids = [sign * (1.0 / values[name] if name == "condition" else values[name]) for name, sign in rows]
     starts = [_valleys(grid) for grid in grids]
@@ -245,7 +245,7 @@ def _ends(
 
 
 def _valleys(grid: Array) -> NDArray[np.intp]:
-    """Return the lowest places of a grid that none beside them is lower than, (K, 2)."""
+    """Return the locations of a grid without a lower neighbor, the lowest ones, (K, 2)."""
     padded = np.pad(grid, 1, constant_values=np.inf)
     rows, columns = grid.shape
     beside = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]

@@ -19,14 +19,14 @@ MEASURES: tuple[Measure, ...] = ("sigma_min", "manipulability", "condition")
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve of the slice, and the configurations that it is the image of.
+    """A curve of the slice, and its configurations.
 
     Attributes:
         label: `singular`, or the limit that is reached: `NAME lower`, `NAME upper`.
         q: (k, n) [rad or m].
-        points: In the slice, (k, 2) [m].
+        points: Points in the slice, (k, 2) [m].
         within: Which of them are within the joint limits, (k,).
-        family: Number of the family of singularities of each, (k,); None where no families are known.
+        family: Number of the family of singularities of each, (k,); None if no families are known.
     """
 
     label: str
@@ -43,13 +43,13 @@ class Reach:
     Attributes:
         size: Side of a cell [m].
         reached: (A, B).
-        postures: Number of postures that put the site into the middle of a cell, (A, B); -1 where the arm
-            has infinitely many, or the slice is not a surface.
+        postures: Number of postures that bring the site to the middle of a cell, (A, B); -1 if the arm has
+            infinitely many, or the slice is not a surface.
         values: σ_min, w and κ of the best, or the worst, of the postures found, each (A, B); nan elsewhere.
         q: The posture of the best, or the worst, σ_min, (A, B, n); nan elsewhere.
         extents: Extents of both coordinates; none if nothing is reached.
-        ends: Least and largest σ_min, w and κ of all points; none if nothing is reached.
-        source: Where the worse end of each was found: `singular`, `limits`, or `cells`.
+        ends: Smallest and largest σ_min, w and κ of all points; none if nothing is reached.
+        source: Source of the worse end of each: `singular`, `limits`, or `cells`.
     """
 
     size: float
@@ -63,14 +63,14 @@ class Reach:
 
     @property
     def area(self) -> float:
-        """Area of all cells that are reached [m²]."""
+        """Area of all reached cells [m²]."""
         return float(self.reached.sum()) * self.size**2
 
     @property
     def accuracy(self) -> float:
-        """What the area can be wrong by [m²]: half a cell wherever two neighbors differ.
+        """Largest error of the area [m²]: half a cell wherever two neighbors differ.
 
-        Of samples a whole one, as a cell counts that is reached in a corner only.
+        For samples it is a whole cell, as a cell counts that is reached in a corner only.
         """
         padded = np.pad(self.reached, 1)
         borders = (padded[1:] != padded[:-1]).sum() + (padded[:, 1:] != padded[:, :-1]).sum()
@@ -80,7 +80,7 @@ class Reach:
 @brief
 @dataclass(frozen=True)
 class Workspace:
-    """What `workspace` found.
+    """The result of `workspace`.
 
     Attributes:
         task: The arm, and the rows whose singular values were taken.
@@ -89,13 +89,13 @@ class Workspace:
         b: Along the second, (B + 1,) [m].
         free: Without joint limits: each hinge turns fully; slides keep theirs.
         limited: With them.
-        singular: Singular curves, on a surface; else one "curve" of points without an order.
+        singular: Singular curves, on a surface; otherwise one "curve" of points without an order.
         families: Families of singularities, one for each factor of det J_v; none if no factors are known.
-        limits: Where joints at their limits bound, by limit: curves on a surface, else points.
-        home: The configuration that the arm is drawn at, (n,).
+        limits: Curves where a joint limit bounds the reached set, by limit, on a surface; otherwise points.
+        home: The configuration of the drawn arm, (n,).
         links: Points of the drawn arm in the slice, (k, 2) [m].
-        worst: Whether `values` are of the worst posture and not of the best.
-        samples: Configurations that were looked at.
+        worst: Whether `values` are of the worst posture instead of the best.
+        samples: Number of examined configurations.
     """
 
     task: Task
@@ -145,7 +145,7 @@ class Found:
         self.count = np.zeros(cells, np.int64)
 
     def add(self, cells: NDArray[np.int64], found: Survey) -> None:
-        """Take the results at configurations, of which each belongs to a cell."""
+        """Add the results at configurations, each of which belongs to a cell."""
         self.seen += len(cells)
         self.count += np.bincount(cells, minlength=len(self.count))
         of = {
@@ -164,14 +164,14 @@ class Found:
             self._keep(measure, hit, of[measure][best[hit]], found.q[best[hit]])
 
     def include(self, other: "Found") -> None:
-        """Take what another has found as well."""
+        """Add the results of another object."""
         self.count += other.count
         hit = np.flatnonzero(other.count)
         for measure in MEASURES:
             self._keep(measure, hit, other.values[measure][hit], other.q[hit])
 
     def _keep(self, measure: Measure, cells: NDArray[np.int64], new: Array, q: Array) -> None:
-        """Take the value of each of some cells, all different, if it is better than the results before."""
+        """Store the value of each of some cells, all different, if it is better than the earlier results."""
         old = self.values[measure][cells]
         high = (measure == "condition") == self.worst
         better = np.isnan(old) | ((new > old) if high else (new < old))

@@ -12,25 +12,25 @@ from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 
 WORDS = {"sigma_min": "σ_min [1]", "manipulability": "manipulability w [1]", "condition": "condition κ [1]"}
-# Where the worst of a workspace was found.
+# Sources of the worst values of a workspace.
 SOURCES = {"singular": "singular curves", "limits": "limit curves", "cells": "cells"}
 
 
 def report(found: Workspace | JointMap, measure: str | None = None) -> Report:
-    """Return what there is to show of a workspace, or of a map over two joints.
+    """Return the report of a workspace, or of a map over two joints.
 
-    The JSON of a workspace has slice and cells; of both reachable sets area (and volume, of a slice about an
-    axis), how far they can be off, extents with their accuracy, the extremes of σ_min, w and κ, and in
-    `worst_from` where the worse of both was found: on `singular` curves, on those of `limits`, or in the
-    middles of `cells`, as the better always are; counts of singular configurations, in all and of each
-    family. Of samples an extent is reached to its accuracy, but is only the largest that was found:
+    The JSON of a workspace has slice and cells. For both reachable sets it has area (and volume, for a slice
+    about an axis) with their errors, extents with their accuracy, the extremes of σ_min, w and κ, and in
+    `worst_from` the source of the worse ones: `singular` curves, those of `limits`, or the middles of
+    `cells`, from which the better ones always come; and counts of singular configurations, in all and per
+    family. For samples an extent is reached to its accuracy, but is only the largest that was found:
     `extent_is_at_least`. Over two joints the extremes are searched between the positions of the map, to 1e-9
     and less; an infinite κ is null.
 
     Args:
-        found: What `workspace` or `joint_map` found.
-        measure: What the picture colors: `sigma_min`, `manipulability`, `condition`, or of a slice
-            `postures`; None for nothing, and over two joints for `sigma_min`.
+        found: The result of `workspace` or `joint_map`.
+        measure: The color map of the picture: `sigma_min`, `manipulability`, `condition`, or for a slice
+            `postures`; None: none, or over two joints `sigma_min`.
 
     Example:
         >>> from rmrc.analysis.workspace.workspace import workspace
@@ -110,7 +110,7 @@ def _joint_values(found: JointMap) -> dict[str, Any]:
         "q": found.q, "axes": found.task.axes, "task_frame": found.task.frame, "length": found.task.length,
         "cells": [len(found.first) - 1, len(found.second) - 1],
         "configurations": found.values["sigma_min"].size,
-        # det J is of as many rows as joints
+        # det J has as many rows as joints
         "singular_curves": len(found.singular) if len(found.task.rows) == arm.n else None,
         "families": [
             {"name": rule.name, "family": rule.family, "where": rule.where, "curves": found.family.count(i)}

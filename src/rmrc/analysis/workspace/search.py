@@ -1,8 +1,8 @@
-"""The search for a workspace, of arms that are a surface in their slice, and of any others.
+"""The search for a workspace, for arms that are a surface in their slice, and for all others.
 
 A planar arm of two joints, or an arm of three in a half-plane about its first axis, is a surface: two joint
-positions give two coordinates, and the image of a grid is followed exactly, folds and all. Any other arm is
-sampled, and the cells at the edge of the results are sampled more until no cell is added.
+positions determine two coordinates, and the image of a grid is followed exactly, with its folds. Any other
+arm is sampled, and the cells at the edge of the results are sampled more until no cell is added.
 """
 
 from collections.abc import Callable, Iterator
@@ -24,20 +24,20 @@ from rmrc.arm import Arm
 from rmrc.law.task import Array, Task
 from rmrc.support.errors import QuestionError
 
-# Steps of a surface's grid over a full turn, or over a slide, for a cell: half a degree with 200 cells, whose
-# chords leave its arcs by 1e-5 of their radius, a hundredth of a cell. And at least so many.
+# Steps of a surface's grid over a full turn, or over a slide, per cell: half a degree with 200 cells, whose
+# chords deviate from its arcs by 1e-5 of their radius, a hundredth of a cell. And the least number of steps.
 STEPS_A_CELL, FEWEST = 3.6, 180
 # The grid of a full turn is shifted by this part of a step, so that 0 and π, where arms are singular, are
-# no nodes of it, and not its ends.
+# neither its nodes nor its ends.
 SHIFT = 0.381966
-# Of a joint at its limit [rad or m].
+# Distance of a joint from its limit at which it is there [rad or m].
 ROUNDING = 1e-9
-# Random configurations from which singular ones are sought, where they are no curves on a surface.
+# Number of random configurations from which singular ones are sought, unless these are curves on a surface.
 STARTS = 4000
-# As many for each limit of each joint.
+# The same number for each limit of each joint.
 STARTS_AT_LIMIT = 600
-# Sampling around the edge: at most so many rounds, each with so many configurations near one of every cell at
-# the edge, apart by so much [rad or m].
+# Sampling around the edge: largest number of rounds, and number of configurations near one of every cell at
+# the edge, at this distance [rad or m].
 ROUNDS, NEIGHBORS, NEARBY = 12, 64, (0.2, 0.05, 0.01)
 
 
@@ -48,7 +48,7 @@ def steps_of_grid(cells: int) -> int:
 
 @dataclass
 class Search:
-    """What the steps of one computation share."""
+    """The common data of the steps of one computation."""
 
     arm: Arm
     task: Task
@@ -59,13 +59,13 @@ class Search:
     total: int = 0
 
     def survey(self, q: Array) -> Iterator[Survey]:
-        """Yield what is found at configurations, block by block."""
+        """Yield the results at configurations, block by block."""
         for first in range(0, len(q), BLOCK):
             self.did(min(BLOCK, len(q) - first))
             yield survey(self.task, q[first : first + BLOCK])
 
     def did(self, count: int) -> None:
-        """Count configurations that were looked at."""
+        """Count examined configurations."""
         self.total += count
         self.on_samples(count)
 
@@ -96,7 +96,7 @@ class Search:
         for i, (nodes, images, ranges) in enumerate(((nodes_free, at, free), (nodes_own, images_own, own))):
             outer, step = self.outermost(nodes, images), max(float(np.diff(one).max()) for one in nodes)
             # Between nodes a step h apart a coordinate is within D h²/2 of theirs where it is extreme, with D
-            # the farthest that the site is from a joint, which bounds its second derivatives.
+            # the largest distance of the site from a joint, which bounds its second derivatives.
             farthest = float(np.linalg.norm(jacobians(self.task, outer)[1][:, :3], axis=1).max())
             fine = 0.5 * farthest * step * step
             reaches[i] = self.bounded(reaches[i], ranges, i, singular, limits, outer, fine, origin)
@@ -119,7 +119,7 @@ class Search:
         self, reach: Reach, ranges: Array, has_limits: int, singular: tuple[Curve, ...],
         limits: tuple[Curve, ...], more: Array, fine: float | None, origin: Array,
     ) -> Reach:  # fmt: skip
-        """Return what is reached with its extents and the ends of σ_min, w and κ.
+        """Return the reached set with its extents and the ends of σ_min, w and κ.
 
         Args:
             reach: The cells.
@@ -137,10 +137,10 @@ class Search:
         curves = self.wrapped(np.concatenate(on), ranges)
         if not len(curves) + len(more):
             return reach
-        if part.is_round:  # any position of the first joint will do
+        if part.is_round:  # the position of the first joint does not matter
             curves[:, part.movers[0]] = self.home[part.movers[0]]
         extents = find_extents(self.task, part, ranges, np.concatenate([curves, more]), fine)
-        # Extremes are on one of the curves, or where some of them end.
+        # Extremes are on one of the curves, or at some of their ends.
         curves = np.concatenate([*(extent.q for extent in extents), curves])
         turns = self.arm.comes_round & ~(ranges[:, 1] - ranges[:, 0] < 2.0 * np.pi - ROUNDING)
         limit = np.where(turns[:, None], [-np.inf, np.inf], ranges)
@@ -185,7 +185,7 @@ class Search:
             for joint, steps, column in zip(self.part.joints, nodes, places.T, strict=True):
                 q[:, joint] = np.interp(column, np.arange(len(steps)), steps)
             q, found = nearest_singular(self.task, self.part, q, self.part.movers)
-            if self.part.is_round:  # any position of the first joint will do
+            if self.part.is_round:  # the position of the first joint does not matter
                 q[:, self.part.movers[0]] = self.home[self.part.movers[0]]
             yield self.curve("singular", q[found], own)
 
@@ -198,7 +198,7 @@ class Search:
             yield self.curve(f"{self.arm.joints[joint]} {word}", q, own)
 
     def sampled(self, free: Array, own: Array, cells: int, samples: int) -> Workspace:
-        """Look at random configurations: within `free` without and within `own` with limits, (n, 2)."""
+        """Examine random configurations: within `free` without and within `own` with limits, (n, 2)."""
         part, rng = self.part, np.random.default_rng(0)
         starts = self.in_slice(self.random(rng, free, STARTS), free, rng)
         if not len(starts):
@@ -221,7 +221,7 @@ class Search:
                 q = self.random(rng, ranges, min(BLOCK, samples - first))
                 self.look(known, self.in_slice(q, ranges, rng), origin, size)
             self.grow(known, ranges, origin, size, rng)
-        both[0].include(both[1])  # what is reached within the limits is reached without
+        both[0].include(both[1])  # the set within the limits is a part of the set without
         reaches = [known.reach(size, postures=False) for known in both]
         limits = tuple(self.limit_points(own, rng))
         for i, ranges in enumerate((free, own)):
@@ -230,7 +230,7 @@ class Search:
         return self.finish(origin, size, shape, reaches, (singular,), limits)
 
     def limit_points(self, own: Array, rng: np.random.Generator) -> Iterator[Curve]:
-        """Yield where, of each joint, a limit bounds: it stays there, and the others alone are singular."""
+        """Yield bounding points of each joint's limits: there it stays, and the others alone are singular."""
         for joint, end, word in self.ends(own):
             q = self.random(rng, own, STARTS_AT_LIMIT)
             q[:, joint] = own[joint, end]
@@ -245,14 +245,14 @@ class Search:
                 yield from ((int(joint), end, word) for end, word in enumerate(("lower", "upper")))
 
     def random(self, rng: np.random.Generator, ranges: Array, count: int) -> Array:
-        """Return random configurations within ranges, joints that do not matter at rest."""
+        """Return random configurations within ranges, with joints that do not matter at rest."""
         q = np.tile(self.home, (count, 1))
         joints = self.part.joints
         q[:, joints] = rng.uniform(ranges[joints, 0], ranges[joints, 1], (count, len(joints)))
         return q
 
     def inside(self, q: Array, ranges: Array) -> NDArray[np.bool_]:
-        """Return which configurations are within ranges, a hinge also a turn further; to rounding."""
+        """Return which configurations are within ranges, to rounding; a hinge may be off by a turn."""
         joints = self.part.joints
         low, high = ranges[joints].T
         positions = self.wrapped(q, ranges)[:, joints]
@@ -264,10 +264,10 @@ class Search:
         return np.where(self.arm.comes_round, low - ROUNDING + (q - low + ROUNDING) % (2.0 * np.pi), q)
 
     def in_slice(self, q: Array, ranges: Array, rng: np.random.Generator) -> Array:
-        """Return the configurations, each with one joint moved so that the site is in the plane, if it can.
+        """Return the configurations, each with one joint moved to bring the site into the plane, if possible.
 
-        With the others at rest the distance to the plane is f + a (cos δ − 1) + b sin δ of a hinge, and
-        f + b δ of a slide, where b is the normal's part of the joint's column J_v, and a that of J_v × z.
+        With the others at rest the distance to the plane is f + a (cos δ − 1) + b sin δ for a hinge, and
+        f + b δ for a slide, where b is the normal's part of the joint's column J_v, and a that of J_v × z.
         """
         part = self.part
         if not part.cuts:
@@ -290,7 +290,7 @@ class Search:
         return moved[self.inside(moved, ranges)]
 
     def look(self, known: Found, q: Array, origin: Array, size: float) -> None:
-        """Survey configurations and put what is found into its cells."""
+        """Examine configurations and add the results to their cells."""
         for found in self.survey(q):
             places = np.floor((self.part.coordinates(found.pose[:, :3]) - origin) / size).astype(np.int64)
             fits = ((places >= 0) & (places < known.shape)).all(axis=1)
@@ -298,7 +298,7 @@ class Search:
             known.add(places[fits, 0] * known.shape[1] + places[fits, 1], kept)
 
     def grow(self, known: Found, ranges: Array, origin: Array, size: float, rng: np.random.Generator) -> None:
-        """Look near the configurations at the edge of the results, until no cell is added."""
+        """Examine configurations near those at the edge of the results, until no cell is added."""
         joints, without = self.part.joints, 0
         for turn in range(ROUNDS):
             before = int(np.count_nonzero(known.count))
@@ -316,8 +316,8 @@ class Search:
     def cells(self, points: list[Array], cells: int) -> tuple[Array, float, tuple[int, int]]:
         """Return lower corner, side and number of cells around points.
 
-        The outermost points are in the middle of a cell, which is then half reached: on the border of two
-        they would belong to the outer one as well, and the area be too large by both.
+        The outermost points are in the middle of a cell, which is then half reached. On the border of two
+        cells they would belong to the outer one as well, and the area would be too large by both.
         """
         every = np.concatenate(points)
         low, high = every.min(axis=0), every.max(axis=0)
@@ -340,7 +340,7 @@ class Search:
         self, origin: Array, size: float, shape: tuple[int, int], reaches: list[Reach],
         singular: tuple[Curve, ...], limits: tuple[Curve, ...],
     ) -> Workspace:  # fmt: skip
-        """Return all that was found."""
+        """Return all results."""
         a, b = (origin[i] + size * np.arange(shape[i] + 1) for i in range(2))
         known = product(Task(self.arm, self.part.rows), self.part.movers.tolist())
         if known is not None:
@@ -368,7 +368,7 @@ class Search:
 
 
 def _links(arm: Arm, q: Array) -> Array:
-    """Return the way along the arm from the world to the site, (k, 3): origins of its bodies."""
+    """Return the origins of the bodies along the arm from the world to the site, (k, 3)."""
     poses, _ = arm.frames(arm.configuration(q)[None])
     chain, body = [], int(arm.wiring.body)
     while body > 0:

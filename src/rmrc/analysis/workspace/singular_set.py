@@ -1,4 +1,4 @@
-"""Configurations in which the site has lost a direction, by Newton's method from others nearby."""
+"""Configurations in which the site has lost a direction, by Newton's method from nearby ones."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ SINGULAR = 1e-9
 STEPS = 30
 # Part of the sum of squares of a step's equations: directions with less, 3e-7 of it, count as rounding.
 DAMPING = 1e-13
-# A step is at most this long [rad or m]: farther the second derivatives mean little.
+# Largest length of a step [rad or m]: second derivatives do not hold farther away.
 LONGEST = 0.3
 
 
@@ -22,15 +22,15 @@ def nearest_singular(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return singular configurations near to others, in the slice, and which of them were found.
 
-    J_v(q)ᵀ u = 0 for a unit vector u, the direction that is lost, is a smooth system of equations for q and u
-    also where J_v is not square. Its derivative by q is the `curvature`; each step is the shortest that
-    solves the linearized system.
+    J_v(q)ᵀ u = 0 for a unit vector u, the lost direction, is a smooth system of equations for q and u even if
+    J_v is not square. Its derivative by q is the `curvature`; each step is the shortest solution of the
+    linearized system.
 
     Args:
         task: The arm.
-        part: The slice; of one that cuts, its plane is one equation more.
-        q: Where to begin, (N, n).
-        joints: Those that may move; at limits, the others stay.
+        part: The slice; the plane of one that cuts is one more equation.
+        q: Starts, (N, n).
+        joints: Joints that may move; at limits, the others stay.
 
     Returns:
         Configurations, (N, n), and a mask, (N,).
@@ -58,7 +58,7 @@ def nearest_singular(
         system[:, k, k:] = u
         system[:, k + 1, :k] = part.cuts * np.einsum("nck,c->nk", linear, part.normal)
         wanted = -np.concatenate([lost, np.zeros((len(u), 1)), away[:, None]], axis=1)
-        # Solutions lie on curves and some equations say the same: damping leaves those directions alone.
+        # Solutions lie on curves and some equations are dependent: damping leaves those directions alone.
         system, wanted = system[go], wanted[go]
         square = system @ np.swapaxes(system, 1, 2)
         square += DAMPING * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(k + 2)

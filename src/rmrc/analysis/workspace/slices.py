@@ -1,4 +1,4 @@
-"""Where a workspace is cut: a planar arm's plane, a plane through a point, a half-plane about an axis."""
+"""The slice of a workspace: a planar arm's plane, a plane through a point, a half-plane about an axis."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from rmrc.law.task import RANK_TOLERANCE, SAMPLES, Array, Task
 from rmrc.support.errors import QuestionError
 
 NAMES = ("xy", "xz", "yz", "rz")
-# An axis of the world within so much of a direction is that direction: eight digits of a file.
+# An axis of the world within this distance of a direction equals it: eight digits of a file.
 PARALLEL = 1e-7
 
 
@@ -22,12 +22,12 @@ class Slice:
     Attributes:
         name: `xy`, `xz`, `yz`, `rz`, or `uv` for a planar arm in no plane of the world.
         labels: Names of both coordinates.
-        origin: A point of the plane; of `rz` a point on the axis, (3,) [m].
-        axes: Directions of the coordinates, (2, 3); of `rz` the second is that of the axis, and the first
-            that in which the site is moved by the joints after the first, nan if that is no plane.
+        origin: A point of the plane; for `rz` a point on the axis, (3,) [m].
+        axes: Directions of the coordinates, (2, 3); for `rz` the second is that of the axis, and the first
+            that in which the joints after the first move the site, nan if that is no plane.
         normal: Normal of the plane, (3,).
         cuts: Whether the arm leaves the plane, so that only some of its postures are in it.
-        movers: Joints that move the site, rising.
+        movers: Joints that move the site, ascending.
         basis: Directions in which the site can move at all, (m, 3): 2 for a planar arm, else 3.
     """
 
@@ -42,23 +42,23 @@ class Slice:
 
     @property
     def joints(self) -> NDArray[np.intp]:
-        """Those that move the site in the slice: the movers, except the first of `rz`."""
+        """Joints that move the site in the slice: the movers, except the first of `rz`."""
         return self.movers[1:] if self.is_round else self.movers
 
     @property
     def rows(self) -> NDArray[np.intp]:
-        """Rows of the position in which the site can move: all, or of a planar arm the two that show most."""
+        """Rows of the position in which the site can move: all, or for a planar arm the two largest."""
         every = np.arange(3)
         return np.delete(every, np.argmax(np.abs(self.normal))) if len(self.basis) == 2 else every
 
     @property
     def is_round(self) -> bool:
-        """Whether it is a half-plane about the first axis, which stands for all of them."""
+        """Whether it is a half-plane about the first axis, which represents all of them."""
         return self.name == "rz"
 
     @property
     def is_surface(self) -> bool:
-        """Whether two joints move the site in it, so that each point is reached by a few postures."""
+        """Whether two joints move the site in it, so that a few postures reach each point."""
         return len(self.joints) == 2 and not self.cuts
 
     def coordinates(self, position: Array) -> Array:
@@ -72,26 +72,26 @@ class Slice:
     def signed(self, position: Array) -> Array:
         """Return the coordinates of points (..., 3) that the first joint has not turned, r with a sign.
 
-        r = |ρ| has an edge where an arm reaches over the axis, ρ has none; where the joints after the first
-        leave the plane through the axis, it is `coordinates`.
+        r = |ρ| has an edge where an arm reaches over the axis, and ρ has none. If the joints after the first
+        leave the plane through the axis, the result is `coordinates`.
         """
         if self.is_round and np.isfinite(self.axes[0]).all():
             return np.asarray((position - self.origin) @ self.axes.T)
         return self.coordinates(position)
 
     def offset(self, position: Array) -> Array:
-        """Return how far points (..., 3) are from the plane, (...) [m]; 0 where it does not cut."""
+        """Return the distance of points (..., 3) from the plane, (...) [m]; 0 if it does not cut."""
         return np.asarray((position - self.origin) @ self.normal) * self.cuts
 
 
 def choose_slice(arm: Arm, plane: str | None, q: Array, through: Array | None = None) -> Slice:
-    """Return the slice of an arm's workspace: of a planar arm its plane, else the one that is asked for.
+    """Return the slice of an arm's workspace: for a planar arm its plane, else the requested one.
 
     Args:
         arm: The arm.
         plane: `xy`, `xz`, `yz`, `rz`: distance from the first axis and height along it; None to choose.
-        q: Joint positions (n,): those of joints that do not move the site, and of the first joint of `rz`.
-        through: A point of the plane, (3,) [m]; None for the site at q.
+        q: Joint positions (n,): of joints that do not move the site, and of the first joint of `rz`.
+        through: A point of the plane, (3,) [m]; None: the site at q.
 
     Raises:
         QuestionError: The site moves neither in a plane nor in space, or has no such slice.
@@ -140,7 +140,7 @@ def _own_plane(arm: Arm, plane: str | None, normal: Array, at: Array, joints: ND
         axes = np.delete(np.eye(3), world, axis=0)
         normal = np.eye(3)[world]
     else:
-        # As near to level as can be, and upward; seen from above, whichever normal was found.
+        # As near to level as possible, and upward; seen from above, whichever normal was found.
         normal = normal * (np.sign(normal[2]) or 1.0)
         name, level = "uv", np.cross([0.0, 0.0, 1.0], normal)
         level /= np.linalg.norm(level)
@@ -154,7 +154,7 @@ def _own_plane(arm: Arm, plane: str | None, normal: Array, at: Array, joints: ND
 
 
 def _about(arm: Arm, movers: NDArray[np.intp], q: Array) -> Slice:
-    """Return the half-plane about the first joint's axis, heights as in the world where it is vertical."""
+    """Return the half-plane about the first joint's axis, with the world's heights if it is vertical."""
     task, first = Task(arm, np.arange(3)), movers[0]
     position, J = jacobians(task, q[None])
     axis = J[0, 3:, first]

@@ -1,4 +1,4 @@
-"""Where the site of an arm can be, how well it moves there, and where it loses a direction."""
+"""The poses that the site of an arm can reach, how well it moves there, and where it loses a direction."""
 
 from collections.abc import Callable, Sequence
 
@@ -35,35 +35,35 @@ def workspace(
     worst: bool = False,
     on_samples: Callable[[int], None] | None = None,
 ) -> Workspace:
-    """Find where the site can be in a slice, with and without joint limits, and where it is singular there.
+    """Find the reachable set of the site in a slice, with and without joint limits, and its singularities.
 
-    The function behind `rmrc workspace`; `joint_map` is that behind its `--over`.
+    The function behind `rmrc workspace`; `joint_map` is the one behind its option `--over`.
 
     Args:
         model: An arm, an MJCF file, or a scenario.
-        plane: `xy`, `xz`, `yz`, or `rz`: distance from the first axis and height; None for the plane of a
-            planar arm, else `rz` if the first joint turns, else `xz`.
-        q: Joint positions, (n,) [rad or m], of joints that do not matter; None for the keyframe.
-        keyframe: Joint positions by name; None for the start of a scenario, else `home`.
-        site: The point in question; None for that of the arm or scenario, else that of the hand: see
+        plane: `xy`, `xz`, `yz`, or `rz`: distance from the first axis and height; None: the plane of a
+            planar arm, or else `rz` if the first joint turns, or else `xz`.
+        q: Positions, (n,) [rad or m], of joints that do not move the site; None: the keyframe.
+        keyframe: Joint positions by name; None: the start of a scenario, or else `home`.
+        site: The site in question; None: that of the arm or scenario, or else of the hand: see
             `rmrc.arm.frames`.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
-        through: A point of the plane, (3,) [m]; None for the site at q.
-        axes: Rows of the twist whose singular values are taken; None for those of a scenario, else the linear
+        through: A point of the plane, (3,) [m]; None: the site at q.
+        axes: Rows of the twist whose singular values are taken; None: those of a scenario, or else the linear
             ones that can move.
-        task_frame: Along whose axes the rows are: `world`, `base` or `site`; None for that of a scenario
-            whose axes they are, else `world`.
-        length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
-            scenario, else 1.
+        task_frame: Frame of the rows: `world`, `base` or `site`; None: that of the scenario whose rows
+            they are, or else `world`.
+        length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
+            scenario, or else 1.
         cells: Number of cells along the longer side.
-        samples: Random configurations, with limits and as many without, of an arm that is no surface.
+        samples: Random configurations, with limits and as many without, for an arm that is no surface.
         worst: Whether to keep the worst of the postures that reach a cell instead of the best.
-        on_samples: Called with the number of configurations that were looked at since the last call.
+        on_samples: Called with the number of configurations examined since the last call.
 
     Raises:
-        ModelError: The file, the site or the keyframe is missing or will not do.
-        QuestionError: The arm has no such slice, slides without limits, or so many cells do not fit into
+        ModelError: The file, the site or the keyframe is missing or unusable.
+        QuestionError: The arm has no such slice, slides without limits, or the cells do not fit into
             memory.
 
     Example:
@@ -94,12 +94,12 @@ def compile_for(arm: Arm) -> None:
 
 
 def expected(part: Slice, cells: int, samples: int) -> int:
-    """Return about how many configurations `workspace` looks at: for a progress bar."""
+    """Return about how many configurations `workspace` examines, for a progress bar."""
     return 2 * steps_of_grid(cells) ** 2 if part.is_surface else 2 * samples
 
 
 def _task(arm: Arm, part: Slice, asked: Subject) -> Task:
-    """Return the task of some axes, or of the linear ones: of a planar arm the two that show most of it."""
+    """Return the task of some axes, or of the linear ones: for a planar arm the two largest."""
     if asked.axes is not None:
         return asked.task
     rows = part.rows if asked.frame == "world" else np.arange(3)
@@ -117,7 +117,7 @@ def _ranges(arm: Arm, part: Slice) -> tuple[Array, Array]:
             )
     full = np.array([-np.pi, np.pi])
     own = arm.position_limit.copy()
-    # A hinge with more than a turn, or with one end, reaches what a full turn does.
+    # A hinge with more than a turn, or with one end, reaches the same as a full turn.
     own[turns & ~(own[:, 1] - own[:, 0] < 2.0 * np.pi)] = full
     free = np.where(turns[:, None], full, own)
     return free, own

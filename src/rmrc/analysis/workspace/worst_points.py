@@ -1,7 +1,7 @@
-"""The points of a workspace where an arm moves worst: on its singular curves, or where limits end it.
+"""The points of a workspace where an arm moves worst: on its singular curves, or at limits.
 
-Cells have the postures of their middles, and no middle lies on a curve. Of the points of curves, the postures
-are searched that reach them, so that the best of them counts.
+Cells have the postures of their middles, and no middle lies on a curve. At points of curves, a search finds
+the postures that reach them, so that the best of them counts.
 """
 
 import numpy as np
@@ -14,14 +14,14 @@ from rmrc.analysis.workspace.slices import Slice
 from rmrc.law.descent import search
 from rmrc.law.task import Array, Task
 
-# Points of curves that are looked at, those with the worst postures first, and starts of searches for others.
+# Number of examined points of curves, those with the worst postures first, and starts of searches for others.
 POINTS, STARTS = 32, 40
-# Two points are two if they are so far apart, in cells.
+# Distance above which two points are distinct, in cells.
 APART = 1.0
-# Where two postures fuse, a search knows them to the root of rounding, and σ_min is some 1e-7 of σ_1; below
+# Where two postures merge, a search knows them to the root of rounding, and σ_min is some 1e-7 of σ_1; below
 # this share all postures of a point are singular.
 FUSED = 1e-5
-# Below this share of σ_1, σ_min of a singular configuration is rounding, as Newton's method for it ends.
+# Below this share of σ_1, σ_min of a singular configuration is rounding, the end of Newton's method for it.
 SINGULAR = 1e-8
 
 Ends = dict[Measure, tuple[float, float]]
@@ -31,14 +31,14 @@ def find_ends(
     task: Task, part: Slice, limit: Array, reach: Reach, worst: bool, q: Array, random: Array,
     edges: tuple[Array, Array],
 ) -> tuple[Ends, dict[Measure, str]]:  # fmt: skip
-    """Return least and largest σ_min, w and κ of what is reached, and where the worse end was found.
+    """Return smallest and largest σ_min, w and κ of the reached set, and the sources of the worse ends.
 
     Args:
         task: The arm, and the rows whose singular values are taken.
         part: The slice.
-        limit: Position limits that are kept to, infinite where there are none, (n, 2).
+        limit: Position limits to keep, infinite where there are none, (n, 2).
         reach: The cells.
-        worst: Whether the worst posture of each point counts and not the best.
+        worst: Whether the worst posture of each point counts instead of the best.
         q: Configurations on singular and limit curves that are reached, (K, n).
         random: Joint positions to search from, (S, n).
         edges: Edges of the cells along both coordinates.
@@ -81,7 +81,7 @@ def _values(found: Survey) -> dict[Measure, Array]:
 
 
 def _spread(part: Slice, own: Survey, values: dict[Measure, Array], ends: Ends, apart: float) -> list[int]:
-    """Return configurations that are worse than all cells, no two of them at one point, outermost first."""
+    """Return configurations that are worse than all cells, all at different points, outermost first."""
     worse = (values["sigma_min"] <= ends["sigma_min"][0]) | (
         values["manipulability"] <= ends["manipulability"][0]
     )
