@@ -8,6 +8,6 @@ from setuptools.build_meta import get_requires_for_build_wheel as _for_wheel
 
 
 def get_requires_for_build_wheel(config_settings: dict[str, str | list[str]] | None = None) -> list[str]:
-    """Return what building a wheel needs: to install a clone for development takes no compiling."""
+    """Return the requirements of building a wheel: an editable install needs no compiling."""
     libraries = tomllib.loads(Path("pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
     return [*_for_wheel(config_settings), *libraries]

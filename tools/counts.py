@@ -1,27 +1,27 @@
-"""Measure the structure of `src/rmrc`, and fail where it outgrows its bounds.
+"""Measure the structure of `src/rmrc`, and fail if it exceeds its bounds.
 
-Prints a table, one row per count with its bound, then what the counts are made of. Ends with 1 if a bound is
-exceeded, so that it can be a step of CI. What is counted:
+Prints a table, one row per count with its bound, then details of the counts. Ends with 1 if a bound is
+exceeded, so that it can be a step of CI. The counts are:
 
-- Code lines: physical lines that hold a token which is no comment, line end, indentation or docstring. The
+- Code lines: physical lines with a token that is no comment, line end, indentation or docstring. The
   lines of a long string that is no docstring count, but blank ones in it do not.
 - Packages and modules directly in `src/rmrc`, without `__init__` and `__main__`.
 - Circles of imports between modules: groups of modules that import each other, each group once. Imports
-  within functions count, as they hide a circle and do not undo it. Those under `if TYPE_CHECKING:` do not
-  count, as they never run; the table tells how many there are.
-- Circles of imports between the packages and modules directly in `src/rmrc`: if there are none, imports
-  point one way, and the order is printed from the top down. Here all imports count, those under
-  `if TYPE_CHECKING:` as well: who names a type of another package knows that package. There is no mark that
-  exempts one. `__init__` and `__main__` of `src/rmrc` itself have no place in the order: they are the face
+  within functions count, as they hide a circle and do not resolve it. Those under `if TYPE_CHECKING:` do not
+  count, as they never run; the table gives their number.
+- Circles of imports between the packages and modules directly in `src/rmrc`: without any, imports
+  point one way, and the order is printed from the top down. Here all imports count, including those under
+  `if TYPE_CHECKING:`: a module that names a type of another package knows that package. No mark exempts an
+  import. `__init__` and `__main__` of `src/rmrc` itself have no place in the order: they are the interface
   of the whole.
 - The longest function outside compiled code, from `def` to its last line without the lines of its docstring;
   comments, blank lines and inner functions count.
-- The walk from `--vary` to a row: how many modules somebody reads who follows a value from the command line
-  to its row, listed in WALK. How often this walk goes up is not counted: calls of what stands above the
-  caller need an import that points up, or a function that is handed down. The first is what the row of
-  circles between packages bounds; the second cannot be told from the sources.
+- The walk from `--vary` to a row: the number of modules that a reader who follows a value from the command
+  line to its row must read, listed in WALK. Upward steps of this walk are not counted: calls of something
+  above the caller need an import that points up, or a function that is handed down. The row of circles
+  between packages bounds the first; the sources do not show the second.
 
-That a package's `__init__` runs when one of its modules is imported does not count as an import. The same
+A package's `__init__`, which runs when one of its modules is imported, does not count as an import. The same
 holds for `import_module` with a name that is only known at run time, as in `rmrc/__init__.py`.
 """
 
@@ -49,7 +49,8 @@ LONGEST_FUNCTION = 60
 COMPILING = {"compiled", "inlined", "entry", "njit", "jit", "cfunc", "vectorize", "guvectorize"}
 
 # Modules, without `rmrc.`, that handle a value on its way from `rmrc sweep --vary control.feedback=5,10` to a
-# row, in the order of their first call; without compiled code, and without what only words, counts or writes.
+# row, in the order of their first call; without compiled code, and without modules for words, counts or
+# files.
 WALK: tuple[str, ...] = (
     "cli.sweep",
     "study.sweep",
@@ -72,7 +73,7 @@ WALK: tuple[str, ...] = (
     "study.dataset",
 )
 
-# How many of the longest functions are told.
+# Number of the longest functions to list.
 _TOLD = 5
 
 _NO_CODE = {
@@ -92,9 +93,9 @@ class Module(NamedTuple):
     """A source file.
 
     Attributes:
-        name: Dotted, such as `rmrc.law.law`; that of a package is its `__init__`.
-        path: Of the file.
-        text: What is in it.
+        name: Dotted, such as `rmrc.law.law`; the name of a package is that of its `__init__`.
+        path: Path of the file.
+        text: Its contents.
         tree: The same, parsed.
     """
 
@@ -105,7 +106,7 @@ class Module(NamedTuple):
 
 
 class Import(NamedTuple):
-    """One module that imports another one of ours.
+    """An import of one module by another one of the package.
 
     Attributes:
         importer: Its name.
@@ -133,7 +134,7 @@ class Function(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A row of the table; without a bound it only tells."""
+    """A row of the table; without a bound it only informs."""
 
     what: str
     found: int
@@ -161,7 +162,7 @@ def read_modules(source: Path) -> dict[str, Module]:
 
 
 def package_of(name: str) -> str:
-    """Return what stands directly in the source folder and holds a module.
+    """Return the entry of the source folder that contains a module.
 
     Example:
         >>> package_of("rmrc.law.law"), package_of("rmrc.run"), package_of("rmrc")
@@ -205,7 +206,7 @@ def code_lines(module: Module) -> int:
 
 
 def _span(node: ast.expr, lines: Sequence[str]) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return where a node begins and ends as tokens tell it, in characters; `ast` counts bytes."""
+    """Return the start and end of a node in characters, as tokens have them; `ast` counts bytes."""
     last, end = node.end_lineno or node.lineno, node.end_col_offset or 0
     ends = ((node.lineno, node.col_offset), (last, end))
     first, second = ((line, len(lines[line - 1].encode()[:offset].decode())) for line, offset in ends)
@@ -216,7 +217,7 @@ def _span(node: ast.expr, lines: Sequence[str]) -> tuple[tuple[int, int], tuple[
 
 
 def read_imports(modules: Mapping[str, Module]) -> list[Import]:
-    """Return which of the modules import which, each pair once a kind."""
+    """Return which of the modules import which, each pair once per kind."""
     found = set()
     for module in modules.values():
         for node, kind in _statements(module.tree, "now"):
@@ -225,7 +226,7 @@ def read_imports(modules: Mapping[str, Module]) -> list[Import]:
 
 
 def _statements(node: ast.AST, kind: str) -> Iterator[tuple[ast.Import | ast.ImportFrom, str]]:
-    """Yield the import statements within a node, and of which kind they are."""
+    """Yield the import statements within a node, and their kinds."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child, kind
@@ -240,7 +241,7 @@ def _statements(node: ast.AST, kind: str) -> Iterator[tuple[ast.Import | ast.Imp
 
 
 def _imported(node: ast.Import | ast.ImportFrom, module: Module, modules: Collection[str]) -> Iterator[str]:
-    """Yield the names of our modules that a statement imports."""
+    """Yield the names of the package's modules that a statement imports."""
     if isinstance(node, ast.Import):
         yield from (alias.name for alias in node.names if alias.name in modules)
         return
@@ -264,7 +265,7 @@ def _name(node: ast.expr) -> str:
 
 
 def module_graph(modules: Iterable[str], imports: Iterable[Import]) -> Graph:
-    """Return what each module imports when it runs, late or not."""
+    """Return the imports of each module at run time, late or not."""
     graph: Graph = {name: set() for name in modules}
     for one in imports:
         if one.kind != "types":
@@ -273,7 +274,7 @@ def module_graph(modules: Iterable[str], imports: Iterable[Import]) -> Graph:
 
 
 def package_graph(modules: Iterable[str], imports: Iterable[Import]) -> Graph:
-    """Return which others each package, or module that stands alone, imports in any way."""
+    """Return which others each package, or single module, imports in any way."""
     graph: Graph = {name: set() for name in packages(modules)}
     for one in imports:
         importer, imported = package_of(one.importer), package_of(one.imported)
@@ -300,7 +301,7 @@ def circles(graph: Graph) -> list[list[str]]:
 
 
 def _reached(graph: Graph, start: str) -> set[str]:
-    """Return what a name imports, and what that imports, and so on."""
+    """Return everything that a name imports, directly or not."""
     reached: set[str] = set()
     waiting = [start]
     while waiting:
@@ -311,7 +312,7 @@ def _reached(graph: Graph, start: str) -> set[str]:
 
 
 def _circle(graph: Graph, start: str) -> list[str]:
-    """Return the shortest way from a name back to itself, which there must be."""
+    """Return the shortest way from a name back to itself, which must exist."""
     ways = deque([[start]])
     seen: set[str] = set()
     while True:
@@ -346,8 +347,8 @@ def read_functions(modules: Iterable[Module], source: Path, exempt: Collection[s
     """Return the functions outside compiled code, the longest first.
 
     Args:
-        modules: Where they are.
-        source: The folder that their places are told from.
+        modules: Their modules.
+        source: The folder to which their places are relative.
         exempt: Dotted names of packages and modules that are compiled whole.
     """
     found: list[Function] = []
@@ -359,7 +360,7 @@ def read_functions(modules: Iterable[Module], source: Path, exempt: Collection[s
 
 
 def _functions(node: ast.AST, name: str, place: str) -> Iterator[Function]:
-    """Yield the functions within a node, and those within them, but nothing that is compiled."""
+    """Yield the functions within a node, and those within them, but no compiled ones."""
     for child in ast.iter_child_nodes(node):
         inner = name
         if isinstance(child, ast.ClassDef | AnyFunction):
@@ -385,7 +386,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the counts; return 1 if one is above its bound, else 0.
 
     Args:
-        arguments: Of the command line; None: those of this process.
+        arguments: Arguments of the command line; None: those of this process.
     """
     parser = argparse.ArgumentParser(description="Count what a package is made of; 1 if a bound is exceeded.")
     parser.add_argument("--source", type=Path, default=SOURCE, help="the package's folder")
@@ -411,7 +412,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def report(modules: Mapping[str, Module], source: Path, exempt: Collection[str]) -> int:
-    """Print the table and what it is made of; return 1 if a count is above its bound, else 0.
+    """Print the table and its details; return 1 if a count is above its bound, else 0.
 
     Args:
         modules: By name.
@@ -478,6 +479,6 @@ def _print_circle(circle: Sequence[str], imports: Iterable[Import]) -> None:
 
 
 if __name__ == "__main__":
-    if hasattr(signal, "SIGPIPE"):  # end in silence where the reader has seen enough, as `head` has
+    if hasattr(signal, "SIGPIPE"):  # end silently when the reader has seen enough, such as `head`
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     sys.exit(main())

@@ -1,10 +1,10 @@
 """Write `docs/gallery.md`: every shipped scenario with its picture, its point and its command.
 
-    python tools/gallery.py            says what is missing or stale, and ends with 1 if anything is
-    python tools/gallery.py --write    draws what is missing or stale, and writes the page
+    python tools/gallery.py            lists missing and stale parts, and ends with 1 if there are any
+    python tools/gallery.py --write    draws missing and stale pictures, and writes the page
 
 A picture has a stamp in it: a hash of the scenario, without comments, expectations and `look`, and of
-the files that it names. It is stale where these are others now. Drawing needs OpenGL, checking does not.
+the files that it names. It is stale if these have changed. Drawing needs OpenGL, checking does not.
 """
 
 import argparse
@@ -42,7 +42,7 @@ ENTRY = """## {name}
 
 
 def stamp(scenario: Path) -> str:
-    """Return a hash of what a picture shows: the scenario and the files beside it that it names."""
+    """Return a hash of the contents of a picture: the scenario and the files beside it that it names."""
     values = yaml.safe_load(scenario.read_text("utf-8"))
     for unseen in ("expect", "look"):
         values.pop(unseen, None)
@@ -64,12 +64,12 @@ def _texts(values: object) -> Iterator[str]:
 
 
 def picture(scenario: Path) -> Path:
-    """Return where the picture of a scenario is."""
+    """Return the path of a scenario's picture."""
     return PICTURES / f"{scenario.stem}.png"
 
 
 def is_stale(scenario: Path) -> bool:
-    """Return whether the picture of a scenario is missing, or of another one."""
+    """Return whether the picture of a scenario is missing, or has another stamp."""
     if not picture(scenario).is_file():
         return True
     with Image.open(picture(scenario)) as image:

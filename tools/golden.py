@@ -1,14 +1,14 @@
-"""Print a hash of everything that a rebuild of the inside must not change, on one machine.
+"""Print hashes of all results that a rebuild of the internals must not change, on one machine.
 
     .venv/bin/python tools/golden.py > before.txt
     ...rebuild...
     .venv/bin/python tools/golden.py > after.txt; diff before.txt after.txt
 
 Each line is a name and 16 hex digits of SHA-256: columns and scorecards of runs, rows of sweeps, settings
-of `tune`, answers about arms, tables, help, and refusals. `--keep DIR` writes what was hashed, a text file
-for each line, so that `diff -r` of two such folders shows what a difference is. The program is called as
-`python -m rmrc` only, with the sources of the repository that is given (default: the one that this file is
-in), so that modules may be moved at will.
+of `tune`, answers about arms, tables, help, and refusals. `--keep DIR` writes the hashed texts, one file
+per line, so that `diff -r` of two such folders shows a difference. The program is called as
+`python -m rmrc` only, with the sources of the given repository (default: the one of this file), so that
+modules may be moved at will.
 
 Hashes differ between machines and between versions of the libraries. Pictures and recordings are not hashed.
 """
@@ -33,12 +33,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import yaml
 
-# Differ from one execution to the next (the first two), or with what is installed.
+# Facts that differ from one execution to the next (the first two), or with the installed versions.
 UNSTABLE = {"wall_time", "speed", "versions"}
-# What a scenario needs so that it can run on the kinds that refuse it as it is.
+# Settings with which a scenario runs on the plants that refuse it as it is.
 NEEDED = {"example_5_5": "plant.timestep=1.0e-4"}
-EVERY = 9  # of the tasks, --quick does one in so many
-LONGEST = 600.0  # s, that one execution may take
+EVERY = 9  # --quick does one task in this many
+LONGEST = 600.0  # s, longest duration of one execution
 
 APPROACH = "scenarios/approach_singularity.yaml"
 SHORT = "--set", "target.path=[{line: {by: [0.05, 0]}}]"
@@ -48,14 +48,14 @@ EVEN = (
     "--seed 3 --set 'arm.encoder.deviation=0.1 deg'"
 )
 
-# Of each model: joint positions, which are a goal as well, and a wrench.
+# For each model: joint positions, which are a goal as well, and a wrench.
 MODELS = {
     "planar_2link": ("60 deg,-100 deg", "1,2,0"),
     "planar_3link": ("1,-1.2,0.3", "1,2,0"),
     "stanford": ("0.1,1.2,0.7,0.2,1,0.3", "1,2,3,0.1,0.2,0.3"),
     "puma560": ("0.1,-0.9,3.4,0.2,0.6,0.3", "1,2,3,0.1,0.2,0.3"),
 }
-# What is asked of each model, `{q}` and `{w}` being the two.
+# Questions about each model, `{q}` and `{w}` being the two.
 QUESTIONS = (
     "inspect {m} --json",
     "inspect {m} '--q={q}' '--wrench={w}' '--joint-error={e}'",
@@ -112,7 +112,7 @@ REFUSED = (
 
 @dataclass(frozen=True)
 class Said:
-    """What an execution said.
+    """The output of an execution.
 
     Attributes:
         code: Its exit code.
@@ -131,10 +131,10 @@ class Said:
 
 @dataclass(frozen=True)
 class Place:
-    """Where the program is called and where it writes.
+    """The place where the program is called and where it writes.
 
     Attributes:
-        root: The repository, in which it is called.
+        root: The repository from which it is called.
         out: A folder for one task's files, new and empty.
     """
 
@@ -146,8 +146,8 @@ class Place:
         return [sys.executable, "-m", "rmrc", *words]
 
     def environment(self) -> dict[str, str]:
-        """Return the environment it is called in: sources of this repository, a plain terminal."""
-        without = "FORCE_COLOR", "PYTHONDONTWRITEBYTECODE"  # bytecode that is kept saves time
+        """Return the environment of the calls: sources of this repository, a plain terminal."""
+        without = "FORCE_COLOR", "PYTHONDONTWRITEBYTECODE"  # keeping bytecode saves time
         own = {name: value for name, value in os.environ.items() if name not in without}
         plain = {"COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb", "PYTHONUTF8": "1"}
         return own | plain | {"PYTHONPATH": str(self.root / "src")}
@@ -156,7 +156,7 @@ class Place:
         """Call the program.
 
         Args:
-            *words: What stands behind `rmrc`.
+            *words: The words after `rmrc`.
             writes: Whether it takes `--out`.
         """
         command = self.command([*words, "--out", str(self.out)] if writes else list(words))
@@ -170,7 +170,7 @@ class Place:
             check=False,
             stdin=subprocess.DEVNULL,
         )
-        # What it is at, said where that takes long: the first compilation, or a model on a busy machine.
+        # Notices about slow steps: the first compilation, or a model on a busy machine.
         heard = re.sub(r"^rmrc: .* \.\.\.\n", "", done.stderr, flags=re.MULTILINE)
         return Said(done.returncode, done.stdout, heard)
 
@@ -183,7 +183,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Task:
-    """Something to do, which gives some lines.
+    """A task, which gives some lines.
 
     Attributes:
         name: The first words of its lines.
@@ -204,14 +204,14 @@ class Task:
 
 
 def stable(value: object) -> object:
-    """Return a value of a JSON file without what differs from one execution to the next."""
+    """Return a value of a JSON file without entries that differ from one execution to the next."""
     if isinstance(value, dict):
         return {key: stable(one) for key, one in value.items() if key not in UNSTABLE}
     return [stable(one) for one in value] if isinstance(value, list) else value
 
 
 def json_text(text: str) -> str:
-    """Return a JSON text without what is not stable; any other text as it is."""
+    """Return a JSON text without its unstable entries; any other text as it is."""
     try:
         value = json.loads(text)
     except json.JSONDecodeError:
@@ -220,7 +220,7 @@ def json_text(text: str) -> str:
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file, or say that there is none."""
+    """Return the text of a file, or a note that there is none."""
     return path.read_text(encoding="utf-8") if path.exists() else "no file\n"
 
 
@@ -231,7 +231,7 @@ def columns_text(path: Path) -> str:
     parts: list[str] = []
     with np.load(path, allow_pickle=False) as file:
         for name in file.files:
-            if name == "facts":  # has the wall time, and else what the JSON has
+            if name == "facts":  # has the wall time, and otherwise the same as the JSON
                 continue
             array = np.ascontiguousarray(file[name])
             parts.append(f"{name} {array.dtype} {array.shape} {digest(array.tobytes())}")
@@ -263,10 +263,10 @@ def digest(data: bytes) -> str:
 
 
 def asked(words: str, name: str = "", writes: bool = False) -> Task:
-    """Return the task that calls a verb and takes what it says, JSON or not.
+    """Return the task that calls a verb and takes its output, JSON or not.
 
     Args:
-        words: What is typed behind `rmrc`.
+        words: The words after `rmrc`.
         name: The task's name; default: the words.
         writes: Whether the verb takes `--out`.
     """
@@ -296,13 +296,13 @@ def run(scenario: str, *settings: str) -> Task:
 
     Args:
         scenario: Its name.
-        *settings: What is changed, as KEY=VALUE.
+        *settings: Its changes, as KEY=VALUE.
     """
 
     def do(place: Place) -> Mapping[str, str]:
         changes = [word for one in settings for word in ("--set", one)]
         said = place.call("run", f"scenarios/{scenario}.yaml", "--no-record", *changes)
-        # Two rows of the table tell the wall time, whose length decides the width of their column.
+        # Two rows of the table show the wall time, whose length decides the width of their column.
         table = re.sub(r"^(wall_time|speed) .*\n", "", said.out, flags=re.MULTILINE)
         table = re.sub(r" *\n", "\n", re.sub(r"─+", "─", re.sub(r" +", " ", table)))
         return {
@@ -319,7 +319,7 @@ def runs(root: Path, kinds: list[str]) -> list[Task]:
 
     Args:
         root: The repository.
-        kinds: Of plant.
+        kinds: Kinds of plant.
     """
     tasks: list[Task] = []
     for path in sorted((root / "scenarios").glob("*.yaml")):
@@ -357,7 +357,7 @@ def sweep(name: str, words: str, interrupted: bool = False) -> Task:
     Args:
         name: The task's name.
         words: The options.
-        interrupted: Whether it is interrupted first, and then goes on.
+        interrupted: Whether it is interrupted first, and then resumed.
     """
 
     def do(place: Place) -> Mapping[str, str]:
@@ -366,7 +366,7 @@ def sweep(name: str, words: str, interrupted: bool = False) -> Task:
             interrupt(place, options)
         said = place.call(*options)
         rows = rows_text(place.out / "approach_singularity.sweep.parquet")
-        # After an interruption it tells how many runs were there already, which is a matter of luck.
+        # After an interruption it prints the number of earlier runs, which is a matter of luck.
         return {"rows": rows, "said": (Said(said.code, said.out, "") if interrupted else said).text()}
 
     return Task(f"sweep {name}", ("rows", "said"), do)
@@ -375,10 +375,10 @@ def sweep(name: str, words: str, interrupted: bool = False) -> Task:
 def interrupt(place: Place, options: list[str]) -> None:
     """Start a sweep and interrupt it as soon as it has finished some batches, so that some are missing.
 
-    If the sweep came to its end before that was seen, its file is removed and another is tried.
+    If the sweep ended before the interruption, its file is removed and another is tried.
 
     Args:
-        place: Where.
+        place: The place.
         options: The verb and its options.
 
     Raises:
@@ -448,7 +448,7 @@ def workspace(model: str, words: str) -> Task:
 
 
 def questions() -> list[Task]:
-    """Return what is asked about arms."""
+    """Return the questions about arms."""
     tasks: list[Task] = []
     for model, (q, wrench) in MODELS.items():
         path = f"models/{model}.xml"
@@ -469,7 +469,7 @@ def everything(place: Place) -> list[Task]:
     """Return all tasks, in the order in which their lines are printed.
 
     Args:
-        place: Of the program, which tells its verbs and its plants.
+        place: Place of the program, for its verbs and its plants.
     """
     verbs = verbs_of(place)
     joined = " ".join(map(shlex.quote, SHORT))
@@ -521,7 +521,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, metavar="DIR", help="write the hashed results")
     options = parser.parse_args()
     root = options.root.resolve()
-    # In the background of a script it may be ignored, and would be by what is started here.
+    # A script in the background may ignore it, and then so would the processes started here.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if options.keep:
         options.keep.mkdir(parents=True, exist_ok=True)

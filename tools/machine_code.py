@@ -1,8 +1,8 @@
-"""Compile what the verbs need for x86-64-v3, to go with a wheel.
+"""Compile the code of the verbs for x86-64-v3, to ship it in a wheel.
 
     python tools/machine_code.py FOLDER
 
-Processors of that level load it, where sources, Python and numba are the same. Others compile at their first
+Processors of that level load it if sources, Python and numba are the same. Others compile at their first
 run. A build of a wheel calls this.
 """
 
@@ -21,7 +21,7 @@ SHORT = "target.path=[{line: {by: [0.01, 0.01, 0.01]}}]"
 
 
 def settings() -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield shipped scenarios, each with keys that have something else compiled."""
+    """Yield shipped scenarios, each with keys that need other compiled code."""
     from rmrc.scenario import choices
 
     for file in sorted((ROOT / "scenarios").glob("*.yaml")):
@@ -41,7 +41,7 @@ def settings() -> Iterator[tuple[str, tuple[str, ...]]]:
 
 
 def commands(out: str) -> Iterator[list[str]]:
-    """Yield command lines, each of which has something else compiled."""
+    """Yield command lines, each of which needs other compiled code."""
     scenario = str(ROOT / "scenarios/approach_singularity.yaml")
     yield ["run", scenario, "--out", out]
     yield ["compare", scenario, "--vary", "control.inverse.method=damped,transpose", "--out", out]
@@ -56,7 +56,7 @@ def commands(out: str) -> Iterator[list[str]]:
 
 
 def compile_here() -> None:
-    """Run what the verbs run, so that numba keeps what is compiled."""
+    """Run the code of the verbs, so that numba keeps the compiled code."""
     import numpy as np
 
     import rmrc
@@ -77,7 +77,7 @@ def compile_here() -> None:
 
 
 def main() -> None:
-    """Compile in a process of its own, and put what it kept into a folder."""
+    """Compile in a separate process, and put the compiled code into a folder."""
     if sys.argv[1] == WORKER:
         compile_here()
         return

@@ -1,10 +1,10 @@
-"""Run methods on shipped scenarios, and write what came of it into `docs/which_method.md`.
+"""Run methods on shipped scenarios, and write the results into `docs/which_method.md`.
 
     python tools/methods.py [--write] [--only METHOD ...]
 
 Prints the tables, or writes them into the page, between its marks. With `--only` the rows of the others are
-those of the page. Each row is `rmrc run` of a scenario with the row's `--set`; nothing but figures of its
-scorecard goes into the page. A test runs a part of it again.
+those of the page. Each row is `rmrc run` of a scenario with the row's `--set`; only metrics of its
+scorecard go into the page. A test runs a part of it again.
 """
 
 import argparse
@@ -33,7 +33,7 @@ SITUATIONS = {
     "joint_limit": "into a joint limit",
     "line_tracking": "far from singularities",
 }
-# What a situation has otherwise than its scenario.
+# The settings of a situation beside its scenario.
 SETS = {"approach_singularity": ("target.path[0].line.to=[1.995, 0]",)}
 METHOD, SCHEDULE = "control.inverse.method=", "control.inverse.damping.schedule="
 POLICY, EXCESS = "control.at_singularity=", "control.limits.on_excess="
@@ -58,9 +58,9 @@ METHODS: dict[str, tuple[str, ...]] = {
     "damped, stop": (METHOD + "damped", POLICY + "stop"),
     "damped, keep out": (METHOD + "damped", POLICY + "keep_out"),
 }
-# What a run must come to, to be recommended: it is back on its path at the end [mm or mrad].
+# A recommended run must be back on its path at the end, within this error [mm or mrad].
 BACK = 2.0
-# A smaller figure may cost so many times the least error, or this error.
+# A smaller metric may cost this multiple of the least error, or this error.
 WORTH, NOTHING = 3.0, 0.5
 COLUMNS = (
     "peak rate [rad/s]", "error [mm]", "[mrad]", "end [mm]", "[mrad]", "acceleration [rad/s²]",
@@ -69,7 +69,7 @@ COLUMNS = (
 
 
 def figures(run: Run) -> tuple[float, ...]:
-    """Return the figures of a run, in the order of the columns; NaN where it has none."""
+    """Return the metrics of a run, in the order of the columns; NaN where it has none."""
 
     def value(name: str, factor: float = 1.0) -> float:
         found = run.scorecard.get(name)
@@ -126,7 +126,7 @@ def error_of(row: tuple[float, ...]) -> float:
 def decision(scenario: str, found: dict[str, tuple[float, ...] | str]) -> str:
     """Return the row of the decision table: the best of those that come back, the simplest of equals.
 
-    Equal are those whose figures read the same: what decides must be seen in the tables.
+    Equal are those with the same displayed metrics: the decision must be visible in the tables.
     """
     back = {}
     for name, row in found.items():
@@ -159,13 +159,13 @@ def row_of(page: str, scenario: str, method: str) -> tuple[float, ...] | str:
 
 
 def rows_of(page: str, scenario: str, only: Sequence[str]) -> dict[str, tuple[float, ...] | str]:
-    """Return the figures of all methods on a scenario: measured, or as the page has them."""
+    """Return the metrics of all methods on a scenario: measured, or from the page."""
     found = measured(scenario, only)
     return {name: found[name] if name in only else row_of(page, scenario, name) for name in METHODS}
 
 
 def blocks(page: str, only: Sequence[str]) -> dict[str, str]:
-    """Return what stands between the marks of the page, by their names."""
+    """Return the texts between the marks of the page, by their names."""
     rows = {scenario: rows_of(page, scenario, only) for scenario in SITUATIONS}
     decided = [
         "| situation | least error | slowest joints | smoothest |", "|---|---|---|---|",
@@ -179,7 +179,7 @@ def blocks(page: str, only: Sequence[str]) -> dict[str, str]:
 
 
 def with_blocks(page: str, found: dict[str, str]) -> str:
-    """Return a page with what is between its marks replaced."""
+    """Return a page with the texts between its marks replaced."""
     for name, block in found.items():
         mark = f"<!-- {name} -->\n"
         page = re.sub(f"(?s){mark}.*?{mark}", lambda _, m=mark, b=block: f"{m}\n{b}\n\n{m}", page)

@@ -1,16 +1,15 @@
-"""Ask every verb about every robot, and print a table of what came of it.
+"""Call every verb on every robot, and print a table of the results.
 
     .venv/bin/python tools/robots.py                        the robots in models/, and all of tests/models
     .venv/bin/python tools/robots.py FOLDER FILE...         and these: .xml and .urdf of a folder, or files
     .venv/bin/python tools/robots.py --list robots.tsv      and those of a list: name, path, options of verbs
     .venv/bin/python tools/robots.py --only inspect,run --jobs 2 --markdown table.md --json table.json
 
-A cell is `ok`; or what the program said in the one line in which it ended: `2: ...` for input that it
-refuses, `1: ...` for what does not hold; or, and these are faults, `TRACEBACK`, `DIED`, `SLOW` for more than
---limit seconds, `SILENT` where nothing was said, or `WORDY` where a mistake took more than a line. Exits
-with 1 if there is such a fault. Verbs, and kinds of plant, that the program does not have are left out. Each
-call is a process of its own, with the sources of the repository --root, by default that of this file; its
-files go into a folder that is deleted.
+A cell is `ok`, or the one line with which the program ended: `2: ...` for refused input, `1: ...` for a
+failed condition. These are faults: `TRACEBACK`, `DIED`, `SLOW` for more than --limit seconds, `SILENT`
+without any output, or `WORDY` if a mistake took more than one line. Exits with 1 if there is a fault. Verbs
+and kinds of plant that the program does not have are left out. Each call is a separate process, with the
+sources of the repository --root, by default that of this file; its files go into a folder that is deleted.
 """
 
 import argparse
@@ -31,7 +30,7 @@ ROOT = Path(__file__).resolve().parent.parent
 ROBOTS = "ur5e", "fr3", "xarm7", "so101"
 VERBS = "check", "new", "run", "inspect", "ik", "statics", "workspace", "tune"
 FAULTS = "TRACEBACK", "DIED", "SLOW", "SILENT", "WORDY"
-# Where `new` is not there, or refuses: 2 cm to each side and back, with nothing but defaults.
+# If `new` is missing, or refuses: 2 cm to each side and back, with defaults only.
 PLAIN = """
 name: mine
 arm: {{model: {model}, site: {site}}}
@@ -94,7 +93,7 @@ def rmrc(*words: str, limit: float, folder: Path) -> Ended:
 
 
 def cell(code: int, out: str, err: str) -> str:
-    """Return what a cell says of an end."""
+    """Return the cell for the end of a call."""
     said = [line for line in err.splitlines() if line.strip()]
     errors = [
         line for line in said if not re.match(r"rmrc: (.* \.\.\.$|note: )", line)
@@ -108,7 +107,7 @@ def cell(code: int, out: str, err: str) -> str:
         return f"DIED: exit code {code}"
     if code != 2:
         told = errors or [line for line in out.splitlines() if line.strip()]
-        # of a check or of statics what is wrong, which goes on in further lines; else what was said last
+        # the failure of a check or of statics, which continues in further lines; otherwise the last line
         wrong = re.search(
             r"^(?:error |MISSED).*?(?=^(?:warning|note|error) |\Z)", "\n".join(told), re.M | re.S
         )
@@ -169,7 +168,7 @@ def asked(
         return seen.cell
     options = list(robot.options)
     if verb == "ik":
-        # Each joint a little off towards the middle of its range: a goal that is within reach.
+        # Each joint a little off towards the middle of its range: a reachable goal.
         goal = [joint["q"] + 0.05 * toward(joint) for joint in facts.get("joints", [])]
         options += ["--to-q", ",".join(f"{q:.6f}" for q in goal) or "0"]
     elif verb == "statics":
@@ -186,7 +185,7 @@ def toward(joint: dict[str, Any]) -> float:
 
 
 def had(only: str) -> list[str]:
-    """Return the columns that the program can fill, of those that are wished for."""
+    """Return the requested columns that the program can fill."""
     wished = only.split(",") if only else [*VERBS]
     with tempfile.TemporaryDirectory() as place:
         told = rmrc("--help", limit=60.0, folder=Path(place)).printed
@@ -202,7 +201,7 @@ def had(only: str) -> list[str]:
 
 
 def markdown(rows: dict[str, dict[str, str]]) -> str:
-    """Return the table, with what is longer than a word below it."""
+    """Return the table, with texts longer than a word below it."""
     columns = list(next(iter(rows.values()), {}))
     lines = ["| robot | " + " | ".join(columns) + " |", "|---" * (len(columns) + 1) + "|"]
     notes: dict[str, int] = {}

@@ -1,6 +1,6 @@
 """Build the site of the documents into `docs/_site`, a folder for each version: the working tree and tags.
 
-Prints each broken link of what was built, and ends with 1 if there is one.
+Prints each broken link of the built pages, and ends with 1 if there is one.
 """
 
 import argparse
@@ -23,7 +23,7 @@ INDEX = """<!doctype html>
 <meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <meta name="color-scheme" content="light dark">
 <title>rmrc: versions of the documents</title>
-<body style="font: 1.1rem/1.6 system-ui, sans-serif; max-width: 40rem; margin: 2rem auto; padding: 0 1rem">
+<body style="font: 1.1rem/1.6 system-ui; max-width: 40rem; margin: 2rem auto; padding: 0 1rem">
 <h1>rmrc</h1>
 <p>The documents of each version:</p>
 <ul>

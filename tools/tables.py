@@ -1,8 +1,8 @@
-"""Hold the tables of the reference against their declarations, or write them.
+"""Compare the tables of the reference with their declarations, or write them.
 
 Prints the rows that a page lacks, and ends with 1 if it is not as declared. With `--write` the tables
-are written instead. A table of choices is known by its heading, whose first cell is the key that its rows
-are choices of. Other pages have what is declared between two lines `<!-- declared -->`.
+are written instead. A table of choices is known by its heading, whose first cell is the key of the choices in
+its rows. Other pages have the declared part between two lines `<!-- declared -->`.
 """
 
 import argparse

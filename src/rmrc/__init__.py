@@ -1,13 +1,13 @@
 """Resolved motion rate control in MuJoCo.
 
-A scenario names an arm, a control law, a path and what is expected; run it, compare variants of it, sweep
-thousands of them, or have its law chosen:
+A scenario names an arm, a control law, a path and the expected results. Run it, compare variants of it, sweep
+thousands of them, or search for its best law:
 
     import rmrc
 
     run = rmrc.run("approach_singularity")         # a file, the name of a shipped one, or a Scenario
     run["qdot_cmd"]                                # a column: joint rates that were sent, (T, n)
-    run.scorecard["position_error.max"].value      # a figure
+    run.scorecard["position_error.max"].value      # a metric
     rmrc.plot(run, "crossing.pdf")                 # for a paper: path, rates, singular values, errors
     rmrc.render("blow_up", "blow_up.gif")          # a film of the arm, with its rates below
 
@@ -16,18 +16,19 @@ thousands of them, or have its law chosen:
     rows = rmrc.sweep(one, {"control.feedback": [5, 10, 20]}).to_pandas()
     tuned = rmrc.tune(one)
 
-Or ask about an arm, by its MJCF file or the name of a shipped one:
+Questions about an arm take its MJCF file or the name of a shipped one:
 
-    rmrc.inspect("puma560") rmrc.ik("planar_2link", [1.0, 1.0]).q rmrc.check("my.xml").findings
-    # what must be fixed, is missing, or is assumed rmrc.new("my.xml", out="my.yaml")              # a first
-    scenario for it, which runs as it is
+    rmrc.inspect("puma560")                        # kinematics at one configuration
+    rmrc.ik("planar_2link", [1.0, 1.0]).q          # joint positions of a pose
+    rmrc.check("my.xml").findings                  # errors, missing data, assumptions
+    rmrc.new("my.xml", out="my.yaml")              # a first scenario for it, which runs as it is
 
-Or have a log of a real one tell its delay, lag and noise:
+A log of a real arm gives its delay, lag and noise:
 
     rmrc.identify("log.csv").delay
 
-Nothing is written unless a folder is given. Each name is loaded when it is first used, because MuJoCo and the
-compiled law take a third of a second.
+Nothing is written unless a folder is given. Each name is loaded on first use, because MuJoCo and the compiled
+law take a third of a second.
 """
 
 from importlib import import_module
@@ -76,7 +77,7 @@ __all__ = [
     "workspace",
 ]  # fmt: skip
 
-if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
+if not TYPE_CHECKING:  # type checkers use the imports above, and report names that do not exist
     _HOMES = {
         "rmrc.analysis.check.check": ("check",),
         "rmrc.analysis.identify.identify": ("identify",),
@@ -103,12 +104,12 @@ if not TYPE_CHECKING:  # checkers take what is imported above for what it is, an
     }
 
     def __getattr__(name):
-        """Load a public name from the module that it lives in."""
+        """Load a public name from its module."""
         for module, names in _HOMES.items():
             if name in names:
                 return globals().setdefault(name, getattr(import_module(module), name))
         raise AttributeError(f"module 'rmrc' has no attribute {name!r}")
 
     def __dir__():
-        """Return all names, those that are not loaded yet as well."""
+        """Return all names, including those not loaded yet."""
         return sorted({*globals(), *__all__} - {"TYPE_CHECKING", "import_module"})

@@ -8,11 +8,11 @@ import threading
 from contextlib import suppress
 from typing import NoReturn
 
-# What modules make lives as long as the process: to look through it again and again takes a tenth of a run.
+# Objects of modules live as long as the process: searching them repeatedly takes a tenth of a run.
 gc.disable()
 try:
     from rmrc.cli import main as command_line
-except KeyboardInterrupt:  # while modules are read, which takes a while: no trace of them
+except KeyboardInterrupt:  # while modules are read, which takes a while: no traceback of them
     sys.exit(130)
 
 # Objects made and not yet freed between two collections [1]; Python's own 700 suits small programs.
@@ -31,7 +31,7 @@ def main() -> NoReturn:
 
 
 def _leave_at_once(ended: SystemExit) -> NoReturn:
-    """End the process without taking it apart, which takes 0.3 s; whatever asked for it is done at its exit.
+    """End the process without dismantling it, which takes 0.3 s; registered exit functions still run.
 
     Raises:
         SystemExit: Another thread still works, so that Python must wait for it.

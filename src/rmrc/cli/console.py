@@ -45,14 +45,14 @@ class _Screen(Console):
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         for segment in super().render(renderable, options):
-            if segment.control:  # the console's own
+            if segment.control:  # a control code of the console itself
                 yield segment
             else:
                 yield Segment(legible.visible(segment.text, keep="\n"), segment.style)
 
 
 def output(quiet: bool = False, pipe: int = PIPE_WIDTH) -> Console:
-    """Return the console of stdout: as wide as its terminal or COLUMNS says, else as the tables need.
+    """Return the console of stdout: as wide as its terminal or COLUMNS, or else as the tables need.
 
     Args:
         quiet: Whether to print nothing.
@@ -70,7 +70,7 @@ def print_line(console: Console, text: str) -> None:
 
 
 def print_json(facts: object, **options: Any) -> None:
-    """Print JSON: letters as they are where the encoding has all of them, else as JSON escapes them."""
+    """Print JSON: letters as they are if the encoding has all of them, or else with JSON's escapes."""
     is_unicode = (sys.stdout.encoding or "utf-8").lower().startswith("utf")
     text = json.dumps(facts, indent=2, ensure_ascii=False, **options)
     if not (is_unicode and text.replace("\n", "").isprintable()):
@@ -78,7 +78,7 @@ def print_json(facts: object, **options: Any) -> None:
     print(text)
 
 
-_said: list[str] = []  # by this verb
+_said: list[str] = []  # warnings of this verb
 
 
 def complain(text: str) -> None:
@@ -147,7 +147,7 @@ def notice(text: str) -> Iterator[None]:
 
 
 class _Rate(ProgressColumn):
-    """How many steps are done in a second."""
+    """The number of steps per second."""
 
     def __init__(self, unit: str) -> None:
         super().__init__()

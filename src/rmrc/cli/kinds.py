@@ -15,9 +15,9 @@ class Kind(NamedTuple):
     Attributes:
         name: In words.
         suffixes: Suffixes of its files.
-        begins: How such a file begins, or nothing if that tells little.
-        verb: That takes it, or "".
-        library: That reads it in Python, where there is no verb.
+        begins: How such a file begins, or nothing if that is not specific.
+        verb: The verb that takes it, or "".
+        library: The library that reads it in Python, if there is no verb.
         shipped: The folder of those that come with the program, if any do.
     """
 
@@ -53,7 +53,7 @@ def expect(path: Path, wanted: Kind) -> Path:
 
     Args:
         path: Or the bare name of a shipped file. It need not exist: the reader reports a missing file best.
-        wanted: What the verb takes.
+        wanted: The kind that the verb takes.
 
     Raises:
         QuestionError: It is something else; the message names the verb for it.
@@ -82,19 +82,19 @@ def expect(path: Path, wanted: Kind) -> Path:
 
 
 def _kind(path: Path) -> Kind | None:
-    """Return what a file is: by how it begins, or else by its name; None where there is no such file."""
+    """Return the kind of a file: by its beginning, or else by its name; None if there is no such file."""
     try:
         if not path.is_file():
             return None
         with path.open("rb") as file:
             start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip()
-    except (OSError, ValueError):  # what reads it says why
+    except (OSError, ValueError):  # its reader reports the reason
         return None
     for kind in KINDS:
         if kind.begins and start.startswith(kind.begins):
             return kind
     for kind in KINDS:
         if path.suffix.lower() in kind.suffixes:
-            # A text that has a suffix of bytes is none, and is told so by what reads it.
+            # A text with the suffix of a binary file is invalid; its reader reports that.
             return kind if not kind.begins or kind is MODEL else None
     return None

@@ -10,7 +10,7 @@ from rmrc.cli.options import AsJson, Junit, Quiet, Summary, Threads, drawable
 from rmrc.cli.reports import show
 from rmrc.cli.scenarios import Overrides, ScenarioFile
 
-# As many as a search takes as a rule, for the progress bar.
+# Usual number of runs of a search, for the progress bar.
 _RUNS = 80
 
 

@@ -1,4 +1,4 @@
-"""Usage errors, each as one line that names the way out."""
+"""Usage errors, each as one line with a remedy."""
 
 import errno
 import re
@@ -13,10 +13,10 @@ from rmrc.cli.kinds import KINDS
 from rmrc.support.invocation import command
 from rmrc.support.legible import shortened
 
-# What the command line's library raises for a wrong option or argument; it exports this child of it only.
+# The error of the command line's library for a wrong option or argument; it only exports this subclass of it.
 UsageError: Any = typer.BadParameter.__mro__[1]
 
-# Not our fault and not a file's own: the disk, the machine or a right.
+# Errors of the environment, not of the program or of one file: the disk, the machine or a permission.
 ENVIRONMENT = {
     errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO, errno.EMFILE,
     errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENODEV, errno.ESTALE,

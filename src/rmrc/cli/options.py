@@ -112,17 +112,17 @@ Summary = Annotated[
 
 
 def joints_of(text: str | None) -> list[str] | None:
-    """Return the names of `--joints`; None where it is not given."""
+    """Return the names of `--joints`; None if it is not given."""
     return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def read_arm(
     model: Path, site: str | None, body: str | None, packages: list[str] | None, joints: str | None = None
 ) -> "Arm":
-    """Return the arm that a verb is asked about, and say what was assumed of it.
+    """Return the arm for a verb, and report assumptions about it.
 
     Raises:
-        QuestionError: Both a site and a body are given, or a package is none.
+        QuestionError: Both a site and a body are given, or a package is invalid.
         ModelError: See `rmrc.arm.load`.
     """
     from rmrc.arm import load
@@ -133,10 +133,10 @@ def read_arm(
 
 
 def asked(site: str | None, body: str | None, packages: list[str] | None) -> dict[str, Any]:
-    """Return what options ask of a model, as the functions of the library have it.
+    """Return the model options as arguments of the library's functions.
 
     Raises:
-        QuestionError: Both a site and a body are given, or a package is none.
+        QuestionError: Both a site and a body are given, or a package is invalid.
     """
     if site is not None and body is not None:
         raise QuestionError("give --site or --body, not both")
@@ -153,7 +153,7 @@ PICTURES = (".png", ".svg", ".pdf")
 
 
 def drawable(path: Path | None) -> Path | None:
-    """Return the file of a picture, unless it is of a kind that nobody can draw.
+    """Return the file of a picture, unless its kind cannot be drawn.
 
     Raises:
         QuestionError: It has another suffix.

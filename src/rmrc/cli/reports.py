@@ -8,7 +8,7 @@ import typer
 
 from rmrc.cli.console import EXIT_MISSED, complain, output, print_json, print_line
 
-if TYPE_CHECKING:  # with numpy, which a help does without
+if TYPE_CHECKING:  # imports numpy, which a help text does not need
     from rmrc.show.report import Report
 
 

@@ -61,7 +61,7 @@ def run(
     from rmrc.results import loads, stuck
     from rmrc.show import tables
     from rmrc.study import ci
-    from rmrc.study.run import Job  # with numba and mujoco, which `schema` and `replay` do without
+    from rmrc.study.run import Job  # imports numba and mujoco, which `schema` and `replay` do not need
 
     console = output(quiet, pipe=80)
     with ci.Files(scenario.stem, junit, summary) as files:

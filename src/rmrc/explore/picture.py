@@ -217,7 +217,7 @@ class Picture:
 
 
 def _are_alike(shapes: list[Shape], scene: Scene) -> bool:
-    """Say whether two arms look the same."""
+    """Return whether two arms look the same."""
     pairs = zip(shapes, scene.shapes, strict=False)
     return len(shapes) == len(scene.shapes) and all(
         one.body == other.body

@@ -1,4 +1,4 @@
-"""Where the camera stands so that all that matters is seen, and where it sees a point."""
+"""The position of the camera that shows everything relevant, and the pixels of points."""
 
 from dataclasses import dataclass
 
@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Vertical angle of view: a long lens, which hardly makes near things larger [rad].
+# Vertical angle of view: a long lens, which hardly magnifies near objects [rad].
 ANGLE = np.radians(30.0)
 # Part of the picture around all points that stays free.
 MARGIN = 0.06
-# From the middle to the camera: a planar arm from almost along its normal axis, others aslant.
+# Direction from the middle to the camera: almost along the normal axis for a planar arm, oblique for others.
 TOWARD = {None: (0.75, -1.0, 0.55), 0: (1.0, -0.2, 0.2), 1: (0.2, -1.0, 0.2), 2: (0.0, -0.25, 1.0)}
 
 
@@ -22,7 +22,7 @@ class Camera:
     Attributes:
         position: Position of the pinhole, (3,) [m].
         axes: Rows: to the right, up, and back, out of the picture, (3, 3).
-        distance: From the pinhole to the middle of what is seen [m].
+        distance: From the pinhole to the middle of the view [m].
         aspect: Width over height of the picture.
     """
 
@@ -32,13 +32,13 @@ class Camera:
     aspect: float
 
     def pixels(self, points: Array, width: int, height: int) -> Array:
-        """Return where points (p, 3) are seen, (p, 2), from the upper left corner [pixels]."""
+        """Return the pixels of points (p, 3), (p, 2), from the upper left corner."""
         right, up, back = self.axes @ (np.atleast_2d(points) - self.position).T
         scale = 0.5 * height / np.tan(ANGLE / 2)
         return np.stack([0.5 * width - scale * right / back, 0.5 * height + scale * up / back], axis=1)
 
     def nearer(self, points: Array, factor: float) -> Array:
-        """Return points on the same rays, at a part of their distances, (p, 3): seen in the same pixels."""
+        """Return points on the same rays, at a part of their distances, (p, 3), with the same pixels."""
         return self.position + factor * (points - self.position)
 
 
@@ -46,11 +46,11 @@ def fitted(points: Array, normal: int | None, aspect: float) -> Camera:
     """Return the nearest camera that sees all points.
 
     |x − c_x| ≤ t (c_z − z) for each point, t the tangent of half the angle of view: the least c_z follows
-    from the two points that bind, and c_x is in the middle of what is left. The same holds for y.
+    from the two points that bind, and c_x is in the middle of the remaining range. The same holds for y.
 
     Args:
         points: Along world axes, (p, 3) [m].
-        normal: World axis along which nothing moves, which is looked along; None: there is none.
+        normal: World axis without motion, along which the camera looks; None: there is none.
         aspect: Width over height of the picture.
     """
     back = np.array(TOWARD[normal])

@@ -14,18 +14,18 @@ from rmrc.support.files import written_whole
 Frame = NDArray[np.uint8]
 
 FILM = "MP4 is written by ffmpeg, which comes with `pip install 'rmrc[film]'`; GIF needs no extra"
-# A GIF tells delays in this unit [s], and viewers slow down those under two of them.
+# A GIF stores delays in this unit [s], and viewers slow down those below two units.
 TICK = 0.01
-# How long the last frame of a GIF stays before it begins again [s].
+# Duration of the last frame of a GIF before it begins again [s].
 LAST = 1.5
 # Colors of a GIF; the last one of 256 means unchanged.
 COLORS = 255
-# Of x264: hardly any loss is seen.
+# Quality of x264, with hardly any visible loss.
 QUALITY = "20"
 
 
 def delay_of(kind: str, fps: float) -> float:
-    """Return the time between frames that a kind of file can tell, nearest to what is asked [s].
+    """Return the time between frames that a kind of file can store, nearest to the requested one [s].
 
     >>> delay_of(".gif", 30.0), delay_of(".mp4", 25.0)
     (0.03, 0.04)
@@ -40,13 +40,13 @@ def write_png(path: Path, frame: Frame) -> None:
 
 
 def write_gif(path: Path, frames: Iterator[Frame], samples: Sequence[Frame], delay: float) -> None:
-    """Write frames, with colors that suit all of them.
+    """Write frames, with one palette for all of them.
 
     Args:
         path: Path of the file.
-        frames: In order, two at least.
-        samples: Frames that have all colors that matter.
-        delay: Between frames [s].
+        frames: In order, at least two.
+        samples: Frames that have all relevant colors.
+        delay: Time between frames [s].
     """
     colors = few_colors(Image.fromarray(np.concatenate(samples)), COLORS)
     # No dithering: flat areas stay flat, which is small, and nothing flickers.
@@ -60,11 +60,11 @@ def write_gif(path: Path, frames: Iterator[Frame], samples: Sequence[Frame], del
 
 
 def few_colors(image: Image.Image, count: int) -> Image.Image:
-    """Return an image in the colors that suit it best, white among them: without dots in flat areas.
+    """Return an image in its best palette, white among the colors, without dithering in flat areas.
 
     Args:
         image: In red, green and blue.
-        count: Count of the colors.
+        count: Number of colors.
     """
     found = image.quantize(count, dither=Image.Dither.NONE)
     palette = np.array(found.getpalette(), np.uint8).reshape(-1, 3)
@@ -83,7 +83,7 @@ def write_mp4(path: Path, frames: Iterator[Frame], size: tuple[int, int], fps: f
         fps: Frames per second.
 
     Raises:
-        PictureError: There is no ffmpeg, or it gives up.
+        PictureError: There is no ffmpeg, or it fails.
     """
     write = mp4_writer()
     with written_whole(path) as temporary:
@@ -104,7 +104,7 @@ def write_mp4(path: Path, frames: Iterator[Frame], size: tuple[int, int], fps: f
 
 
 def mp4_writer() -> Callable[..., Generator[None, Frame | None, None]]:
-    """Return what writes MP4.
+    """Return the library that writes MP4.
 
     Raises:
         QuestionError: It is not installed.

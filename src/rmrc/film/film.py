@@ -26,25 +26,25 @@ Frame = NDArray[np.uint8]
 Watch = Callable[[int], AbstractContextManager[Callable[[int], None]]]
 
 KINDS = (".png", ".gif", ".mp4")
-# Side by side, at most: more are stamps.
+# Largest number side by side: more would be too small.
 MOST_RUNS = 9
-# Of a part of the picture that one run has [pixels]: unless asked otherwise, and at least.
+# Sizes of one run's part of the picture [pixels]: default, and minimum.
 WIDTH, HEIGHT, LEAST_WIDTH, LEAST_HEIGHT, MOST_SIZE = 480, 480, 200, 200, 4096
-# Frames of a film, at most: some ten minutes of drawing.
+# Largest number of frames of a film: some ten minutes of drawing.
 MOST_FRAMES = 6000
-# Heights of the title and of the rates below, as parts of the whole; of the title, at most [pixels].
+# Heights of the title and of the rates below, relative to the whole; largest height of the title [pixels].
 TITLE, RATES, TITLE_MOST = 0.12, 0.4, 44
-# Size of a subscript, as a part of the letters.
+# Size of a subscript, relative to the letters.
 SUBSCRIPT = 0.7
-# Frames from which the colors of a GIF are taken.
+# Number of frames from which the palette of a GIF is made.
 SAMPLES = 8
 
 
 class Cut(NamedTuple):
-    """Which instants are shown.
+    """The instants to show.
 
     Attributes:
-        at: Of a picture [s]; None: where the first run is nearest to a singularity.
+        at: Time of a picture [s]; None: where the first run is nearest to a singularity.
         begin: Start of a film [s].
         end: End of a film [s]; None: of the longest run.
         speed: Simulated seconds in one second of the film.
@@ -68,14 +68,14 @@ def render(
     """Draw runs into a file, atomically.
 
     Args:
-        worlds: World and run of each, by label; each run has one tick at least.
+        worlds: World and run of each, by label; each run has at least one tick.
         path: `.png`, `.gif` or `.mp4`.
-        cut: Which instants.
+        cut: The instants.
         size: Width and height of the whole [pixels]; None: 480 × 480 for each run.
-        watch: Told how many frames there will be; what it yields is called with the number drawn.
+        watch: Called with the number of frames; it yields a function that is called with the number drawn.
 
     Raises:
-        PictureError: There is no OpenGL here, a model is not the one that ran, or the size does not fit.
+        PictureError: OpenGL is missing, a model is not the one that ran, or the size does not fit.
         QuestionError: MP4 cannot be written here.
     """
     kind = path.suffix
@@ -110,7 +110,7 @@ class Film:
     """
 
     def __init__(self, worlds: Worlds, size: tuple[int, int] | None, even: bool = False) -> None:
-        """Look at the runs.
+        """Examine the runs.
 
         Args:
             worlds: World and run of each, by label.
@@ -158,7 +158,7 @@ class Film:
         return title, height - title - rates, rates
 
     def instants(self, cut: Cut, kind: str) -> list[float]:
-        """Return the times that are shown [s].
+        """Return the times of the frames [s].
 
         Raises:
             PictureError: They are none, or too many.
@@ -185,7 +185,7 @@ class Film:
         return [cut.begin + i * step for i in range(count)] + [end]
 
     def __enter__(self) -> "Film":
-        """Open what draws: a renderer for each run, as models may differ.
+        """Open the renderers: one for each run, as models may differ.
 
         Raises:
             PictureError: There is no OpenGL here.
@@ -222,13 +222,13 @@ class Film:
         return whole
 
     def _part(self, i: int, time: float) -> Frame:
-        """Return what a run shows at a time, (height, width, 3): title, arm, rates."""
+        """Return the part of a run at a time, (height, width, 3): title, arm, rates."""
         shot = self._shots[i]
         arm = shot.picture(time, self._renderers[i], self._cameras[i])
         return np.concatenate([self._title(i, time), arm, self._strips[i].at(time)])
 
     def _title(self, i: int, time: float) -> Frame:
-        """Return label, time, σ_min and what the law does, (height, width, 3)."""
+        """Return label, time, σ_min and the status of the law, (height, width, 3)."""
         run, row, (title, _, _) = self._shots[i].run, self._shots[i].row(time), self._heights
         image = Image.new("RGB", (self._cell[0], title), "white")
         draw, margin = ImageDraw.Draw(image), max(4, self._cell[0] // 60)

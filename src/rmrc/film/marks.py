@@ -1,4 +1,4 @@
-"""What is drawn into the picture of an arm beside the arm: wanted path, trail, target, ellipsoid."""
+"""The marks in the picture of an arm: wanted path, trail, target, ellipsoid."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ from rmrc.show.palette import GREEN, HUES, RED, mix
 
 Array = NDArray[np.float64]
 
-# As parts of the reach: radius of the trail, of the wanted path, of the balls at tip and target.
+# Relative to the reach: radius of the trail, of the wanted path, of the balls at tip and target.
 TRAIL, WANTED, TIP, TARGET = 0.0075, 0.0045, 0.018, 0.014
-# Pieces of a line, at most.
+# Largest number of pieces of a line.
 PIECES = 160
 # 0xRRGGBBAA on white
 INK, CALM, NEAR, LOOSE = 0x3A3F47FF, HUES[0], RED, GREEN
@@ -51,7 +51,7 @@ def ball(center: Array, radius: float, color: int) -> Mark:
 
 
 def ellipsoid(center: Array, half: Array, axes: Array) -> Mark:
-    """Return the velocity ellipsoid, which the arm stands in."""
+    """Return the velocity ellipsoid around the tip of the arm."""
     return Mark(rgba(LOOSE, 0.4), center, half, axes, is_front=False)
 
 

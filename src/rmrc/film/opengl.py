@@ -1,4 +1,4 @@
-"""OpenGL without a display: which of its routes this machine has, and one line where it has none."""
+"""OpenGL without a display: finds a route that works here, or reports in one line that none does."""
 
 import ctypes.util
 import os
@@ -17,11 +17,11 @@ WAY_OUT = "on Debian and Ubuntu install libegl1 and libgl1-mesa-dri, or in libos
 
 
 class PictureError(QuestionError):
-    """This machine cannot draw, or not what is asked."""
+    """This machine cannot draw the requested picture."""
 
 
 def refuse_missing() -> None:
-    """Refuse what MUJOCO_GL names if it is not here: MuJoCo itself could not be imported then.
+    """Refuse a missing library that MUJOCO_GL names: MuJoCo itself could not be imported then.
 
     Raises:
         PictureError: It is not here.
@@ -33,9 +33,9 @@ def refuse_missing() -> None:
 
 
 def opened(width: int, height: int) -> Any:
-    """Return an OpenGL context without a display: what MUJOCO_GL names, else EGL or OSMesa.
+    """Return an OpenGL context without a display: the one that MUJOCO_GL names, or else EGL or OSMesa.
 
-    MuJoCo decides when it is imported, and for a window where nobody said what; that is too early and needs
+    MuJoCo decides on import, and by default for a window, which is too early and needs a display.
     a display.
 
     Args:
@@ -67,6 +67,6 @@ def quietly() -> AbstractContextManager[Any]:
 
 
 def no_picture(error: Exception) -> PictureError:
-    """Return what a user is told for an error of OpenGL, whichever it is."""
+    """Return the user's message for any error of OpenGL."""
     reason = line(str(error).strip().partition("\n")[0].rstrip(".")) or type(error).__name__
     return PictureError(f"this machine has no OpenGL for rendering ({reason}); {WAY_OUT}")

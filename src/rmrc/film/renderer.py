@@ -15,13 +15,14 @@ from rmrc.film.opengl import no_picture, opened, quietly
 
 Array = NDArray[np.float64]
 
-# Each pixel is the mean of so many squared: cheaper in software than what OpenGL offers, and exact at edges.
+# Each pixel is the mean of this number squared: cheaper in software than OpenGL's own way, and exact at
+# edges.
 FINER = 2
-# Marks in front of the arm are drawn at this part of their distance, and as much smaller.
+# Marks in front of the arm are drawn at this part of their distance, and smaller in proportion.
 FRONT = 0.5
-# Marks that a picture may have, beside the arm.
+# Largest number of marks in a picture, beside the arm.
 MOST_MARKS = 2000
-# Nearest and farthest of what is drawn, and the wall behind it, as parts of the camera's distance.
+# Nearest and farthest drawn distance, and that of the wall behind, relative to the camera's distance.
 NEAREST, FARTHEST, PAPER = 0.02, 20.0, 15.0
 
 Flag = mujoco.mjtRndFlag
@@ -36,7 +37,7 @@ class Renderer:
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
-        """Open what draws.
+        """Open the renderer.
 
         Args:
             model: Model of the arm; it stays as it is.
@@ -89,9 +90,9 @@ class Renderer:
 
         Args:
             qpos: Qpos of the model, (nq,).
-            camera: From where.
-            marks: What is drawn beside the arm.
-            mocap: Poses of the bodies that motion capture places, (nmocap, 7).
+            camera: The camera.
+            marks: The marks to draw beside the arm.
+            mocap: Poses of the mocap bodies, (nmocap, 7).
         """
         scene, every = self._scene, mujoco.mjtCatBit.mjCAT_ALL
         self._place(qpos, mocap)
@@ -105,11 +106,11 @@ class Renderer:
         return self._pixels()
 
     def corners(self, qpos: Array, mocap: Array) -> Array:
-        """Return the corners of boxes around all that is seen of the model, (8 a geometry, 3) [m].
+        """Return the corners of boxes around all visible geoms of the model, (8 per geom, 3) [m].
 
         Args:
             qpos: Qpos of the model, (nq,).
-            mocap: Poses of the bodies that motion capture places, (nmocap, 7).
+            mocap: Poses of the mocap bodies, (nmocap, 7).
         """
         self._place(qpos, mocap)
         model, data = self._model, self._data
@@ -143,7 +144,7 @@ class Renderer:
 
 
 def _free(camera: Camera) -> mujoco.MjvCamera:
-    """Return MuJoCo's camera that stands where ours does."""
+    """Return MuJoCo's camera at the same position."""
     found, back = mujoco.MjvCamera(), camera.axes[2]
     found.type = mujoco.mjtCamera.mjCAMERA_FREE
     found.lookat[:] = camera.position - camera.distance * back
@@ -162,7 +163,7 @@ def _add_paper(scene: mujoco.MjvScene, camera: Camera) -> None:
     geom = scene.geoms[scene.ngeom]
     mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_BOX, size, place, camera.axes.T.ravel(), white)
     geom.category = mujoco.mjtCatBit.mjCAT_DECOR
-    geom.emission, geom.specular, geom.shininess = 1.0, 0.0, 0.0  # whatever shines on it
+    geom.emission, geom.specular, geom.shininess = 1.0, 0.0, 0.0  # independent of all lights
     scene.ngeom += 1
 
 

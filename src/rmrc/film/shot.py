@@ -19,9 +19,9 @@ from rmrc.support.spatial import quat_to_matrix
 
 Array = NDArray[np.float64]
 
-# How far a model may put the tip from where the run had it before it is another one, as a part of the reach.
+# Largest distance of the model's tip from that of the run before it counts as another model, over the reach.
 SAME = 1e-6
-# Ticks of a run that the trail and the frame of the camera look at.
+# Number of ticks of a run for the trail and for the frame of the camera.
 SAMPLES, POSTURES = 600, 40
 
 
@@ -29,16 +29,16 @@ class Shot:
     """An arm over time.
 
     Attributes:
-        run: What it did.
+        run: Its run.
         scene: The arm and the task.
-        model: What is seen of it.
+        model: Its visible model.
     """
 
     def __init__(self, label: str, prepared: Prepared, run: Run) -> None:
-        """Look at a run.
+        """Examine a run.
 
         Args:
-            label: What messages call it.
+            label: Its name in messages.
             prepared: Its world.
             run: The run, with at least one tick.
 
@@ -69,7 +69,7 @@ class Shot:
             )
 
     def points(self, renderer: Renderer) -> Array:
-        """Return what the camera should see: all of arm, path and ellipsoids, (p, 3) [m]."""
+        """Return the points that the camera must show: all of arm, path and ellipsoids, (p, 3) [m]."""
         some = self.rows[np.linspace(0, len(self.rows) - 1, POSTURES).round().astype(int)]
         boxes = [renderer.corners(self.run["qpos"][row], self._arm.mocap_now) for row in some]
         frames, marked = self.frames, 3 * marks.TRAIL * self.scene.reach
@@ -85,12 +85,12 @@ class Shot:
         return min(after, len(self.run) - 1)
 
     def picture(self, time: float, renderer: Renderer, camera: Camera) -> NDArray[np.uint8]:
-        """Return what is seen at a time [s], (height, width, 3)."""
+        """Return the picture at a time [s], (height, width, 3)."""
         row = self.row(time)
         return renderer.draw(self.run["qpos"][row], camera, self.marks(row), self._arm.mocap_now)
 
     def marks(self, row: int) -> Sequence[Mark]:
-        """Return what is drawn beside the arm at a tick: wanted path, trail, target, tip and ellipsoid."""
+        """Return the marks beside the arm at a tick: wanted path, trail, target, tip and ellipsoid."""
         scene, reach = self.scene, self.scene.reach
         now = scene.frames(self.run, np.array([row]))
         passed = self.rows < row

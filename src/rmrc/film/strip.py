@@ -13,10 +13,10 @@ from rmrc.results.run import Run
 from rmrc.show.run_figure import draw_rates
 
 DPI = 100.0
-# Of the letters [pt]: 11 pixels, which are read on a screen.
+# Size of the letters [pt]: 11 pixels, which is legible on a screen.
 LETTERS = 8.0
-# Beside the plot [pixels]: for the numbers at its left and below it, and what stays free. It is as high as
-# the last at least, or else has no legend.
+# Margins of the plot [pixels]: for the numbers at its left and below it, and free space. It is at least as
+# high as the last, or else has no legend.
 LEFT, BELOW, FREE, LEAST = 54, 38, 14, 40
 CURSOR = (0.9, 0.28, 0.3)
 
@@ -25,7 +25,7 @@ class Strip:
     """Joint rates of a run, drawn once.
 
     Attributes:
-        axes: As matplotlib has them.
+        axes: matplotlib's axes.
     """
 
     def __init__(self, run: Run, end: float, width: int, height: int) -> None:
@@ -70,7 +70,7 @@ class Strip:
 
 
 def share_scale(strips: Sequence[Strip]) -> None:
-    """Give strips one range, so that rates beside each other can be compared; of logarithmic ones as well."""
+    """Give strips one range, so that adjacent rates can be compared; also for logarithmic ones."""
     ranges = [strip.axes.get_ylim() for strip in strips]
     scales = {strip.axes.get_yscale() for strip in strips}
     if len(scales) == 1:

@@ -7,9 +7,9 @@ from contextlib import contextmanager
 
 @contextmanager
 def unlogged() -> Iterator[None]:
-    """Have rerun, which is imported within, keep its log from stderr: what fails is a line of ours.
+    """Keep the log of rerun, which is imported within, from stderr: failures are reported here in one line.
 
-    It reads RUST_LOG when it is imported, and never again; who sets that wants the log.
+    Rerun reads RUST_LOG only when it is imported; a user who sets that variable gets the log.
     """
     if "RUST_LOG" in os.environ:
         yield

@@ -1,18 +1,18 @@
 """The runs of a comparison as one recording: all arms in one picture, each in its color.
 
-Entities; `<variant>` is the label of a variant, and what stands below it is as in a recording of one run:
+Entities; `<variant>` is the label of a variant, with the same entities below it as in a recording of one run:
 
-    variants/<variant>/columns          every column of the run at every tick, bit for bit, and what is only
-                                        drawn: largest |joint rate| measured and commanded, largest torque
+    variants/<variant>/columns every column of the run at every tick, bit for bit, and derived curves:
+                                        largest |joint rate| measured and commanded, largest torque
                                         as a share of its limit or as it is, logarithms of σ_min and λ, errors
     variants/<variant>/arm/<body>       poses, with the geometries in the color of the variant
     variants/<variant>/tip/..           position, trail and velocity ellipsoid
     variants/<variant>/path             the target path, if it is not that of the first variant
-    variants/<variant>/believed/<body>  the same, pale, where the law takes the arm to be, if elsewhere
+    variants/<variant>/believed/<body>  the same, pale, at the law's assumed configuration, if different
     limits                              the limit of the rates, if all joints of all variants have the same
     status/<variant>                    one lane each, only where it changes
     events/<variant>                    the same when the runs are over, with room for the label of each
-    variants/<variant>/look, tip/look   what the scenario asks to look at: its value then, and the tip
+    variants/<variant>/look, tip/look   the value that the scenario asks to look at, and the tip then
     target/path                         the target path of the first variant
     text/..                             legend, table, times of the limits, scenario
 """
@@ -67,8 +67,8 @@ from rmrc.scenario.choices import IN_RUNS, POLICIES
 from rmrc.show.palette import GRAY, RED, WHITE, distinct, mix, of_status
 from rmrc.simulation.prepare import Prepared
 
-# The first variant is solid. The others are outlines around what moves of it, each so much thicker than the
-# one before, the last one at most by half, or ghosts where they are meshes, which have no outlines.
+# The first variant is solid. The others are outlines around its moving parts, each thicker than the one
+# before by a constant, the last one by half at most; meshes, which have no outlines, are ghosts.
 THICKER, THICKEST = 0.18, 0.5
 GHOST = 0.3
 
@@ -114,11 +114,11 @@ class Overlay:
     """
 
     def __init__(self, path: Path, name: str, variants: Sequence[tuple[str, Prepared]]) -> None:
-        """Open the file, and write all that is known before the runs.
+        """Open the file, and write everything that is known before the runs.
 
         Args:
             path: Path of the finished recording, ending in `.rrd`; its folder is created if missing.
-            name: Name of what is compared.
+            name: Name of the comparison.
             variants: Label and world of each; no two labels are equal.
 
         Raises:
@@ -198,7 +198,7 @@ class Overlay:
 
 
 def _times(strips: Sequence[tuple[str, Strip]], end: float) -> str:
-    """Return a table of how long each status holds, of each variant [s]."""
+    """Return a table of how long each status holds in each variant [s]."""
     held = {label: strip.held(end) for label, strip in strips}
     flags = [flag for flag in IN_RUNS if flag and any(flag in times for times in held.values())]
     head = "| variant | " + " | ".join(f"{words(flag)} [s]" for flag in flags) + " |\n"
@@ -293,7 +293,7 @@ class _Arm(Track):
         return {name: values[:, None] for name, values in found.items()}
 
     def _look_at(self, part: Run, found: dict[str, NDArray[np.float64]]) -> None:
-        """Keep the instant to look at, if it is in a block: the one that is asked for, or the worst one."""
+        """Keep the instant to look at, if it is in a block: the requested one, or the worst one."""
         look = self._prepared.scenario.look
         if look is None:
             return
@@ -310,12 +310,12 @@ class _Arm(Track):
             self.seen.mark = Mark.of(part, row, values[:, None], float(worth[row]))
 
     def write_ending(self, span: Span, range_: tuple[float, float] | None, *, is_first: bool) -> None:
-        """Write what is known when the run is over: its events in words, and what there is to look at.
+        """Write the facts that are known after the run: its events in words, and the instant to look at.
 
         Args:
             span: Span of the plots.
-            range_: Range of the plot that is looked at; None: none is.
-            is_first: Whether it is the variant that says when.
+            range_: Range of the plot to look at; None: there is none.
+            is_first: Whether it is the variant that determines the instant.
         """
         labels = self.strip.labels(self.seen.end, span.letters)
         if labels:
@@ -336,7 +336,7 @@ class _Arm(Track):
         return stream.index(np.array([self.tick_at(one) for one in times]), np.array(times))
 
     def _painted(self, shape: Shape) -> Shape | None:
-        """Return a geometry in the color of the variant, or none of what stands still under the first one.
+        """Return a geom in the color of the variant, or none for resting parts, which the first one shows.
 
         Light and dark ones stay apart.
         """
@@ -367,7 +367,7 @@ class _Arm(Track):
         self.out.send(self._lane, index, rr.StateChange.columns(state=states))
 
     def _only_here(self) -> dict[str, tuple[str, str, float]]:
-        """Return the curves of what stands between law and plant here: of which columns, and a factor."""
+        """Return the curves of the stages between law and plant: their columns, and a factor."""
         hardware, curves = self._prepared.hardware, {}
         if not hardware.is_direct:
             curves["waiting"] = ("qdot_cmd", "qdot_arrived", 1.0)
@@ -380,12 +380,12 @@ class _Arm(Track):
 
 
 def _inverse(part: Run) -> NDArray[np.float64]:
-    """Return 1/σ_min, whose largest value is of the least σ_min."""
+    """Return 1/σ_min, whose largest value belongs to the smallest σ_min."""
     return 1.0 / np.maximum(part["sigma"][:, -1], 1e-300)
 
 
 class _Layout:
-    """What the viewer opens; the ranges of the plots are known when the runs are over."""
+    """The viewer's layout; the ranges of the plots are known after the runs."""
 
     def __init__(
         self, name: str, labels: Sequence[str], prepared: Sequence[Prepared], scenes: Sequence[Scene]
@@ -428,11 +428,11 @@ class _Layout:
         return page(self.pictures(seen, reached), TITLES, plots, texts_share=texts_share), span
 
     def range_of_sight(self, seen: Sequence[Seen]) -> tuple[float, float] | None:
-        """Return the range of the plot that is looked at, if one is."""
+        """Return the range of the plot to look at, if there is one."""
         return self._panels(seen)[self.sight].range if self.sight else None
 
     def _marked(self, panel: Panel, seen: Sequence[Seen]) -> Panel:
-        """Return the plot that is looked at, with the mark of each variant in it."""
+        """Return the plot to look at, with the mark of each variant in it."""
         marks = [
             Curve(f"{prefix}look", "look", ["look"], [color], 7.0, "diamond")
             for prefix, color, one in zip(self._prefixes, self._colors, seen, strict=True)
@@ -496,7 +496,7 @@ class _Layout:
         return found
 
     def _steps(self, name: str) -> float:
-        """Return for how many numbers a plot has room."""
+        """Return the number of axis labels for which a plot has room."""
         return self._heights[name] / NUMBER
 
     def _rates(self, unit: str, seen: Sequence[Seen] | None) -> Panel:

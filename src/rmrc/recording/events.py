@@ -120,7 +120,7 @@ def _fits(spans: Sequence[tuple[float, float, int]], begin: float, end: float, l
 def _with_room_at_the_end(labels: list[Label], end: float, letters: float) -> list[Label]:
     """Begin the last label earlier if it lacks room, where the one before has more than it needs.
 
-    Where that does not do, it says less: what is gravest comes last.
+    If that does not suffice, it gets a shorter text, with the most serious status.
     """
     if len(labels) > 1:
         before, last = labels[-2:]

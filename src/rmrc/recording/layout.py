@@ -67,7 +67,7 @@ def legend(prepared: Prepared, has_baseline: bool = False) -> str:
 
 
 def geometries(shapes: Sequence[Shape], has_outlines: bool = False) -> dict[str, list[rr.AsComponents]]:
-    """Return the shapes of a body as rerun draws them, by what their entities end with.
+    """Return the shapes of a body in rerun's form, by the ends of their entities.
 
     All of a kind are one batch of the body itself, which takes a kilobyte or two, as one shape does; a mesh
     has an entity of its own.
@@ -84,7 +84,7 @@ def geometries(shapes: Sequence[Shape], has_outlines: bool = False) -> dict[str,
 
 
 def _batch(kind: str, shapes: Sequence[Shape], has_outlines: bool) -> rr.AsComponents:
-    """Return shapes of a kind; the sizes of MuJoCo are half sizes."""
+    """Return shapes of a kind; MuJoCo's sizes are half sizes."""
     position, quat, size = (np.array([(*one.pose, *one.size) for one in shapes])[:, part] for part in PARTS)
     colors = [(one.rgba * 255).round().astype(np.uint8) for one in shapes]
     mode = rr.components.FillMode.MajorWireframe if has_outlines else rr.components.FillMode.Solid
@@ -109,7 +109,7 @@ def _mesh(shape: Shape) -> rr.AsComponents:
 
 
 def marks(scene: Scene) -> dict[str, rr.AsComponents]:
-    """Return the target path, and how all that moves at the tip looks, by entity."""
+    """Return the target path, and the styles of everything that moves at the tip, by entity."""
     thin = 0.004 * scene.reach
     fill, wires = rr.components.FillMode.TransparentFillMajorWireframe, rr.components.FillMode.MajorWireframe
     return {
@@ -133,7 +133,7 @@ def path_line(scene: Scene, color: int = WHITE) -> rr.LineStrips3D:
 
 
 def ghost(shape: Shape) -> Shape:
-    """Return a shape of the arm that the law takes for the true one, as it is drawn: pale."""
+    """Return a shape of the arm at the law's assumed configuration, in its pale style."""
     return replace(shape, rgba=np.array([*shape.rgba[:3], PALE * shape.rgba[3]]))
 
 
@@ -144,14 +144,14 @@ def pictures(
     look: tuple[str, NDArray[np.float64]] | None = None,
     more: Sequence[str] = (),
 ) -> list[rrb.Spatial3DView]:
-    """Return the picture, from where all that is seen is in the frame, and one of an instant to look at.
+    """Return the picture with everything in its frame, and one of the instant to look at.
 
     Args:
         scene: The arm and its path.
         prepared: The world.
         seen: Points that the run reaches, (p, 3) each [m].
-        look: What the second one is called, and the points that it has in its frame, (p, 3) [m].
-        more: What else is shown.
+        look: Name of the second one, and the points in its frame, (p, 3) [m].
+        more: Other entities to show.
     """
     points = np.vstack([scene.points, *seen])
     frames = {f"{prepared.scenario.name}: {prepared.scenario.control.inverse.method}": points}
@@ -192,7 +192,7 @@ def callout(
 
 
 def backdrop() -> rrb.Background:
-    """Return what is behind the picture: the same dark in both themes, on which the path is seen."""
+    """Return the background of the picture: the same dark color in both themes, to show the path."""
     return rrb.Background(kind=rrb.BackgroundKind.SolidColor, color=[13, 16, 17])
 
 
@@ -231,7 +231,7 @@ def page(
 
 
 def opening(picture: rrb.Spatial3DView) -> rrb.Blueprint:
-    """Return the layout that a page has while it loads the rest: the picture alone."""
+    """Return the layout of a page while it loads the rest: the picture alone."""
     return rrb.Blueprint(picture, *_panels(), auto_views=False, auto_layout=False)
 
 
@@ -245,7 +245,7 @@ def _panels() -> tuple[rrb.BlueprintPanel, rrb.SelectionPanel, rrb.TimePanel]:
 
 
 def until_now() -> rrb.VisibleTimeRanges:
-    """Return how much of a trail is seen: all of it up to the cursor."""
+    """Return the visible part of a trail: all of it up to the cursor."""
     return rrb.VisibleTimeRanges(
         [
             rrb.VisibleTimeRange(

@@ -1,4 +1,4 @@
-"""The line of numbers beside the picture: how near the singularity is, what that asks, and what limits it."""
+"""The line of numbers beside the picture: distance from the singularity, its rates, and the active limits."""
 
 import math
 
@@ -17,7 +17,7 @@ LETTERS = 74
 def lines(prepared: Prepared, part: Run, rows: NDArray[np.int64]) -> list[str]:
     """Return the text at some ticks of a block, as Markdown.
 
-    The rates that a singularity asks for are about speed / σ_min: the speed is that of the wanted twist along
+    A singularity asks for rates of about speed / σ_min: the speed is that of the wanted twist along
     u_min, both scaled as the law does.
 
     Args:

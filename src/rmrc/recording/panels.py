@@ -46,9 +46,9 @@ MOST_LINES = 8
 ALONE = ("rates", "sigma")
 # Of the whole arm, which the picture has; of anything else, a second one has the hand at that instant.
 OF_THE_ARM = ("joints", "torque")
-# What is only drawn and has an axis as long as its largest value.
+# Curves that are only drawn and have an axis as long as their largest value.
 RANGED = ("error", "belief", "joints", "turn", "turn_error")
-# The plots of what is no plot itself.
+# The plots for quantities without a plot of their own.
 SEEN_IN = {"status": "rates", "path": "error"}
 
 
@@ -91,19 +91,19 @@ class Panels:
 
     @property
     def errors(self) -> tuple[str, ...]:
-        """What the tip may be off by, with units."""
+        """Names of the tip's errors, with units."""
         found = [("position [mm]", {"x", "y", "z"}), ("rotation [mrad]", {"rx", "ry", "rz"})]
         return tuple(name for name, axes in found if axes & self.axes)
 
     def watch(self, seen: Seen, part: Run, derived: dict[str, np.ndarray]) -> None:
-        """Note what a block shows."""
+        """Note the values of a block."""
         least = 1.0 / np.maximum(part["sigma"][:, -1], 1e-300)
         columns = {name: part[name] for name in ("qdot", "qdot_cmd", "qdot_plain", "tau", "damping", "sigma")}
         asked = {name: derived[name] for name in derived if name in RANGED}
         seen.add(part["time"], columns | asked | {"1/sigma": least})
 
     def only_if_looked_at(self, part: Run) -> dict[str, np.ndarray]:
-        """Return the curves of a block that only a scenario that asks for them has: (T, width) each."""
+        """Return the curves of a block that are only drawn on request of the scenario: (T, width) each."""
         if self.sight == "joints":
             return {"joints": part["q"] * self._degrees}
         if self.sight != "rotation":
@@ -115,7 +115,7 @@ class Panels:
         return {"turn_error": angles[:, :1], "turn": angles[:, 1:]}
 
     def look(self, seen: Seen, part: Run, derived: dict[str, np.ndarray]) -> None:
-        """Keep the instant to look at, if it is in a block: the one that is asked for, or the worst one."""
+        """Keep the instant to look at, if it is in a block: the requested one, or the worst one."""
         plotted = {
             "rates": part["qdot_cmd"],
             "sigma": derived.get("log_secondary", derived["log_sigma_min"]),
@@ -149,7 +149,7 @@ class Panels:
         return mark if range_ is None else replace(mark, values=np.clip(mark.values, *range_))
 
     def marked(self, panel: Panel, mark: Mark) -> Panel:
-        """Return the plot that is looked at, with the mark in it."""
+        """Return the plot to look at, with the mark in it."""
         tints = {"sigma": [SLATE if self.has_second else GREEN], "pace": [GOLD]}.get(self.sight)
         if tints is None:
             tints = list(panel.curves[-1].colors) if self.sight in ("error", "rotation") else self._hues
@@ -157,7 +157,7 @@ class Panels:
         return replace(panel, curves=[*panel.curves, Curve("look", "look", names, tints, 7.0, "diamond")])
 
     def limits(self) -> dict[str, list[float]]:
-        """Return the levels of all lines that do not move, by component."""
+        """Return the levels of all constant lines, by component."""
         return {
             "rate": limit_lines(self.rate_limit, self._joints, self._hues)[0],
             "torque": limit_lines(self.torque_limit, self._joints, self._hues)[0],
@@ -171,12 +171,12 @@ class Panels:
         return [(float(end), self._hues[j]) for row in ends for j, end in enumerate(row) if np.isfinite(end)]
 
     def all(self, seen: Seen | None) -> dict[str, Panel]:
-        """Return the plots by name; without ranges while a run goes on.
+        """Return the plots by name; without ranges during a run.
 
         Args:
-            seen: What the run shows, once it is over.
+            seen: The extremes of the run, once it is over.
         """
-        if seen is None:  # that of a run that is killed: every curve of a layout takes some kilobytes
+        if seen is None:  # the layout of a killed run: every curve of a layout takes some kilobytes
             return {"rates": self._rates(seen), "sigma": self._sigma(seen)}
         found = {"rates": self._rates(seen), "sigma": self._sigma(seen), "error": self._error(seen)}
         if self.has_torque:
@@ -199,7 +199,7 @@ class Panels:
         return {kind: peak for kind, peak in found.items() if peak is not None and abs(peak.value) > top}
 
     def mark_of(self, peak: Peak, seen: Seen) -> float:
-        """Return where the plot of the rates marks one that it does not show."""
+        """Return the mark, in the plot of the rates, of one that is beyond it."""
         return float(np.copysign(0.97 * self._rate_range(seen)[1], peak.value))
 
     def _rate_range(self, seen: Seen) -> tuple[float, float]:
@@ -253,7 +253,7 @@ class Panels:
         k = min(len(self._joints), len(self.axes))
         most = seen.peak("damping") if seen else None
         damping = ["λ" if most is None or most.value > 0.0 else "σ_min"]
-        shared = ["σ_min"]  # where there is no room: in the color of what comes first
+        shared = ["σ_min"]  # where there is no room: with the color of the first curve
         curves = [
             Curve("columns", "curves.log_sigma_min[]", ["σ_min"], [GREEN], 3.5),
             Curve(

@@ -1,4 +1,4 @@
-"""The plots of a recording: which curves, against which limits, over which range, and told apart by what.
+"""The plots of a recording: their curves, limits and ranges, and the colors of the curves.
 
 Every curve keeps its least and its largest value where many ticks share a pixel, so that a peak of one tick
 is drawn as high as it is.
@@ -25,7 +25,8 @@ CLIP = 3.0
 WIDTH, HEIGHT, AROUND, LEFT = 766.0, 652.0, 45.0, 9.0
 # The viewer writes a number at each power of ten, or at each tenth of that where these are so far apart.
 NUMBER, SECOND = 21.0, 64.0
-# Letters of the legend and of the strip, digits, and what is around a line of the legend, and the lines.
+# Widths of letters of the legend and of the strip, of digits, of the frame of a legend's line, and line
+# heights.
 LETTER, LABEL, DIGIT, ENTRY, LINE = 5.3, 6.7, 7.0, 46.0, 23.0
 # As much of a plot as a legend may fill before it is scrolled, with its own frame.
 FILLED, FRAME = 0.8, 12.0
@@ -91,10 +92,10 @@ class Panel:
     """A plot.
 
     Attributes:
-        title: What it shows, with its unit.
+        title: Its quantity, with its unit.
         curves: In the order in which they are drawn.
-        range: Range of its axis; None: all that there is.
-        is_key: Whether its legend is that of the other plots, too, and stays where it is too long.
+        range: Range of its axis; None: the whole data.
+        is_key: Whether its legend is also that of the other plots, and stays where it is too long.
     """
 
     title: str
@@ -105,12 +106,12 @@ class Panel:
 
     @property
     def names(self) -> set[str]:
-        """What the legend has."""
+        """The texts of the legend."""
         return {name for curve in self.curves for name in curve.names} if self.has_legend else set()
 
     @property
     def least(self) -> set[str]:
-        """What the legend has at least."""
+        """The shortest texts of the legend."""
         return {name for one in self.curves for name in one.spare or one.names}
 
     @property
@@ -154,7 +155,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Span:
-    """The time that all plots have in common: their cursors are in line.
+    """The common time axis of all plots, whose cursors are in line.
 
     Attributes:
         end: End of the run [s].
@@ -209,13 +210,13 @@ class Peak:
 
 @dataclass(frozen=True, eq=False)
 class Mark:
-    """The instant of a run that its scenario asks to look at.
+    """The instant of a run at which its scenario asks to look.
 
     Attributes:
         time: When [s].
-        values: That the plot has there, (k,).
-        instant: The run at that tick alone.
-        worth: How much there is to see; the largest of a run is kept.
+            values: Values of the plot there, (k,).
+            instant: The run at that tick alone.
+            worth: Measure of interest; the largest of a run is kept.
     """
 
     time: float
@@ -232,16 +233,16 @@ class Mark:
 
     @property
     def text(self) -> str:
-        """What is written beside it."""
+        """The text beside it."""
         return f"look: {spell(self.time)} s"
 
 
 class Seen:
-    """What a run shows, tick by tick: the extremes that its plots have room for.
+    """Extremes of a run, tick by tick, for the ranges of its plots.
 
     Attributes:
         end: Time of the last tick [s].
-        mark: What its scenario asks to look at, if that is there.
+        mark: The instant that its scenario asks to look at, if any.
     """
 
     def __init__(self) -> None:
@@ -271,22 +272,22 @@ class Seen:
                 self._peaks[name] = Peak(float(time[row]), float(wide[row, which]), which)
 
     def peak(self, *names: str) -> Peak | None:
-        """Return the largest value of some of what was taken, if there is any."""
+        """Return the largest of some recorded values, if there are any."""
         found = [self._peaks[name] for name in names if name in self._peaks]
         return max(found, key=lambda peak: abs(peak.value), default=None)
 
     def mostly(self, name: str) -> float:
-        """Return how large something of `USUAL` is at nine of ten ticks, at most."""
+        """Return the bound of a quantity of `USUAL` that holds at nine of ten ticks."""
         sizes = self._sizes.get(name)
         return float(np.quantile(np.nan_to_num(np.concatenate(sizes)), 0.9)) if sizes else 0.0
 
 
 def rounded(largest: float, steps: float = 4.7) -> float:
-    """Return the end of an axis from 0 that shows so much, and three numbers at least.
+    """Return the end of an axis from 0 with room for a value, and at least three labels.
 
     Args:
-        largest: That is shown.
-        steps: Steps of which the axis has room for numbers.
+        largest: Largest value to show.
+        steps: Possible steps between labels.
 
     >>> [round(rounded(x), 3) for x in (0.004, 1.5, 3.0, 4.3, 4.6, 7.0, 0.0)]
     [0.004, 2.05, 3.15, 4.515, 4.7, 20.5, 2.05]
@@ -300,11 +301,11 @@ def rounded(largest: float, steps: float = 4.7) -> float:
 
 
 def both_ways(largest: float, steps: float = 4.7) -> tuple[float, float]:
-    """Return the ends of an axis around 0 that shows so much, and three numbers at least.
+    """Return the ends of an axis around 0 with room for a value, and at least three labels.
 
     Args:
-        largest: That is shown.
-        steps: Steps of which the axis has room for numbers.
+        largest: Largest magnitude to show.
+        steps: Possible steps between labels.
 
     >>> both_ways(1.0), both_ways(3.0)
     ((-1.05, 1.05), (-10.5, 10.5))
@@ -317,7 +318,7 @@ def both_ways(largest: float, steps: float = 4.7) -> tuple[float, float]:
 
 
 def clipped(peak: float, limit: float, mostly: float) -> float:
-    """Return how much a plot shows of what reaches a peak: a few times its limit, or what it mostly is.
+    """Return how much of a curve with a peak a plot shows: a few times its limit, or of its usual values.
 
     Args:
         peak: Largest magnitude.
@@ -338,7 +339,7 @@ def decades(least: float, largest: float) -> tuple[float, float]:
 
 
 def logarithm(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return common logarithms, of nothing below the floor."""
+    """Return common logarithms, with a floor."""
     return np.asarray(np.log10(np.maximum(values, FLOOR)))
 
 
@@ -359,7 +360,7 @@ def dashes(time: NDArray[np.float64], values: NDArray[np.float64], duration: flo
 def limit_lines(
     limits: Iterable[float], joints: Sequence[str], hues: Colors
 ) -> tuple[list[float], list[str], list[int]]:
-    """Return the limits that a plot shows, both ways, with names and colors: one line if all are the same.
+    """Return the limits in a plot, in both directions, with names and colors: one line if all are the same.
 
     Args:
         limits: Limits of each joint, infinite where it has none.

@@ -1,4 +1,4 @@
-"""What the 3-D view of a run shows, as arrays: bodies, ellipsoids, the direction that is dying.
+"""The 3-D view of a run as arrays: bodies, ellipsoids, the direction that is lost.
 
 Nothing here knows the viewer, so that every length and direction can be checked by itself.
 """
@@ -27,7 +27,7 @@ VELOCITY_SECONDS = 0.2
 FORCE_EQUAL = 0.5
 FORCE_LONGEST = 0.3
 
-# Half thickness of what is flat, as a part of the reach: thin, but not so thin that it flickers.
+# Half thickness of flat shapes, as a part of the reach: thin, but not so thin that it flickers.
 THICKNESS = 0.002
 
 # A path so near to the first moving body is at it [m].
@@ -42,7 +42,7 @@ CLOSEST, OFF = 0.1, 4.0
 # A geometry has a color, and is not gray, if its red, green and blue differ by so much.
 COLORED = 0.3
 
-# In which what is farthest must be in the frame: of the edges, corners and faces of a cube.
+# Directions in which the farthest points must be in the frame: edges, corners and faces of a cube.
 DIRECTIONS = np.array([step for step in np.ndindex(3, 3, 3) if step != (1, 1, 1)], float) - 1.0
 
 # How far the axis of a joint is drawn out of its housing, and how large a housing may be: parts of the reach.
@@ -54,18 +54,18 @@ ARROW = 0.22
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """What is seen at F instants; lengths in meters along world axes.
+    """The visible objects at F instants; lengths in meters along world axes.
 
     Attributes:
         bodies: Pose of each body of the model, (F, nbody, 7).
         tip: Site, (F, 3).
-        target: Where it should be, (F, 3).
+        target: Its target, (F, 3).
         axes: Orientation of both ellipsoids, quat w x y z, (F, 4): local axis i is u_i.
-        velocity: Half axes of the velocity ellipsoid, falling, (F, 3).
+        velocity: Half axes of the velocity ellipsoid, descending, (F, 3).
         force: Half axes of the force ellipsoid, along the same axes, (F, 3).
         dying_move: Translation that becomes impossible first, (F, 3).
         dying_turn: Axis of the rotation that becomes impossible first, (F, 3).
-        nearness: 0 where no damping is due, 1 in the singularity, (F,).
+        nearness: 0 where no damping is due, 1 at the singularity, (F,).
     """
 
     bodies: Array
@@ -97,7 +97,7 @@ class Scene:
     """
 
     def __init__(self, prepared: Prepared) -> None:
-        """Look at the arm where it starts."""
+        """Examine the arm at its start."""
         arm = prepared.true_arm
         self._arm, self.believed = arm, prepared.arm
         self._joint_scale = prepared.task.joint_scale
@@ -150,7 +150,7 @@ class Scene:
     def around(self, instant: Run) -> Array:
         """Return points around the hand at the one tick of a run, (p, 3) [m].
 
-        There is room for its ellipsoids, and for a few times what it is off by.
+        There is room for its ellipsoids, and for a few times its error.
         """
         frames = self.frames(instant, np.array([0]))
         tip, target = frames.tip[0], frames.target[0]
@@ -159,14 +159,14 @@ class Scene:
         return np.vstack([tip + room * np.eye(3), tip - room * np.eye(3), target])
 
     def believed_bodies(self, part: Run, rows: NDArray[np.int64]) -> Array:
-        """Return where the law takes the bodies to be at some ticks of a part of the run, (F, nbody, 7)."""
+        """Return the law's assumed poses of the bodies at some ticks of a part of the run, (F, nbody, 7)."""
         arm = self.believed
         return arm.frames(np.array([arm.placed(part["qpos"][row], part["q_believed"][row]) for row in rows]))[
             0
         ]
 
     def frames(self, part: Run, rows: NDArray[np.int64]) -> Frames:
-        """Return what is seen at some ticks of a part of the run.
+        """Return the visible objects at some ticks of a part of the run.
 
         Both ellipsoids belong to M = J_v S_q (1 - J_w⁺ J_w): J_v has the translations that the task
         has, J_w = J_ω S_q its rotations, which are held, and S_q measures joint rates as the law does.
@@ -241,7 +241,7 @@ def principal(J: Array, rows: NDArray[np.int64], held: NDArray[np.int64]) -> tup
 def _joints(
     arm: Arm, corners: dict[int, Array], bodies: Array, reach: float
 ) -> tuple[list[int], list[tuple[int, Array]]]:
-    """Return which joint moves each body, and where the axis of each joint is drawn: out of its housing."""
+    """Return the joint that moves each body, and the drawn axis of each joint, out of its housing."""
     model, ids = arm.model, arm.wiring.joint.tolist()
     moved = [int(model.jnt_bodyid[one]) for one in ids]
     joint_of, lines = [-1], []
@@ -261,7 +261,7 @@ def _joints(
 
 
 def _corners(shapes: Sequence[Shape]) -> dict[int, Array]:
-    """Return the corners of a box around all that is seen of each body, in its frame, (8, 3)."""
+    """Return the corners of a box around the visible geoms of each body, in its frame, (8, 3)."""
     here, boxes = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), dict[int, list[Array]]()
     for shape in shapes:
         boxes.setdefault(shape.body, []).append(_box(shape, here))

@@ -1,18 +1,18 @@
-"""A run as a rerun recording: every column bit for bit, and a picture of the arm that tells the story.
+"""A run as a rerun recording: every column bit for bit, and a picture of the arm's motion.
 
 Entities:
 
-    columns          every column of the run at every tick, and what is only drawn: error [mm, mrad], belief
+    columns          every column of the run at every tick, and derived curves: error [mm, mrad], belief
                      [mrad or mm], and the common logarithms of σ and λ
-    limits, peak     lines that do not move, and the mark of a rate that its plot does not show
-    look, tip/look   what the scenario asks to look at: values at that instant, and where the tip is then
+    limits, peak     constant lines, and the mark of a rate beyond its plot
+    look, tip/look   the values that the scenario asks to look at, and the tip at that instant
     arm/<body>       poses, with the geometries and the axes of joints; meshes are static children
-    believed/<body>  the same, pale, where the law takes the arm to be, if that is elsewhere
-    target/..        path, and the pose wanted at the moment
+    believed/<body>  the same, pale, at the law's assumed configuration, if that is different
+    target/..        path, and the present target pose
     tip/..           trail, ellipsoids and the dying direction
     now              the line of numbers, as a text
-    status           what holds, in words, only where it changes
-    events           the same when the run is over, with room for the label of each
+    status           the statuses, in words, only where they change
+    events           the same after the run, with room for the label of each
     baseline/..      columns, ghost of the arm and trail of the scenario's baseline, if it has one
     text/..          legend, scorecard, scenario
 
@@ -78,7 +78,7 @@ class Recorder:
     """
 
     def __init__(self, path: Path, prepared: Prepared, baseline: Prepared | None = None) -> None:
-        """Open the file, and write all that is known before the run.
+        """Open the file, and write everything that is known before the run.
 
         Args:
             path: Path of the finished recording, ending in `.rrd`; its folder is created if missing.
@@ -156,7 +156,7 @@ class Recorder:
 def _layout(
     scene: Scene, panels: Panels, seen: Seen | None = None, reached: Sequence[NDArray[np.float64]] = ()
 ) -> tuple[rrb.Blueprint, Span]:
-    """Return what the viewer opens, and the time of its plots: of a run that is over, as it has it."""
+    """Return the viewer's layout, and the time axis of its plots, for a finished run."""
     prepared = panels.prepared
     end = max(prepared.reference.duration, seen.end if seen else 0.0)
     found, look = panels.all(seen), None
@@ -196,7 +196,7 @@ class _Ghost(Track):
 
 
 class _Story(Track):
-    """A track that also shows what the arm can and cannot do at each instant."""
+    """A track that also shows the abilities of the arm at each instant."""
 
     def __init__(self, out: Stream, scene: Scene, panels: Panels, ghost: _Ghost | None) -> None:
         prepared = panels.prepared
@@ -224,7 +224,7 @@ class _Story(Track):
             self.out.send("now", stream.index(ticks[rows], part["time"][rows]), texts)
 
     def curves(self, part: Run) -> dict[str, NDArray[np.float64]]:
-        """Return the errors, and what has a logarithmic axis."""
+        """Return the errors, and the curves with logarithmic axes."""
         sigma, damping = logarithm(part["sigma"]), part["damping"][:, None]
         kinds = [rows for rows in (self.translations, self.rotations) if rows]
         found = {
@@ -246,7 +246,7 @@ class _Story(Track):
         return found
 
     def write_ending(self) -> None:
-        """Write what is known when the run is over: its events, the peak off the scale, and the layout."""
+        """Write the facts that are known after the run: events, the peak off the scale, and the layout."""
         seen = self._seen
         reached = [self.reached] if self._ghost is None else [self.reached, self._ghost.reached]
         layout, span = _layout(self.scene, self._panels, seen, reached)

@@ -1,7 +1,7 @@
 """A recording that grows block by block: its file, its two timelines, and columns straight from arrays.
 
-While a run goes on, the recording is `NAME.rrd.part` beside its final name; each block is flushed, so
-that a killed process loses the columns of one block at most. `finish` closes it and renames it to `NAME.rrd`.
+During a run the recording is `NAME.rrd.part` beside its final name. Each block is flushed, so
+that a killed process loses the columns of at most one block. `finish` closes it and renames it to `NAME.rrd`.
 
 Timelines: `tick` counts control ticks; `sim_time` is `time` rounded to the nearest nanosecond.
 """
@@ -54,7 +54,7 @@ class Stream:
             path: Path of the finished recording, ending in `.rrd`; its folder is created if missing.
             name: Name of the recording, as the viewer shows it.
             opening: Blocks that a page shows while it loads the rest, if `open` writes it.
-            layout: That the viewer opens it with if it is never finished; written with block `PATIENT`.
+            layout: The viewer's layout if it is never finished; written with block `PATIENT`.
 
         Raises:
             RecordingError: The file cannot be made.
@@ -84,21 +84,21 @@ class Stream:
         self.log("", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
 
     def log(self, path: str, *what: rr.AsComponents) -> None:
-        """Write what holds at all times: together, as each writing of an entity takes a kilobyte or two."""
+        """Write static values together, as each write of an entity takes a kilobyte or two."""
         self._stream.log(path or "/", *what, static=True)
 
     def log_text(self, path: str, markdown: str) -> None:
-        """Write a text that holds at all times."""
+        """Write a static text."""
         self.log(path, rr.TextDocument(markdown, media_type="text/markdown"))
 
     def open(self) -> None:
-        """Write the layout that a page has while it loads the rest, once: 50 kB, of no use to a short run."""
+        """Write the layout of a page while it loads the rest, once: 50 kB, which short runs do not need."""
         if self._opening is not None:
             self._stream.send_blueprint(self._opening, make_active=False, make_default=True)
             self._opening = None
 
     def lay_out(self, layout: rrb.Blueprint) -> None:
-        """Replace the layout by one that knows what the run shows.
+        """Replace the layout by one with the ranges of the whole run.
 
         It is made active: a page that reads the file as it comes has opened the first one by then.
         """
@@ -172,7 +172,7 @@ def index(ticks: NDArray[np.int64], time: NDArray[np.float64]) -> list[rr.TimeCo
 def application(stem: str) -> str:
     """Return the name of the application of a recording, by the name of its file without the suffix.
 
-    Rerun warns of other characters, and of a longer name; what is replaced keeps names apart by a checksum.
+    Rerun warns of other characters, and of a longer name; a checksum distinguishes names with replacements.
 
     Example:
         >>> application("reach"), application("reach.compare")
@@ -211,7 +211,7 @@ def _flat(values: NDArray[np.generic]) -> pa.Array:
 
 
 class Component:
-    """What a column holds: so many numbers of a kind make one value."""
+    """The type of a column: some numbers of one kind make one value."""
 
     def __init__(
         self, descriptor: rr.ComponentDescriptor, kind: pa.DataType, size: int = 1, is_strip: bool = False
@@ -242,7 +242,7 @@ class Values:
         self._array = pa.ListArray.from_arrays(_offsets(rows, instances), flat)
 
     def component_descriptor(self) -> rr.ComponentDescriptor:
-        """Return what the column holds; rerun asks for it."""
+        """Return the type of the column; rerun asks for it."""
         return self._descriptor
 
     def as_arrow_array(self) -> pa.Array:
@@ -276,7 +276,7 @@ class Table:
         self._array = pa.ListArray.from_arrays(_offsets(len(rows), 1), rows)
 
     def component_descriptor(self) -> rr.ComponentDescriptor:
-        """Return what the column holds; rerun asks for it."""
+        """Return the type of the column; rerun asks for it."""
         return _described(self._name)
 
     def as_arrow_array(self) -> pa.Array:

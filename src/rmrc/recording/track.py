@@ -1,13 +1,13 @@
-"""One world in a recording: its columns at every tick, its arm and what moves at the tip in frames.
+"""One world in a recording: its columns at every tick, its arm and the moving objects at the tip in frames.
 
 Its entities stand below a prefix, so that a recording can hold many worlds:
 
     columns          at every tick, two components: `columns` has a field for every column of the run, of
-                     float64, and status of int64; `curves` what is only drawn, of float32. What arrives is
-                     left out where it is what is commanded, what is believed where it is true, qpos
-                     where it is q, and the time along a path that is not slowed
+                     float64, and status of int64; `curves` has derived curves, of float32. Columns that equal
+                     others are left out: the arriving command if it is the commanded one, the estimate if it
+                     is true, qpos if it is q, and the time along a path that is not slowed
     arm/<body>       poses, with the geometries; meshes are static children
-    believed/<body>  the same, pale, where the law takes the arm to be, if that is elsewhere
+    believed/<body>  the same, pale, at the law's assumed configuration, if that is different
     tip/..           position and trail
 """
 
@@ -30,12 +30,12 @@ from rmrc.show.palette import hue
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import AXES
 
-# What is drawn is stored so often [s], as a screen shows it: each 16th of the ticks at 1 kHz.
+# Drawn objects are stored at this interval [s], as a screen shows them: each 16th of the ticks at 1 kHz.
 FRAME_PERIOD = 1.0 / 60.0
-# What is drawn is written for so many ticks at once, or after so long [s]: each entity takes a tenth of a
-# millisecond and a kilobyte or two a time. A killed process loses no more of it.
+# Drawn objects are written for this many ticks at once, or after this long [s]: each entity takes a tenth of
+# a millisecond and a kilobyte or two per write. A killed process loses at most one such part.
 DRAWN, LONGEST = 4000, 0.5
-# Columns that it is made of.
+# The columns from which they are made.
 DRAWN_OF = (
     "time", "qpos", "q_believed", "qdot_cmd", "pose", "pose_ref", "twist_ref", "sigma", "u_min", "damping",
     "condition", "status",
@@ -52,7 +52,7 @@ def prefix_of(variant: str) -> str:
 
 
 class Track:
-    """Writes one world, block by block; what it shows beside arm and trail, others add to it.
+    """Writes one world, block by block; subclasses add to arm and trail.
 
     Attributes:
         scene: The arm and the task.
@@ -104,9 +104,9 @@ class Track:
         """Write the geometries, those that the law takes for them pale, and where bodies are that never move.
 
         Args:
-            paint: What is drawn for each geometry; None: nothing.
-            has_outlines: Whether as outlines only.
-            has_axes: Whether with the axes of the joints, in the colors that the plots have for them.
+            paint: Returns the drawn form of each geom; None: it is not drawn.
+            has_outlines: Whether to draw outlines only.
+            has_axes: Whether to draw the axes of the joints, in their colors in the plots.
         """
         scene, radius = self.scene, 0.006 * self.scene.reach
         poses = self._prepared.true_arm.frames(self._prepared.qpos[None])[0][0]
@@ -132,7 +132,7 @@ class Track:
         own: list[rr.AsComponents],
         has_outlines: bool = False,
     ) -> None:
-        """Write the geometries of one body, and what else its entity has."""
+        """Write the geoms of one body, and the other parts of its entity."""
         found = geometries([shape for shape in shapes if shape.body == body], has_outlines)
         found[""] = own + found.get("", [])
         for rest, what in found.items():
@@ -164,7 +164,7 @@ class Track:
             self.write_divergence(str(part.divergence), part.divergence.time, at)
 
     def write_last(self) -> None:
-        """Write what is drawn up to here, and the last tick of a run that was cut short."""
+        """Write the remaining drawn objects, and the last tick of a run that was cut short."""
         if self._last is not None and self._framed < self._ticks:
             ticks = np.arange(self._ticks - len(self._last), self._ticks)
             self._hold(self._last, ticks, np.array([len(ticks) - 1]))
@@ -189,10 +189,10 @@ class Track:
             place = Values(stream.TRANSLATION, places[body]), Values(stream.ROTATION, turns[body])
             self.send(self.body_path(root, int(body)), index, *place)
 
-    # What others add to ---------------------------------------------------------------------------
+    # For subclasses to extend ---------------------------------------------------------------------
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
-        """Write what is known at every tick (T,) of a block."""
+        """Write the values at every tick (T,) of a block."""
         kept = {name: one for name, one in part.columns.items() if not self._left_out.get(name, False)}
         kept["status"] = part.columns["status"].astype(np.int64)
         drawn = {name: one.astype(np.float32) for name, one in self.curves(part).items()}
@@ -200,11 +200,11 @@ class Track:
         self.send("columns", index, Table("columns", kept), Table("curves", drawn))
 
     def curves(self, part: Run) -> dict[str, NDArray[np.float64]]:
-        """Return what is only drawn of a block: (T, width) each."""
+        """Return the derived curves of a block: (T, width) each."""
         raise NotImplementedError
 
     def write_frames(self, frames: Frames, index: list[rr.TimeColumn]) -> None:
-        """Write what is seen at some instants."""
+        """Write the visible objects at some instants."""
         self.send_bodies("arm", frames.bodies, index)
         self._reached.append(self.scene.outermost(frames))
         self.send("tip/now", index, Values(stream.POINT, frames.tip))
@@ -215,7 +215,7 @@ class Track:
         self.send("tip/trail", index, Values(stream.STRIP, segments), colors)
 
     def write_drawn(self, part: Run, ticks: NDArray[np.int64]) -> None:
-        """Write what is drawn at some ticks (F,), of which the run has the columns `DRAWN_OF`."""
+        """Write the drawn objects at some ticks (F,), from the columns `DRAWN_OF` of the run."""
         index, rows = stream.index(ticks, part["time"]), np.arange(len(ticks))
         self.write_frames(self.scene.frames(part, rows), index)
         if self._prepared.hardware.is_misled:
@@ -232,7 +232,7 @@ class Track:
     # ----------------------------------------------------------------------------------------------
 
     def _hold(self, part: Run, ticks: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
-        """Keep what is drawn of some rows of a block."""
+        """Keep the drawn objects of some rows of a block."""
         if len(rows):
             columns = {name: part.columns[name][rows] for name in DRAWN_OF}
             self._held.append((replace(part, columns=columns, divergence=None), ticks[rows]))

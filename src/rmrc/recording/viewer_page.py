@@ -17,7 +17,7 @@ from urllib.parse import quote
 
 from rmrc.recording.viewer_process import LOOPBACK
 
-# What the viewer's page consists of. Nothing else is served but the recording.
+# The files of the viewer's page. Nothing else is served but the recording.
 TYPES = {
     "/": "text/html; charset=utf-8",
     "/re_viewer.js": "text/javascript; charset=utf-8",

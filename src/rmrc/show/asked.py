@@ -1,4 +1,4 @@
-"""The size that a user asks for a picture: how wide it is, and how large its letters are."""
+"""The size of pictures that a user requests: their width, and their font size."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 
 class Asked(NamedTuple):
-    """What is asked of pictures.
+    """The requested size of pictures.
 
     Attributes:
         width: Width of the picture [in]; None: its own.
-        font: Size of the letters [pt]; None: its own.
+        font: Font size [pt]; None: its own.
     """
 
     width: float | None = None
@@ -23,7 +23,7 @@ ASKED: ContextVar[Asked] = ContextVar("ASKED", default=Asked())  # noqa: B039 (f
 
 @contextmanager
 def sized(width: float | None, font: float | None) -> Iterator[None]:
-    """Have pictures that are drawn meanwhile so wide, with letters of such a size.
+    """Draw pictures meanwhile with this width and font size.
 
     Args:
         width: In inches; None: as wide as each is by itself.

@@ -34,7 +34,7 @@ class Page:
 
         Args:
             title: Its heading.
-            lead: What it says in a sentence; "": nothing.
+            lead: A sentence below it; "": none.
         """
         self._title, self._body, self._traces = title, list[str](), ""
         self._count = 0
@@ -66,7 +66,7 @@ class Page:
             self._body.append(f"<p>{_text(note)}</p>")
 
     def figure(self, figure: Figure, caption: str) -> None:
-        """Add a picture, as lines and letters; the caption says what is in it."""
+        """Add a picture, as lines and letters; the caption describes it."""
         drawn = re.sub(r"(?s)<metadata>.*?</metadata>", "", as_svg(figure))
         drawn = drawn[drawn.index("<svg") :]
         self._count += 1

@@ -2,7 +2,7 @@
 
 Each has a contrast of 3 at least against white and against the viewer's dark. Any two that share a panel
 differ by a ΔE of 20 at least (CIE 1976), as deuteranopes and protanopes see them too. Joints have no green,
-magenta, red or turquoise: these are of σ_min, λ, what is grave, and what acts.
+magenta, red or turquoise: these are for σ_min, λ, serious statuses, and active ones.
 """
 
 from rmrc.scenario.choices import Status
@@ -16,13 +16,13 @@ BLACK, WHITE = 0x000000FF, 0xFFFFFFFF
 GRAY, GREEN, LIME, MAGENTA, GOLD = 0x949494FF, 0x1E9650FF, 0x50A808FF, 0xB4289BFF, 0xB08A00FF
 # The error across the path, where that along it is told apart.
 INDIGO = 0x5566FFFF
-# Of statuses: what is grave, what acts, and nothing. The last is of rotation errors and second tasks, too.
+# Statuses: serious, active, and none. The last is also for rotation errors and second tasks.
 RED, TEAL, SLATE = 0xFF2D2DFF, 0x00809CFF, 0x606060FF
 GRAVE = Status.SINGULAR | Status.STOPPED | Status.STUCK | Status.CONTACT
 
 
 def of_status(status: int) -> int:
-    """Return the color of a status, 0xRRGGBBAA: of what is grave, of what acts, or of nothing."""
+    """Return the color of a status, 0xRRGGBBAA: serious, active, or none."""
     return RED if status & GRAVE else TEAL if status else SLATE
 
 

@@ -1,4 +1,4 @@
-"""What the plots of runs are made of: panels and how they are arranged, curves, axes, legends."""
+"""The parts of plots of runs: panels and their arrangement, curves, axes, legends."""
 
 import math
 import re
@@ -38,11 +38,11 @@ SIDE, RIGHT, GAP, BELOW = 6.8, 1.6, 0.8, 3.6
 ENTRY = 1.7
 # Of legends: lengths of a handle and between columns, as parts of the size of letters.
 HANDLE, SPACE = 2.2, 1.2
-# Rates are drawn up to so many times their limits; where a peak is beyond, its value is written.
+# Rates are drawn up to this multiple of their limits; the value of a peak beyond is written.
 CLIPPED = 1.6
-# Limits are drawn up to so many times the peak: farther away they would flatten the curves.
+# Limits are drawn up to this multiple of the peak: farther away they would flatten the curves.
 FAR = 3.0
-# Where one curve has a peak so many times that of another, a logarithmic scale keeps the other to be seen.
+# Where one curve has a peak this many times that of another, a logarithmic scale keeps the other visible.
 APART = 30.0
 # A path that is no longer than this is a point, and is drawn in a plot of this size [m].
 POINT, SMALLEST = 1e-6, 0.01
@@ -58,7 +58,7 @@ class Panel(NamedTuple):
 
     Attributes:
         name: One of NAMES.
-        draw: What draws it, and returns how many lines its legend has.
+        draw: Draws it, and returns the number of lines of its legend.
         lanes: Names of the lanes of a panel that has some.
     """
 
@@ -280,7 +280,7 @@ def legend(axes: Axes, columns: int) -> int:
 
 
 def _width(text: str, size: float) -> float:
-    """Return the width of a text in letters of a size [pt], of a formula roughly: to read it takes long."""
+    """Return the width of a text in letters of a size [pt]; roughly for a formula, which is slow."""
     plain = re.sub(r"\\[a-z]+", "x", text.replace(r"\$", "x")).translate(_MARKS)
     width, _, _ = text_to_path.get_text_width_height_descent(plain, FontProperties(size=size), ismath=False)
     return float(width)

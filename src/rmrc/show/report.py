@@ -14,7 +14,7 @@ from rmrc.show.sheets import Sheet
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """What there is to show of an answer.
+    """The presentation of an answer.
 
     Attributes:
         sheets: Tables without a form, the most general first.
@@ -22,9 +22,9 @@ class Report:
         draw: Writes the picture to a file, atomically, whose suffix says how: `.png`, `.svg` or `.pdf`; None
             if there is none.
         met: Whether the requested condition is met.
-        problem: Why it does not, in one line; "" if the sheets say it.
+        problem: Why it is not, in one line; "" if the sheets say it.
         block: Lines of a scenario to paste, which are not wrapped; "" for none.
-        cases: What was checked, as CI counts it.
+        cases: The checks, as CI counts them.
     """
 
     sheets: Sequence[Sheet]

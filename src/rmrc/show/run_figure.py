@@ -45,11 +45,12 @@ from rmrc.show.panels import (
 )  # fmt: skip
 from rmrc.show.shadows import shadows
 
-# What the plain inverse would ask is drawn where it is so many times the peak: else it is the same curve.
+# The rates of the plain inverse are drawn if they exceed this multiple of the peak; below it, the curves
+# coincide.
 PLAIN_MORE = 1.05
 # How much higher the plot is then.
 ROOM = 1.35
-# What a further line that is told takes of the plot's height.
+# The share of the plot's height that one more written line takes.
 LINE = 0.25
 
 
@@ -127,7 +128,7 @@ def draw_rates(axes: Axes, run: Run) -> int:
 
 
 def _draw_plain(axes: Axes, run: Run, colors: Sequence[str], peak: float) -> list[str]:
-    """Draw what the plain inverse would ask where that is more than commanded; return its peak in words."""
+    """Draw the rates of the plain inverse where they exceed the command; return their peak in words."""
     rates = run.columns.get("qdot_plain")
     if rates is None or not np.isfinite(rates).any():  # a file from before it was kept
         return []
@@ -137,7 +138,7 @@ def _draw_plain(axes: Axes, run: Run, colors: Sequence[str], peak: float) -> lis
 
 
 def _draw_baseline(axes: Axes, run: Run, is_roomy: bool) -> list[str]:
-    """Draw what is commanded in the baseline of a run, if it has one; return its peak in words."""
+    """Draw the commands of a run's baseline, if it has one; return their peak in words."""
     if run.baseline is None or not len(run.baseline):
         return []
     return _draw_beside(
@@ -151,7 +152,7 @@ def _draw_beside(
 ) -> list[str]:  # fmt: skip
     """Draw rates beside those of the run, dashed; return their peak in words where it is beyond the plot.
 
-    The plot stays as high as its other curves need: what is beyond them is told, not drawn.
+    The plot stays as high as its other curves need: a peak beyond them is written, not drawn.
     """
     asked = np.nan_to_num(np.abs(run[column]), nan=0.0, posinf=0.0)
     most, (low, high), (name, does) = float(asked.max()), axes.get_ylim(), words

@@ -1,4 +1,4 @@
-"""The page of a run, or of variants side by side: what was asked, what came out, and what to paste."""
+"""The page of a run, or of variants side by side: settings, results, and the scenario to paste."""
 
 import hashlib
 import json
@@ -15,7 +15,7 @@ from rmrc.show.plot import plot
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.support.errors import QuestionError, ScenarioError
 
-# What is told of variants side by side; of the times in a status, those that any has.
+# Metrics of variants side by side; of the times in a status, those that any variant has.
 FIGURES = (
     "joint_rate_cmd.peak", "joint_rate.peak", "joint_rate.rms", "joint_acceleration_cmd.peak",
     "joint_jerk_cmd.peak", "chatter", "tau.peak", "tau.share_of_limit", "position_error.max",
@@ -60,7 +60,7 @@ def _hashes(paths: Sequence[Path]) -> Sheet:
 
 
 def _facts(path: Path) -> dict[str, Any]:
-    """Return what a JSON file of `run` or `compare` holds."""
+    """Return the contents of a JSON file of `run` or `compare`."""
     try:
         facts = json.loads(path.read_text("utf-8"))
         if isinstance(facts, dict) and ("scorecard" in facts or "variants" in facts):
@@ -127,7 +127,7 @@ def _outcomes(made: Page, facts: Mapping[str, Any], whose: str = "") -> None:
 
 
 def _beside(runs: Mapping[str, Run], variants: Sequence[Mapping[str, Any]]) -> Sheet:
-    """Return figures as rows and variants as columns."""
+    """Return metrics as rows and variants as columns."""
     cards = [run.scorecard for run in runs.values()]
     times = [name for name in cards[0] if name.startswith("status_time.")]
     happened = [name for name in times if any(float(card[name].value) for card in cards if name in card)]

@@ -44,12 +44,12 @@ _ERRORS = (
 def render(
     card: "Scorecard", outcomes: Sequence["Outcome"] = (), baseline: "Scorecard | None" = None
 ) -> RenderableType:
-    """Return the figures that say something, and what was expected of them, for a terminal.
+    """Return the relevant metrics, and the expectations of them, for a terminal.
 
     Args:
         card: The scorecard.
         outcomes: Outcomes of the scenario's expectations; none: no such table.
-        baseline: The figures that stand beside them, if any.
+        baseline: The metrics of the baseline beside them, if any.
     """
     *others, rest, status = sheets(card, outcomes, baseline)
     parts = [part for sheet in others for part in (as_table(sheet), Text())]
@@ -132,12 +132,12 @@ _OF_JERK = ("status_time.JERK_LIMITED", "status_time.JERK_EXCEEDED")
 
 
 class _Figures:
-    """The figures of a card; those not yet shown are left over for the last sheet.
+    """The metrics of a card; those not yet shown remain for the last sheet.
 
-    What says nothing is not shown, of the card and of what stands beside it: what is undefined, torques of a
-    plant without any, those with gravity compensation where there is none, a jerk that nothing limits, and
-    what did not happen of contacts, of actuators at their limits, of commands that a profile refuses, of
-    damping, slowing and standing still.
+    Metrics without information are not shown, neither of the card nor of the baseline beside it: undefined
+    ones, torques of a plant without any, torques with gravity compensation where there is none, a jerk
+    without limits, and events that did not happen: contacts, actuators at their limits, commands that a
+    profile refuses, damping, slowing and standing still.
     """
 
     def __init__(self, card: "Scorecard", beside: "Scorecard | None", expected: Collection[str]) -> None:
@@ -148,26 +148,26 @@ class _Figures:
         }
 
     def other(self, name: str) -> str:
-        """Return the figure of what stands beside the card, as text."""
+        """Return a metric of the baseline beside the card, as text."""
         figure = None if self.beside is None else self.beside.figures.get(name)
         return "" if figure is None else _text(figure)
 
     def text(self, name: str) -> str:
-        """Return a figure as text, and nothing for one that this card does not have."""
+        """Return a metric as text, and an empty text for one that this card does not have."""
         figure = self.left.pop(name, None)
         return "" if figure is None else _text(figure)
 
     def texts(self, group: str, *names: str) -> tuple[str, ...]:
-        """Return some figures of a group."""
+        """Return some metrics of a group."""
         return tuple(self.text(f"{group}.{name}") for name in names)
 
     def unit(self, name: str) -> str:
-        """Return the unit of a figure that this card has."""
+        """Return the unit of a metric that this card has."""
         return _unit(self.card[name])
 
 
 def _said(card: "Scorecard") -> set[str]:
-    """Return the names of the figures that say something."""
+    """Return the names of the metrics with information."""
     silent = [] if card["chatter"].value else ["chatter_joint"]
     if not float(card["profile.refused"].value) > 0.0:
         silent.append("profile.")
@@ -197,7 +197,7 @@ def sheets(
     Args:
         card: The scorecard.
         outcomes: Outcomes of the scenario's expectations; none: no such table.
-        baseline: The figures that stand beside them, if any.
+        baseline: The metrics of the baseline beside them, if any.
     """
     figures = _Figures(card, baseline, [one.name for one in outcomes])
     found = [_outcomes(outcomes)] if outcomes else []
@@ -277,7 +277,7 @@ def _status(figures: _Figures) -> Sheet:
 
 
 def _beside(figures: _Figures, name: str) -> tuple[str, ...]:
-    """Return the cell of what stands beside the card, if anything does."""
+    """Return the cell of the baseline beside the card, if there is one."""
     return () if figures.beside is None else (figures.other(name),)
 
 

@@ -53,7 +53,7 @@ class Fitted:
         return sum(widths) + self._gap * (len(widths) - 1)
 
     def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
-        """Return what it takes, for what stands beside it."""
+        """Return its width, for the layout beside other tables."""
         return Measurement(
             min(self._total(self._least), options.max_width), min(self.width, options.max_width)
         )

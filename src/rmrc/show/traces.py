@@ -36,7 +36,7 @@ from rmrc.show.panels import (
 ROOM = 60_000
 # Decades of a logarithmic axis; and singular values are drawn down to such a share of the largest.
 DECADES, LEAST = 6, 1e-9
-# Of what is of a baseline, on a light and on a dark page.
+# Curves of a baseline, on a light and on a dark page.
 GRAYS = ("#8c8c8c", "#a6a6a6")
 # Of the error along the path, across it, and of the rotation.
 ERRORS = (GOLD, INDIGO, SLATE)
@@ -50,13 +50,13 @@ class Trace:
 
     Attributes:
         label: Its name.
-        values: (T,); what is not finite is not drawn.
+        values: (T,); values that are not finite are not drawn.
         color: Which of the colors of joints or runs it has; of `paint`, none of these.
         dash: Which of the dashes.
         width: Width of the line [px].
         is_shown: Whether it is drawn before somebody clicks its name.
         is_gray: Whether it is gray, whatever its color: it is of a baseline.
-        paint: Its color in place of these, 0xRRGGBBAA: what is neither a joint nor a run has its own.
+        paint: Its color in place of these, 0xRRGGBBAA, for curves that belong to no joint or run.
     """
 
     label: str
@@ -87,8 +87,8 @@ class Panel:
         time: (T,) [s].
         traces: Its curves.
         lines: Values at which horizontal lines are drawn.
-        bounds: Ends of the vertical axis; None: of what is drawn.
-        peak: What is told beside the title of a curve that leaves it; "": nothing.
+        bounds: Ends of the vertical axis; None: those of the curves.
+        peak: Text beside the title about a curve that exceeds the axis; "": none.
         is_logarithmic: Whether its vertical axis is.
         lanes: Names of lanes 0, 1, ..., from below, where it has lanes instead of numbers.
         place: Name of its place on the page.
@@ -106,7 +106,7 @@ class Panel:
     place: str = field(default="")
 
     def json(self, colors: int) -> dict[str, Any]:
-        """Return what the page draws.
+        """Return the data that the page draws.
 
         Args:
             colors: How many the page has.
@@ -142,7 +142,7 @@ class Traces:
     colors: int
 
     def json(self) -> list[dict[str, Any]]:
-        """Return what the page draws, as strict JSON."""
+        """Return the data that the page draws, as strict JSON."""
         return [panel.json(self.colors) for panel in self.panels]
 
 
@@ -361,5 +361,5 @@ def kept(curves: Sequence[Array], room: int) -> NDArray[np.intp]:
 def _packed(values: Array, is_logarithmic: bool = False) -> str:
     """Return values as little-endian 32-bit floats in base64; a logarithm has none of 0."""
     shown = np.where(values > 0.0, values, np.nan) if is_logarithmic else values
-    with np.errstate(over="ignore"):  # what is beyond has no place in a plot
+    with np.errstate(over="ignore"):  # values beyond the range have no place in a plot
         return base64.b64encode(shown.astype("<f4").tobytes()).decode()

@@ -1,9 +1,9 @@
 """The kinematics and statics of the source notes: one function per equation, numpy only.
 
-This is the independent second opinion: nothing here knows MuJoCo, so what it says can be held
-against what the simulation does. Arrays in, arrays out, over any leading axes; rad and m.
+This is an independent implementation: nothing here uses MuJoCo, so its results can check the simulation.
+Arrays in, arrays out, over any leading axes; rad and m.
 
-Each function is an attribute of the package as well, whose modules are read when they are asked for:
+Each function is an attribute of the package as well; its modules are read on first use:
 
     >>> from rmrc import textbook
     >>> float(textbook.planar_rp_determinant([0.0, 0.5]))

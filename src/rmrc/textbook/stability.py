@@ -1,4 +1,4 @@
-"""The sampled loop around joints that do what they are told, late: which feedback it tolerates.
+"""The sampled loop around joints that obey with a delay: the feedback that it tolerates.
 
 The law sends K times the error every T seconds. The command arrives after a dead time τ, rates follow it with
 the time constant T₁, and the joint integrates them. Without a lag and with τ = d T this is the difference
@@ -14,19 +14,19 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# The phase falls smoothly: between neighbors of so many frequencies it crosses −π once at most. The lowest is
-# below that at which any loop with the same sum of times rings.
+# The phase falls smoothly: between neighbors of this many frequencies it crosses −π at most once. The lowest
+# is below the ringing frequency of any loop with the same sum of times.
 _FREQUENCIES, _LOWEST = 400, 1e-3
-# Halvings of an interval of logarithms until it is that of rounding.
+# Halvings of an interval of logarithms until it is at rounding.
 _HALVINGS = 60
 # 0.3/0.1 is off by some 1e-16: a whole number of ticks is one.
 _ROUNDING = 1e-9
-# A lag so many times as long as all other times is as good as an endless one.
+# A lag this many times as long as all other times has the effect of an infinite one.
 _ENDLESS = 1e6
 
 
 def rule_gain(period: float, delay: float = 0.0, lag: float = 0.0) -> float:
-    """Return the feedback that loops bear by the rule of thumb.
+    """Return the feedback that the rule of thumb allows.
 
     K = 1/(τ + T/2 + T₁): a sampled command is late by half a period on average. It leaves a gain margin of
     about π/2 without a lag, and more with one.
@@ -171,7 +171,7 @@ def _phase(angle: ArrayLike, period: float, delay: float, lag: float) -> NDArray
 def _factors(
     z: NDArray[np.complex128], period: float, delay: float, lag: float
 ) -> tuple[int, NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return the whole ticks of a dead time, and the factors of what is left of it and of the lag."""
+    """Return the whole ticks of a dead time, and the factors of its remainder and of the lag."""
     whole = math.floor(delay / period + _ROUNDING)
     part = max(0.0, delay / period - whole)
     late = np.asarray((1.0 - part) + part / z)

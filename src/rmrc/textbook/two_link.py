@@ -251,7 +251,7 @@ def two_link_small_displacements(
         displacement: [Δx, Δy] in frame {1}, (..., 2) [m].
 
     Returns:
-        [Δq₁, Δq₂], (..., 2) [rad]; what is neglected is a part θ₂ of it.
+        [Δq₁, Δq₂], (..., 2) [rad]; the neglected part is of the order θ₂ of it.
 
     Raises:
         numpy.linalg.LinAlgError: If some θ₂ is 0.

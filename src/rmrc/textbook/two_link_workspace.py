@@ -20,7 +20,7 @@ ArcKind = Literal["outer", "inner", "q1 lower", "q1 upper", "q2 lower", "q2 uppe
 # kinematics near full reach, √1e-16, less than can be seen.
 INSIDE = 1e-6
 
-# Tests for each point of an arc: where arcs nearly touch, what is left of them can be short.
+# Tests for each point of an arc: where arcs nearly touch, the remaining arcs can be short.
 FINER = 16
 
 
