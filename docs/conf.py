@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT / "src"), str(ROOT / "docs/_ext")]  # of this checkout, whatever is installed
+sys.path[:0] = [str(ROOT / "src"), str(ROOT / "docs/_ext")]  # of this checkout, not an installed copy
 
 import typeset  # noqa: E402
 

@@ -80,7 +80,7 @@ def test_damping_sets_in_where_the_approach_says_and_costs_millimeters():
     scenario_says(
         "approach_singularity",
         "driven straight to 3 mm beyond full reach",
-        "Damping sets in below sigma = 0.3 and leaves some millimeters of error along the dying direction",
+        "Damping sets in below sigma = 0.3 and leaves some millimeters of error along the lost direction",
     )
     _, run, figures = ran("approach_singularity")
     assert run["pose_ref"][:, 0].max() - 2.0 == pytest.approx(0.003, abs=1e-9)
@@ -169,7 +169,7 @@ def test_the_shoulder_brakes_at_its_limit_and_the_tip_stays_on_its_circle():
     scenario_says(
         "joint_limit",
         "until the shoulder meets its limit of 170 deg",
-        "The shoulder brakes in time, elbow and wrist take over what it cannot do, and the tip stays on its circle",
+        "The shoulder brakes in time, elbow and wrist take over its part, and the tip stays on its circle",
     )
     _, run, figures = ran("joint_limit")
     # A servo follows its command to some 1e-5 rad.
@@ -178,7 +178,7 @@ def test_the_shoulder_brakes_at_its_limit_and_the_tip_stays_on_its_circle():
 
 
 def test_weights_say_which_of_three_rows_gives_way():
-    scenario_says("more_rows_than_joints", "the weights say which of them gives way")
+    scenario_says("more_rows_than_joints", "the weights decide which of them gives way")
     weights = ("[1,1,0.001]", "[1,1,1]", "[0.001,0.001,1]")
     assert all(says("scenarios/more_rows_than_joints.yaml", one) for one in weights)
     each = [ran("more_rows_than_joints", f"task.weights={one}")[2] for one in weights]
@@ -198,7 +198,7 @@ def test_rows_of_a_plane_never_move():
 def test_postures_are_swept_with_nothing_to_be_seen_at_the_tip():
     scenario_says(
         "posture_sweep",
-        "the elbow passes from one side to the other with nothing to be seen at the tip",
+        "the elbow passes from one side to the other without any effect on the tip",
         "at the wrist, which turns back 0.3 deg before its limit",
     )
     prepared, run, figures = ran("posture_sweep")
@@ -373,7 +373,7 @@ def test_a_ur5e_comes_back_from_beyond_its_reach_with_the_error_that_was_asked_f
     scenario_says(
         "ur5e_elbow",
         "to 10 mm beyond where its elbow is straight",
-        "the error is those 10 mm and what damping adds",
+        "the error is those 10 mm and the error of damping",
     )
     _, _, figures = ran("ur5e_elbow")
     # The flange is 0.1 m below the wrist: to tilt it instead takes a hundredth off.
@@ -438,7 +438,7 @@ def test_the_weights_say_what_an_arm_of_five_joints_gives_up():
     scenario_says(
         "so101_five_joints",
         "22 deg off",
-        "With weights of 1 a radian is as dear as a meter, and the gripper goes 6 of 100 mm",
+        "With weights of 1 a radian counts as much as a meter, and the gripper goes 6 of 100 mm",
     )
     _, _, kept = ran("so101_five_joints")
     assert np.degrees(kept["orientation_error.max"]) == pytest.approx(22.0, abs=0.5)

@@ -81,6 +81,7 @@ def of_python(source: str) -> Iterator[Passage]:
             docstrings.add(docstring.value)
             is_private = getattr(node, "name", "").startswith("_")
             text = re.sub(r"(?m)^ *>>>(.*\n?)*?(?= *\n|\Z)", "", ast.get_docstring(node) or "")
+            text = re.sub(r"(?m)^( +)\w+:", rf"\1{_CODE}:", text)  # names of arguments and attributes
             yield Passage("private" if is_private else "docstring", docstring.lineno, _without_code(text))
     inner = {part for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
     for node in ast.walk(tree):

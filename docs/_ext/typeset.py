@@ -1,7 +1,7 @@
 """Typeset the equations of the theory, which are plain text there: indented blocks become MathML.
 
 The notation is that of the page: `x_i`, `x_i+1` and `x_{i+1}` have subscripts, `x²`, `xᵀ` and `x^{…}`
-superscripts, `a/b` is a fraction of what stands next to the bar, `[a; b]` a column, `[[a, b], [c, d]]` a
+superscripts, `a/b` is a fraction of the terms beside the bar, `[a; b]` a column, `[[a, b], [c, d]]` a
 matrix; words are words.
 """
 
@@ -129,7 +129,7 @@ class Line:
         return [Part("sign", tag("mo", escape(SIGNS.get(token, token))))]
 
     def group(self, opening: str) -> str:
-        """Return what stands between two fences: a matrix, a column, or anything."""
+        """Return the text between two fences: a matrix, a column, or anything."""
         start = self.at
         inner = self.parts(FENCES[opening])
         text = "".join(self.tokens[start : self.at])
@@ -177,7 +177,7 @@ class Line:
         return Part(kind, tag(name, part.shown, *filter(None, (below, above))))
 
     def index(self) -> str:
-        """Return what stands behind `_` or `^`."""
+        """Return the index after `_` or `^`."""
         if self.next() == "{":
             self.take()
             inner = joined(self.parts("}"))

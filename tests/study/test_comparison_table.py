@@ -183,7 +183,7 @@ def test_expectations_that_are_not_counted_are_a_dash_and_a_line_below_says_why(
     method = {"control.inverse.method": "damped"}
     expect = {"ticks": Check(above=0)}
     rows = [row("damped", expect=expect), row("inverse", stated_for=method), row("jparse", stated_for=method)]
-    why = '"-": the scenario states its expectations for control.inverse.method=damped and they do not apply to other choices.'
+    why = '"-": the expectations of the scenario are for control.inverse.method=damped; they are not checked for other choices.'
     lines = printed(rows, width=len(why))
     assert lines[-2:] == ["", why]
     assert [line.split()[-1] for line in lines[-5:-2]] == ["met", "-", "-"]

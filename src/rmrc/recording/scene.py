@@ -48,7 +48,7 @@ DIRECTIONS = np.array([step for step in np.ndindex(3, 3, 3) if step != (1, 1, 1)
 # How far the axis of a joint is drawn out of its housing, and how large a housing may be: parts of the reach.
 AXIS, LONGEST_AXIS = 0.05, 0.3
 
-# Each half of the double arrow along the dying direction, as a part of the reach.
+# Each half of the double arrow along the lost direction, as a part of the reach.
 ARROW = 0.22
 
 

@@ -9,7 +9,7 @@ Entities:
     arm/<body>       poses, with the geometries and the axes of joints; meshes are static children
     believed/<body>  the same, pale, at the law's assumed configuration, if that is different
     target/..        path, and the present target pose
-    tip/..           trail, ellipsoids and the dying direction
+    tip/..           trail, ellipsoids and the lost direction
     now              the line of numbers, as a text
     status           the statuses, in words, only where they change
     events           the same after the run, with room for the label of each

@@ -147,7 +147,7 @@ def _notes(rows: Sequence[Compared]) -> list[str]:
     wanted = dict.fromkeys(pair for row in rows for pair in row.stated_for.items())
     law = " and ".join(f"{key}={value}" for key, value in wanted)
     return (
-        [f'"-": the scenario states its expectations for {law} and they do not apply to other choices.']
+        [f'"-": the expectations of the scenario are for {law}; they are not checked for other choices.']
         if wanted
         else []
     )

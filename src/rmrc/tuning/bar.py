@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from rmrc.tuning.front import Point, front
 
-# Errors within this share of the smallest one are as good, because other copies make more of a difference.
+# Errors within this share of the smallest one count as equal, because other copies make more of a difference.
 ALIKE = 0.02
-# Peak rates and times within this share are the same to the digits that are shown.
+# Peak rates and times within this share are the same to the displayed digits.
 SAME = 1e-3
-# What is better by less than this share neither gets more runs nor keeps a search going.
+# A setting that is better by less than this share neither gets more runs nor keeps a search going.
 NEW = 1e-2
-# Where errors are so many times the smallest one, a front leads nowhere that anybody wants to go.
+# Errors above this multiple of the smallest one are of no use to anybody.
 FAR = 10.0
 
 _Array = NDArray[np.float64]
@@ -23,12 +23,12 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bar:
-    """What is known to be possible: the least that another setting has to come to.
+    """The results known to be possible: another setting must reach them.
 
     Attributes:
-        rates: Peak rates of the front, rising [rad/s].
-        errors: Its errors, falling [m].
-        wanted: Largest error that anybody wants [m].
+        rates: Peak rates of the front, ascending [rad/s].
+        errors: Its errors, descending [m].
+        wanted: Largest useful error [m].
     """
 
     rates: _Array
@@ -37,11 +37,11 @@ class Bar:
 
     @classmethod
     def of(cls, points: Sequence[Point], own: Iterable[Point]) -> "Bar | None":
-        """Return what settings ask of others; None where there are none.
+        """Return the stopping rule from known results; None without any.
 
         Args:
             points: Settings that keep all limits on all perturbed scenarios.
-            own: Of the setting as written, if it does; errors up to its are wanted.
+            own: Result of the setting as written, if it does; errors up to its own are useful.
         """
         if not points:
             return None
@@ -52,13 +52,14 @@ class Bar:
     def beats(self, rate: _Array, error: _Array, rival: _Array, alike: float = 0.0) -> NDArray[np.bool_]:
         """Return whether settings can be abandoned, (w,), because further runs cannot improve them.
 
-        One cannot that may have the least error of its inverse, so that the comparison of inverses is fair.
+        A setting that may have the smallest error of its inverse continues, so that the comparison of
+        inverses is fair.
 
         Args:
             rate: Peak rate so far, (w,).
-            error: So far, (w,).
-            rival: Least error that the same inverse is known to come to, (w,).
-            alike: Times the smallest error, up to which none is left, as it may be the smoothest.
+            error: Error so far, (w,).
+            rival: Smallest known error of the same inverse, (w,).
+            alike: Multiple of the smallest error up to which none is abandoned, as it may be the smoothest.
         """
         at = np.searchsorted(self.rates, rate * (1.0 + NEW), side="right")
         least = np.maximum(np.append(math.inf, self.errors)[at], rival)

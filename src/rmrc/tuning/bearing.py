@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from rmrc.tuning.bar import NEW
 from rmrc.tuning.space import FEEDBACK, Setting, Space, rounded
 
-# Where an inverse has borne nothing yet, the next is less by this share.
+# If an inverse has not been stable at all yet, the next feedback is smaller by this factor.
 _LESS = 0.8
-# How near probing comes to the edge, and what share of the feedback that was borne is tried then with others,
-# whose edges differ a little.
-# Up to that share, what an inverse has borne with as much feedback need not be asked: where no g(σ) σ is
-# above 1, it is the feedback that decides. With these some is.
+# The probe ends this near to the stability limit. Others are then tried with this share of the stable
+# feedback, because their limits differ a little. Up to that share, stability of an inverse with as much
+# feedback need not be tested: if no g(σ) σ is above 1, the feedback decides. With these methods some g(σ) σ
+# is above 1.
 NEAR, _SAFE, _ABOVE_1 = 1.01, 0.995, ("transpose", "jparse")
 
 
@@ -51,7 +51,7 @@ class Bearing:
 
     def to_ask(self, settings: Sequence[Setting]) -> list[Setting]:
         """Return the settings to test first: the one with the highest feedback of each inverse."""
-        by_feedback = sorted(settings, key=lambda one: -one.feedback)  # as they are, where it is equal
+        by_feedback = sorted(settings, key=lambda one: -one.feedback)  # in the given order, if equal
         return list({one.structure.inverse: one for one in reversed(by_feedback)}.values())
 
     @property

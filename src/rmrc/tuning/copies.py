@@ -11,7 +11,7 @@ from rmrc.study.sobol import sobol_point
 from rmrc.support.errors import ScenarioError
 from rmrc.tuning.robot import Robot
 
-# Loops beside the slowest on which the scenario itself is run with what is recommended.
+# Number of further loops, beside the slowest, for the final run of a recommendation on the scenario itself.
 LOOPS = 6
 
 
@@ -20,9 +20,9 @@ class Spread:
     """Sizes of the perturbations.
 
     Attributes:
-        start: Start of each joint, to either side [rad]; of one that slides, times the task's length [m].
+        start: Start of each joint, to either side [rad]; for a sliding joint, times the task's length [m].
         offset: Offset of the target along each translational task axis, to either side [m].
-        payload: From nothing to so much more at the site [kg].
+        payload: Largest additional payload at the site [kg].
     """
 
     start: float = np.radians(1.0)
@@ -40,11 +40,11 @@ def draw_copies(
 
     Args:
         nominal: The scenario.
-        count: Count of copies.
-        seed: What is drawn.
-        spread: How far they are off; a start stays within the joints' position limits, and an offset is drawn
-            only where the path has an absolute point for it to move.
-        robot: How their loops may be.
+        count: Number of copies.
+        seed: Seed of the sequence.
+        spread: Sizes of the perturbations; a start stays within the joints' position limits, and an offset is
+            drawn only if the path has an absolute point for it to move.
+        robot: Range of their loops.
 
     Raises:
         ScenarioError: A payload in an ideal plant, or too many numbers to draw.
@@ -100,11 +100,11 @@ def draw_copies(
 
 
 def loops_between(nominal: Prepared, robot: Robot) -> tuple[Variant, ...]:
-    """Return the scenario itself on loops evenly from the quickest up to the slowest, that one left out.
+    """Return the scenario itself on loops evenly from the fastest to the slowest, without the slowest.
 
     Args:
         nominal: The scenario.
-        robot: How its loop may be; no loop is between where that is one.
+        robot: Range of its loop; none if that is a single loop.
     """
     shares = np.arange(LOOPS if robot.varied else 0) / LOOPS
     values = (robot.values(nominal, dict.fromkeys(robot.varied, float(share))) for share in shares)

@@ -10,11 +10,11 @@ from rmrc.show.figures import MARKERS, entitle, explain, lettering, plain, save,
 from rmrc.show.palette import BLACK, distinct, mix
 from rmrc.tuning.tables import Row
 
-# What has a name: drawn large, and told apart without colors.
+# Settings with a name: drawn large, and distinguished without colors.
 _NAMED = {"recommended": ("*", 15.0), "second best": ("D", 13.0), "as written": ("X", 13.0)}
 # Sizes of the markers of the first method and of the last.
 LARGEST, SMALLEST = 11.0, 4.0
-# The picture shows errors down from so many times the largest that has a name.
+# The picture shows errors up to this multiple of the largest one with a name.
 _ROOM = 4.0
 
 
@@ -38,8 +38,8 @@ def front_figure(
     Args:
         name: Name of the scenario.
         points: Each feasible setting, in words its method.
-        front: Those that none dominates, by rising peak rate.
-        marks: Those that have a name, the most important first.
+        front: Nondominated settings, by rising peak rate.
+        marks: Settings with a name, the most important first.
         limits: Rate limits of the joints [rad/s].
     """
     with lettering():
@@ -53,7 +53,7 @@ def _front(
     axes = figure.add_subplot(yscale="log")
     methods = sorted({one.words for one in points})
     for i, (color, method) in enumerate(zip(distinct(len(methods)), methods, strict=True)):
-        # Far from a singularity methods do the same: rings within each other show how many there are.
+        # Far from a singularity methods are equal: nested rings show how many there are.
         size = LARGEST - (LARGEST - SMALLEST) * i / max(1, len(methods) - 1)
         axes.plot(
             *_steps([one for one in points if one.words == method]), linestyle="",
@@ -80,7 +80,7 @@ def _steps(rows: Sequence[Row]) -> tuple[list[float], list[float]]:
 
 
 def _frame(axes: Axes, points: Sequence[Row], marks: Sequence[Row], limits: Sequence[float]) -> None:
-    """Set ranges around what matters, draw limits that are within them, and name the axes."""
+    """Set ranges around the relevant results, draw limits within them, and label the axes."""
     # a log scale has no 0: an arm that holds still in an ideal plant has no error
     errors = [one.error for one in (*points, *marks) if one.error > 0.0]
     top = _ROOM * max(mark.error for mark in marks)

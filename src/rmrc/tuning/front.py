@@ -49,6 +49,6 @@ def ranks(points: Sequence[Point]) -> list[int]:
 
 
 def front(points: Sequence[Point]) -> list[int]:
-    """Return the indices of the points that none dominates, by rising peak rate; equals are all there."""
+    """Return the indices of the nondominated points, by rising peak rate; equal points are all included."""
     found = [i for i, rank in enumerate(ranks(points)) if rank == 0]
     return sorted(found, key=lambda i: (points[i], i))

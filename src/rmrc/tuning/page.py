@@ -14,7 +14,7 @@ def page(path: Path) -> Page:
     """Return the page of a run, a comparison, a sweep or a search.
 
     Args:
-        path: The `.npz` that `run` or `compare` left, or the `.parquet` of `sweep` or `tune`.
+        path: The `.npz` of `run` or `compare`, or the `.parquet` of `sweep` or `tune`.
 
     Raises:
         OSError: It cannot be read.

@@ -18,7 +18,7 @@ from rmrc.tuning.tune import Tuned, Tuning
 
 
 def told(work: Tuning, found: Tuned) -> dict[str, Any]:
-    """Return what a search says beside its settings, as strict JSON: for the page of it."""
+    """Return the results of a search beside its settings, as strict JSON, for its page."""
     limits = found.limits.rate / found.limits.scale
     return {
         "name": work.scenario.name, "title": title(work, found), "facts": facts(work, found),
@@ -30,7 +30,7 @@ def told(work: Tuning, found: Tuned) -> dict[str, Any]:
 
 
 def words(setting: Setting) -> str:
-    """Return a structure in words: `damped, constant`, and what is not `damp` or as in the scenario."""
+    """Return a structure in words: `damped, constant`, and choices other than `damp` and the scenario's."""
     structure = setting.structure
     policy = structure.at_singularity.replace("damp", "")
     parts = (structure.method, structure.schedule, policy, structure.on_excess)
@@ -121,7 +121,7 @@ def named(found: Tuned) -> list[Row]:
 
 
 def as_written(found: Tuned) -> str:
-    """Return whether the setting as written is any good."""
+    """Return the judgment of the setting as written."""
     own, better = found.own, found.verdict.better
     if not own.keeps_limits:
         return f"The setting as written violates a limit: {own.worst.missed}."
@@ -133,7 +133,7 @@ def as_written(found: Tuned) -> str:
     if better.worst.point[:2] == own.worst.point[:2]:
         took = f"in {better.worst.time:.6g} s and not in {own.worst.time:.6g} s"
         return f"The setting as written is dominated: {which} has its error and its peak rate {took}."
-    # what is dominated has the larger error or peak rate; the one that is 0 is 0 in both
+    # a dominated setting has the larger error or peak rate; if one of them is 0, it is 0 in both
     error, rate = (_share(*pair) for pair in zip(better.worst[:2], own.worst[:2], strict=True))
     if error == rate == "1":
         return (
@@ -151,7 +151,7 @@ def _share(its: float, own: float) -> str:
 
 
 def alike(found: Tuned) -> list[str]:
-    """Return which other inverses are as good as the one recommended."""
+    """Return which other inverses are equal to the recommended one."""
     names = dict.fromkeys(words(one.setting) for one in found.verdict.alike)
     return [f"As good, within {ALIKE:.0%} of error: {'; '.join(names)}."] if names else []
 
@@ -193,7 +193,7 @@ def doubts(found: Tuned) -> list[str]:
 
 
 def nothing(found: Tuned) -> str:
-    """Return what the nearest setting misses."""
+    """Return the limit that the nearest setting misses."""
     nearest = found.verdict.nearest
     assert nearest is not None  # nothing is feasible
     which = f"{words(nearest.setting)} ({numbers(nearest.setting)})"

@@ -20,10 +20,10 @@ Range = tuple[float, float]
 Given: TypeAlias = str | float | Sequence[float] | None
 """A range as it is given: a number, a pair of them, a text such as `6ms..12ms`, or nothing."""
 
-# What is assumed of a robot of which nothing is told, as published loops go: commands take two periods and
-# more, drives lag, and an encoder of 19 bits rounds to 1e-5 rad.
+# The assumed robot, by published loops, if nothing is known: commands take two periods and more, actuators
+# lag, and an encoder of 19 bits rounds to 1e-5 rad.
 DELAY, PERIODS, LAG, NOISE = 0.008, 2, 0.005, 1e-5
-# Times its feedback that a recommended setting bears on a robot that is assumed.
+# The factor on its feedback that a recommended setting must tolerate on an assumed robot.
 GAIN_MARGIN = 2.0
 
 _UNITS = {"delay": "s", "lag": "s", "noise": "rad", "calibration": "1"}
@@ -32,16 +32,16 @@ _KEYS = {"delay": "plant.delay", "lag": "plant.lag", "noise": "arm.encoder.noise
 
 @dataclass(frozen=True)
 class Robot:
-    """How the loop of a robot may be, from the quickest to the slowest; None: as the scenario has it.
+    """The range of a robot's loop, from the fastest to the slowest; None: as in the scenario.
 
     Attributes:
         delay: Dead time of its commands [s].
         lag: Time constant of its actuators [s].
         noise: Standard deviation of its encoders' noise [rad]; of slides, times task.length [m].
-        calibration: How far lengths of its links and zeros of its joints are off, to either side: share of
-            a length, and angle [1, rad]; of slides, times task.length [m].
-        is_assumed: Whether nobody told any of its loop.
-        profile: Whose published loop it has; "": nobody's.
+        calibration: Errors of link lengths and joint zeros, to either side: share of a length, and angle
+            [1, rad]; of slides, times task.length [m].
+        is_assumed: Whether nothing of its loop was given.
+        profile: Name of the profile with its published loop; "": none.
     """
 
     delay: Range | None = None
@@ -53,7 +53,7 @@ class Robot:
 
     @classmethod
     def assumed(cls, period: float) -> "Robot":
-        """Return the modest robot that is assumed where nothing is told.
+        """Return the modest robot that is assumed if nothing is known.
 
         Args:
             period: Period of control [s].
@@ -71,7 +71,7 @@ class Robot:
         return tuple(name for name, (low, high) in self.ranges.items() if low < high)
 
     def only(self, name: str) -> "Robot":
-        """Return a robot of one of the ranges."""
+        """Return a robot with only one of the ranges."""
         nothing: dict[str, Any] = dict.fromkeys(_KEYS.keys() - {name})
         return replace(self, **nothing)
 
@@ -85,7 +85,7 @@ class Robot:
 
         Args:
             nominal: The scenario.
-            shares: Shares of what is varied, where between its least and largest value.
+            shares: Position of each varied property between its smallest and largest value, 0 to 1.
         """
         found: dict[str, object] = {}
         for name, (low, high) in self.ranges.items():
@@ -94,11 +94,11 @@ class Robot:
         return found
 
     def misfit(self, nominal: Prepared, shares: NDArray[np.float64]) -> dict[str, object]:
-        """Return the keys of a copy whose calibration is off, and their values.
+        """Return the calibration keys of a copy, and their values.
 
         Args:
             nominal: The scenario.
-            shares: From -1 to 1, of each joint, and then of the link that it moves, (2 n,).
+            shares: From -1 to 1, for each joint, and then for the link that it moves, (2 n,).
         """
         if not self.calibration:
             return {}
@@ -118,7 +118,7 @@ class Robot:
         return np.where(slides, value * length, value) if slides.any() else value
 
     def slowest(self, scenario: Scenario) -> Range:
-        """Return the largest delay and the largest lag [s], the scenario's own where the robot has none."""
+        """Return the largest delay and the largest lag [s]; those of the scenario if the robot has none."""
         delay = self.delay[1] if self.delay else scenario.plant.delay
         lag = self.lag[1] if self.lag else float(np.max(scenario.plant.lag))
         return delay, lag
@@ -140,10 +140,10 @@ def robot_of(scenario: Scenario, given: Mapping[str, Given], *, ideal: bool) -> 
     """Return the uncertainty about a scenario's robot, assumed if neither options nor scenario describe it.
 
     Args:
-        scenario: Its `tune` has what is not given; where its plant or its encoders have a loop of their own,
-            nothing is assumed.
+        scenario: Its `tune` has the properties that are not given; if its plant or its encoders have a loop
+            of their own, nothing is assumed.
         given: Ranges by name, as options.
-        ideal: Whether the loop shall be as the scenario has it.
+        ideal: Whether to keep the loop of the scenario.
 
     Raises:
         ScenarioError: Lists the problems of the ranges.
@@ -173,7 +173,7 @@ def robot_of(scenario: Scenario, given: Mapping[str, Given], *, ideal: bool) -> 
 
 
 def _published(scenario: Scenario) -> tuple[str, dict[str, Any]]:
-    """Return the profile that a scenario names, and what that tells of the loop."""
+    """Return the profile that a scenario names, and its properties of the loop."""
     name = scenario.control.limits.profile or scenario.expect.get(PROFILE)
     if not isinstance(name, str):
         return "", {}
@@ -182,20 +182,20 @@ def _published(scenario: Scenario) -> tuple[str, dict[str, Any]]:
         found["delay"] = read_range(profile.loop.delay.value, "s")
     if profile.loop.lag:
         found["lag"] = read_range(profile.loop.lag.value, "s")
-    if profile.loop.encoder_resolution:  # rounding is as good as noise that is even within a step
+    if profile.loop.encoder_resolution:  # rounding acts like noise that is uniform within a step
         found["noise"] = read_range(profile.loop.encoder_resolution.value / math.sqrt(12.0), "rad")
     return profile.name, found
 
 
 def read_range(given: str | float | Sequence[float], unit: str) -> Range:
-    """Return the least and the largest value of a range.
+    """Return the smallest and the largest value of a range.
 
     Args:
         given: A number, two of them, or a text: `8ms`, `6ms..12ms`, `0..1e-5`.
         unit: Unit of numbers without one; the unit of a text's last number is that of all.
 
     Raises:
-        ValueError: It is none, negative, or the largest comes first.
+        ValueError: It is no range, negative, or the largest comes first.
 
     >>> read_range("6..12ms", "s"), read_range(0.008, "s")
     ((0.006, 0.012), (0.008, 0.008))
@@ -220,13 +220,13 @@ def _read(text: str, unit: str) -> Range:
             least, _ = quantity(f"{low.strip()} {own}", unit)
     except ValueError as error:
         raise ValueError(f"must be a range such as {example}, got {text}, which {error}") from None
-    if unit == "s" and most >= 1.0 and not has_unit:  # who means seconds may say so
+    if unit == "s" and most >= 1.0 and not has_unit:  # the unit must be explicit
         raise ValueError(f"must be less than 1 s without a unit, got {text}: write {text}ms or {text}s")
     return least, most
 
 
 def _has_loop(scenario: Scenario) -> bool:
-    """Return whether a scenario tells how its loop answers."""
+    """Return whether a scenario describes its loop."""
     plant, encoder = scenario.plant, scenario.arm.encoder
     numbers = (
         plant.delay,

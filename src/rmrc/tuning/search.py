@@ -1,17 +1,17 @@
 """Choose the next settings: tried on a cheap model, on the hardest perturbed scenario, then on all.
 
-The scenario's own setting comes first, on all copies, and tells which of them is the hardest. All structures
-are looked at on the model, and neighbors of the best of them; what is best there goes on to the copies. From
-then on neighbors are tried on the model before: what they come to there, and what their parents came to on
-both, tells what they will come to on the copies, and only what betters the front by that is run. Where no
-model is cheap, the copies are what is looked at.
+The scenario's own setting comes first, on all copies, and shows which of them is the hardest. All structures
+are examined on the model, and neighbors of the best of them; the best there continue on the copies. From then
+on neighbors are first tried on the model. Their results there, and the results of their parents on both,
+predict their results on the copies, and only predicted improvements of the front are run. Without a cheap
+model, the copies are used instead.
 
-What runs on the hardest copy ends once it can no longer count: see `rmrc.tuning.bar`. What is left of it is
+A run on the hardest copy ends once it can no longer count: see `rmrc.tuning.bar`. The remaining settings are
 tried with more feedback, and run on the next copy, and then on all the others, as the worst of more runs is
-never better. So what counts in the end was run whole on every copy. Where the robot is a range, what would be
-recommended is then run on more loops, evenly from the quickest to the slowest, and is left out if it breaks
-a limit there: arms that rest at a singularity on almost equal loops may leave it on two branches.
-Nondominated sorting is that of NSGA-II [Deb02]; that what does badly gets no more runs is the idea of
+never better. Every setting that counts in the end was therefore run whole on every copy. If the robot is a
+range, a recommended setting is then run on more loops, evenly from the fastest to the slowest, and is left
+out if it breaks a limit there: arms that rest at a singularity on almost equal loops may leave it on two
+branches. Nondominated sorting is that of NSGA-II [Deb02]; giving no more runs to bad settings is the idea of
 successive halving [Jamieson16].
 """
 
@@ -33,16 +33,16 @@ from rmrc.tuning.verdict import Verdict, judge
 
 # Shares of the runs for a look at all structures, and for the neighbors of the best of them on a model.
 _LOOK, _NEARER = 0.25, 0.4
-# Of what is left then, the share that goes to the hardest copy at once.
+# Of the remaining runs, the share for the hardest copy at once.
 _CONFIRM = 0.25
-# Settings that are tried at a time: enough for a batch on each of some cores, and few enough for what is
-# found to end those that come after. Then on the model, before so many at most are run on the copies.
+# Settings that are tried at a time: enough for a batch on each of some cores, and few enough for their
+# results to end later ones. Then on the model, before at most this many are run on the copies.
 _ROUND, _NEXT_ROUND, _CHOSEN = 64, 32, 12
 # Of a front on the model, so many go on to the copies.
 _FRONT = 32
-# Steps in the unit cube, whose sides are two or three decades: the first, that of what was refined on a model
-# already, the last, and by how much they shrink after a round that brought something new, and after one that
-# did not: by less where a model leaves little of a round to be run.
+# Steps in the unit cube, whose sides are two or three decades: the first, the first of settings already
+# refined on a model, the last, and the factors by which they shrink after a round with a new result, and
+# after one without: by less where a model leaves few of a round to run.
 _FIRST_STEP, _NEXT_STEP, _LAST_STEP = 0.25, 0.15, 0.003
 _SHRINK, _NEXT_SHRINK = (0.7, 0.5), (0.8, 0.6)
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
@@ -58,13 +58,13 @@ class Search:
     """Settings that were tried, in their order: the same for a seed, whatever the threads."""
 
     def __init__(self, space: Space, trials: Trials, budget: int, seed: int) -> None:
-        """Keep what a search needs.
+        """Keep the data of a search.
 
         Args:
-            space: What can be chosen.
+            space: The possible settings.
             trials: Runs settings.
-            budget: Runs in all.
-            seed: Seed of what is drawn.
+            budget: Number of runs.
+            seed: Seed of the random numbers.
         """
         self._space, self._trials, self._seed = space, trials, seed
         self._left = self._budget = float(budget)
@@ -134,7 +134,7 @@ class Search:
         self._refine()
 
     def _whole(self) -> list[Tried]:
-        """Return what was run to the end on all copies, and with more feedback where that is asked."""
+        """Return settings that ran to the end on all copies, and with more feedback if requested."""
         return [
             one
             for one in self._tried.values()
@@ -143,7 +143,7 @@ class Search:
         ]  # fmt: skip
 
     def _able_on_model(self) -> list[Tried]:
-        """Return what can be chosen and keeps limits on the model, by rising error."""
+        """Return possible settings that keep limits on the model, by rising error."""
         return self._able(one for one in self._seen.values() if self._space.allows(one.setting))
 
     def _able(self, some: Iterable[Tried]) -> list[Tried]:
@@ -196,7 +196,7 @@ class Search:
         first = [preferred, *best_of_each(able), *_spread(near, min(_FRONT, len(near)))]
         self._probe(preferred.setting)
         some = [self._bearing.within(one.setting, self._space) for one in first]
-        if self._trials.margin > 1.0 and not self._bearing.probed:  # what is borne is found on the way
+        if self._trials.margin > 1.0 and not self._bearing.probed:  # stability limits are found on the way
             shares = _PROBED * len(some)
             some = [
                 with_feedback(one, by * one.feedback, self._space)
@@ -233,7 +233,7 @@ class Search:
     def _children(
         self, parents: Sequence[Tried], step: float, seed: tuple[int, ...], number: int
     ) -> list[tuple[Setting, Tried]]:
-        """Return neighbors, each with what it is the neighbor of."""
+        """Return neighbors, each with its parent."""
         random, children = np.random.default_rng(seed), list[tuple[Setting, Tried]]()
         for child in range(number):
             parent = parents[child % len(parents)]
@@ -244,7 +244,7 @@ class Search:
         return children
 
     def _expected(self, children: Sequence[tuple[Setting, Tried]]) -> list[Setting]:
-        """Return which neighbors are expected to count, by what they and their parents do on the model."""
+        """Return which neighbors are expected to count, by their and their parents' results on the model."""
         if not self.feasible:
             return [child for child, _ in children]
         self._see([setting for child, parent in children for setting in (child, parent.setting)])
@@ -258,7 +258,7 @@ class Search:
         return [one.setting for one in _spread(counts, min(_CHOSEN, len(counts)))]
 
     def _worth_refining(self) -> list[Tried]:
-        """Return what is worth refining on the copies; where nothing is feasible, the nearest."""
+        """Return the settings to refine on the copies; if none is feasible, the nearest."""
         feasible = self.feasible
         if feasible:
             return self._parents(feasible)
@@ -267,7 +267,7 @@ class Search:
         return self._possible([*near[:2], *far[: 2 * _RIVALS]])
 
     def _parents(self, known: Sequence[Tried]) -> list[Tried]:
-        """Return what is worth refining: each second of the front, the others the best of some inverses."""
+        """Return the settings to refine: alternately from the front, and the best of some inverses."""
         bar = self._bar(known)
         assert bar is not None  # something is known
         near = [known[i] for i in front([one.worst.point for one in known])]
@@ -284,7 +284,7 @@ class Search:
     # Runs -----------------------------------------------------------------------------------
 
     def _see(self, settings: Iterable[Setting], known: Sequence[Tried] = (), until: float = 0.0) -> None:
-        """Run settings that are new on the model, as far as they count beside what is known of it."""
+        """Run new settings on the model, as far as they count beside the known results."""
         assert self._trials.model is not None
         room = max(0, round((self._left - until) / self._trials.weight))
         new = [one for one in dict.fromkeys(settings) if one not in self._seen][:room]
@@ -312,7 +312,7 @@ class Search:
         return sorted(range(self._trials.copies), key=lambda copy: (-most[copy], copy))
 
     def _run(self, some: Sequence[Tried], copies: Sequence[int], known: Sequence[Tried]) -> list[Tried]:
-        """Run settings on copies as far as they count beside others; return what was not interrupted."""
+        """Run settings on copies as far as they count beside others; return the uninterrupted ones."""
         rivals = _rivals(known)
         jobs = [(one, copy) for copy in copies for one in some]
         of_each = [rivals.get(one.setting.structure.inverse, math.inf) for one, _ in jobs]
@@ -324,9 +324,9 @@ class Search:
         return [one for one in some if one.outcomes.keys() >= set(copies)]
 
     def _bear(self, some: Iterable[Tried]) -> bool:
-        """Try settings with more feedback, where that is asked; say whether it was done.
+        """Try settings with more feedback, if requested; return whether it was done.
 
-        Those with the most of each inverse come first, and what they imply of the others is not run.
+        Settings with the largest feedback of each inverse come first; implied results are not run.
         """
         if self._trials.margin == 1.0:
             return True
@@ -350,7 +350,7 @@ class Search:
         return None not in found
 
     def judge(self) -> Verdict:
-        """Return what is best; the first two bore more feedback themselves, and were run on all loops."""
+        """Return the verdict; the first two settings were run with more feedback, and on all loops."""
         while True:
             verdict = judge(self.feasible, self.tried, self._own)
             named = [one for one in (verdict.recommended, verdict.second) if one]
@@ -368,7 +368,7 @@ class Search:
         return None not in found
 
     def _probe(self, setting: Setting) -> None:
-        """Find how much feedback a setting bears, to a few percent, where that is asked."""
+        """Find the stable feedback of a setting, to a few percent, if requested."""
         if self._trials.margin == 1.0 or FEEDBACK in self._space.only:
             return
         high = self._space.limits[FEEDBACK][1]
@@ -385,19 +385,19 @@ class Search:
             else:
                 wanted = list(np.geomspace(low, high, 5)[1:-1]) if low * NEAR < high < math.inf else []
 
-    # What counts ----------------------------------------------------------------------------
+    # Promising settings ---------------------------------------------------------------------
 
     def _bar(self, known: Sequence[Tried]) -> Bar | None:
         own = [self._own.worst.point] if self._own.keeps_limits else []
         return Bar.of([one.worst.point for one in known], own)
 
     def _promising(self, found: Sequence[Tried]) -> list[Tried]:
-        """Return what may still be on the front, or the best of its inverse, or the smoothest of the best."""
+        """Return settings that may be on the front, best of their inverse, or smoothest of the best."""
         able = self._able(found)
         known, points = self.feasible, [one.worst.point for one in able]
         bar, rivals = self._bar(known), _rivals(known)
         if bar is None:
-            # where nothing is feasible, a setting nearer than before is worth its copies
+            # if none is feasible, a setting nearer than before is run on all copies
             least = min((one.worst.excess for one in self._whole()), default=math.inf)
             near = sorted(
                 (one for one in found if one.worst.excess < least), key=lambda one: one.worst.excess

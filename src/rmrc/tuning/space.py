@@ -93,7 +93,7 @@ TRIED = tuple(one.name for one in POLICIES.options if one.is_tried)
 
 
 def all_structures(policies: Iterable[str] = TRIED) -> Iterator[Structure]:
-    """Iterate over all structures; what does the least beside inverting comes first.
+    """Iterate over all structures, the simplest policies first.
 
     Args:
         policies: At a singularity, in the order of their declaration.
@@ -107,7 +107,7 @@ def all_structures(policies: Iterable[str] = TRIED) -> Iterator[Structure]:
 
 
 def meets_limits(run: Run) -> bool:
-    """Return whether a limit acts in a run: only then it matters what is made of rates beyond."""
+    """Return whether a limit acts in a run: only then the treatment of excessive rates matters."""
     limits = Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED
     return bool(np.any(run["status"].astype(np.int64) & int(limits)))
 
@@ -118,7 +118,7 @@ class Setting(NamedTuple):
     Attributes:
         structure: Its discrete choices.
         numbers: A value for each of the structure's keys.
-        is_written: Whether it is the scenario's own, which nothing overrides.
+        is_written: Whether it is the scenario's own, without changes.
     """
 
     structure: Structure
@@ -150,17 +150,17 @@ def own_setting(scenario: Scenario) -> Setting:
 
 
 def scales(nominal: Prepared, run: Run) -> Scales:
-    """Return what a run tells about the sizes of numbers.
+    """Return the scales of numbers from a run.
 
     Args:
         nominal: The scenario of the run.
-        run: As far as it came.
+        run: The run so far.
     """
     task, reference = nominal.task, nominal.reference
     wanted: NDArray[np.float64] = task.turned(reference.twist, reference.pose)[:, task.rows] * task.row_scale
     sigma = _largest(run["sigma"]) or 1.0
-    # Below speed/σ₁ no joint rates can follow; 300 times that bounds no actuator's rates, and what the limits
-    # allow is enough.
+    # Below speed/σ₁ no joint rates can follow; 300 times that bounds no actuator's rates, and the limits are
+    # sufficient.
     slowest = float(np.linalg.norm(wanted, axis=1).max()) / sigma or 0.01
     lengths = np.where(nominal.arm.is_slide, nominal.task.length, 1.0)
     allowed = float(np.linalg.norm(nominal.law.rate_limit / lengths))
@@ -179,17 +179,17 @@ def _largest(values: NDArray[np.float64]) -> float:
 
 
 def bounds(nominal: Prepared, run: Run, robot: Robot, margin: float) -> dict[str, tuple[float, float]]:
-    """Return the least and the largest value of each number that is worth trying.
+    """Return the smallest and the largest value of each number to try.
 
     Args:
         nominal: The scenario.
-        run: Its own, as far as it came.
-        robot: Whose loop is to bear the feedback.
-        margin: How many times.
+        run: Its own run so far.
+        robot: Robot whose loop must tolerate the feedback.
+        margin: Factor on the feedback.
     """
     seen, period = scales(nominal, run), nominal.scenario.control.period
     # An error that falls to 1/e in 5 periods is slow beside the servos, which take one or two; one that takes
-    # more than 1 s is hardly fed back. Beyond the edge of its loop, an ideal plant is unstable.
+    # more than 1 s is hardly fed back. Beyond the stability limit of its loop, an ideal plant is unstable.
     edge = edge_gain(period, *robot.slowest(nominal.scenario)) / margin
     largest = min(0.2 / period, edge)
     limits = {FEEDBACK: (min(1.0, 0.1 * largest), largest)}
@@ -197,7 +197,7 @@ def bounds(nominal: Prepared, run: Run, robot: Robot, margin: float) -> dict[str
 
 
 def rounded(value: float) -> float:
-    """Return a number with the digits that are tried and printed."""
+    """Return a number rounded to the digits that are tried and printed."""
     return float(f"{value:.3g}")
 
 
@@ -206,9 +206,9 @@ class Space:
     """Settings as points of unit cubes, one for each structure; the numbers are on log scales.
 
     Attributes:
-        structures: That can be chosen.
+        structures: The possible structures.
         limits: Bounds of each number.
-        only: Values that a key is restricted to.
+        only: Values to which a key is restricted.
         own: The scenario's numbers, by key.
     """
 
@@ -221,8 +221,8 @@ class Space:
         """Return the setting at a point of a structure's cube, to 3 digits.
 
         Args:
-            structure: Which cube.
-            point: In [0, 1], one a key.
+            structure: Its structure.
+            point: In [0, 1], one per key.
         """
         numbers = zip(structure.keys, point, strict=True)
         return Setting(structure, tuple(self._value(key, float(u)) for key, u in numbers))
@@ -235,7 +235,7 @@ class Space:
         return rounded(low * (high / low) ** u)
 
     def point(self, setting: Setting) -> NDArray[np.float64]:
-        """Return where a setting lies in its cube; outside of the bounds, at the nearest."""
+        """Return the position of a setting in its cube; outside of the bounds, at the nearest."""
         return np.array(
             [self._share(*pair) for pair in zip(setting.structure.keys, setting.numbers, strict=True)]
         )

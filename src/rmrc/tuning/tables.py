@@ -5,16 +5,16 @@ from typing import NamedTuple
 
 from rmrc.show.sheets import Sheet, number
 
-# Rows of the front that are shown; all are in the file.
+# Number of displayed rows of the front; the file has all.
 MOST_ROWS = 12
 
 
 class Row(NamedTuple):
-    """A setting and what it comes to.
+    """A setting and its results.
 
     Attributes:
-        name: Its part: recommended, second best, as written, or "".
-        words: Method, schedule and what it does at a singularity.
+        name: Its role: recommended, second best, as written, or "".
+        words: Method, schedule and policy at a singularity.
         numbers: In words.
         error: [m].
         peak_rate: [rad/s].
@@ -42,7 +42,7 @@ def sheets(
     Args:
         title: Title of the tables.
         facts: Trials and limits: names and values in words.
-        front: Settings that no other dominates, by rising peak rate.
+        front: Nondominated settings, by rising peak rate.
         named: Recommended, second best if there is one, and as written.
     """
     rows, (best, *others) = shown(front, named), named
@@ -70,10 +70,10 @@ def margins(rows: Sequence[tuple[str, ...]]) -> Sheet:
 
 
 def shown(front: Sequence[Row], named: Sequence[Row]) -> list[Row]:
-    """Return the rows of a front that are shown: evenly, up to the largest error of what has a name."""
+    """Return the displayed rows of a front: evenly, up to the largest error with a name."""
     largest = max(one.error for one in named)
     near = [one for one in front if one.error <= largest] or list(front)
-    # of rows that differ in no digit that is shown, the one with a name, or the last, with the smallest error
+    # of rows with the same displayed digits, the one with a name, or the last, with the smallest error
     alike: dict[tuple[str, str], Row] = {}
     for one in near:
         key = number(one.error), number(one.peak_rate)

@@ -21,19 +21,20 @@ from rmrc.tuning.bar import ALIKE, Bar
 from rmrc.tuning.front import Point
 from rmrc.tuning.space import Setting
 
-# How far above a limit a measured peak may be: the law keeps commands within it, and servos overshoot.
+# Relative excess of a measured peak over a limit that is allowed: the law keeps commands within it, and
+# servos overshoot.
 TOLERANCE = 0.01
 
-# Changes of a commanded acceleration's sign a second, as `rmrc.results.tally` counts them: a path with
-# corners and limits comes to some, and a loop that rings to 15 and more.
+# Changes of a commanded acceleration's sign per second, as `rmrc.results.tally` counts them: a path with
+# corners and limits has some, and a loop that rings 15 and more.
 CHATTER = 5.0
-# Share of the time in which drives may be at their limit: what starting off takes.
+# Share of the time in which actuators may be at their limit, for starting.
 SATURATED = 0.01
 
-# A batch is a second of one core at most, so that Ctrl-C and the progress bar need not wait.
+# A batch takes at most a second of one core, so that Ctrl-C and the progress bar need not wait.
 _TICKS = 200_000
-# Of the jobs that are run together, each thread has so many batches, so that none waits long for another: if
-# they are so many, as a tick of a few worlds costs more a world.
+# Number of batches per thread for jobs that are run together, so that none waits long for another, if there
+# are enough jobs: a tick of a few worlds costs more per world.
 _PARTS, _WIDE = 2, 16
 
 
@@ -48,7 +49,7 @@ class Outcome(NamedTuple):
         completed: Share of the path.
         excess: Largest relative excess over a limit; not positive: all limits are kept.
         missed: The limit with the largest excess, in words.
-        ended: Whether it was ended because it could no longer count: all of this is as far as it came.
+        ended: Whether it was ended because it could no longer count: all values are those until then.
         condition: Largest κ.
     """
 
@@ -68,7 +69,7 @@ class Outcome(NamedTuple):
         return Point(self.peak_rate, self.error, self.time)
 
 
-# Of a setting with more feedback: it is stable.
+# The outcome of a setting that is stable with more feedback.
 STABLE = Outcome(0.0, 0.0, 0.0, 0.0, 1.0, -1.0, "")
 
 
@@ -84,12 +85,12 @@ def worst(outcomes: Sequence[Outcome]) -> Outcome:
 
 
 def scaled(one: Outcome, by: Outcome, to: Outcome) -> Outcome:
-    """Return what a setting is expected to come to on all copies, if it keeps the limits there.
+    """Return the expected outcome of a setting on all copies, if it keeps the limits there.
 
     Args:
-        one: Of it on a model.
-        by: Of a neighbor on that model.
-        to: Of that neighbor on all copies.
+        one: Its outcome on a model.
+        by: That of a neighbor on the model.
+        to: That of the neighbor on all copies.
     """
     figures = (a * (c / b if b else 1.0) for a, b, c in zip(one[:4], by[:4], to[:4], strict=True))
     error, peak_rate, time, roughness = figures
@@ -107,7 +108,7 @@ class Limits:
         length: task.length [m].
         rate: Largest rate of each joint; infinite for none.
         acceleration: Largest acceleration of each.
-        jerk: Largest commanded jerk of each; held against that of the joint with the largest.
+        jerk: Largest commanded jerk of each; compared with that of the joint with the largest.
     """
 
     joints: tuple[str, ...]
@@ -128,11 +129,11 @@ class Limits:
         return cls(arm.joints, tuple(arm.units), scale, length, *limits)
 
     def measure(self, result: Result, longest: float) -> Outcome:
-        """Return what a run came to.
+        """Return the outcome of a run.
 
         Args:
             result: Its result.
-            longest: Time that it may take [s].
+            longest: Largest allowed duration [s].
         """
         card = result.scorecard
 
@@ -155,7 +156,7 @@ class Limits:
         return Outcome(error, rate, time, rough, completed, excess, missed, result.ended, condition)
 
     def _peaks(self, card: Scorecard) -> Iterator[tuple[float, str]]:
-        """Yield by which share the limits of the joints are exceeded, and in words."""
+        """Yield the relative excess over the limits of the joints, and in words."""
         for what, name, limits, per in (
             ("rate", "joint_rate", self.rate, "/s"),
             ("acceleration", "joint_acceleration", self.acceleration, "/s²"),
@@ -183,13 +184,13 @@ class Limits:
 
 
 def _over(what: str, joint: str, peak: float, limit: float, unit: str) -> tuple[float, str]:
-    """Return by which share a limit is exceeded, and in words."""
+    """Return the relative excess over a limit, and in words."""
     said = f"the {what} of {joint} is {peak:.4g} {unit}, and {limit:.4g} is allowed"
     return peak / (limit * (1.0 + TOLERANCE)) - 1.0, said
 
 
 def _smooth(card: Scorecard, time: float) -> Iterator[tuple[float, str]]:
-    """Yield by which share chatter, torques and what a profile accepts are exceeded, and in words."""
+    """Yield the relative excess over chatter, torque and profile limits, and in words."""
     chatter, saturated = float(card["chatter"].value), float(card["torque_limited.time"].value)
     refused, most = float(card["profile.refused"].value), SATURATED * time
     if chatter > 0.0:
@@ -215,7 +216,7 @@ class Ending:
 
     Attributes:
         bar: Stopping rule.
-        limits: What is allowed; nothing that exceeds them counts where something else keeps them.
+        limits: The limits; a run that exceeds them does not count if another setting keeps them.
         rivals: Least known error of each run's inverse.
     """
 
@@ -233,14 +234,14 @@ class Ending:
 
 @dataclass
 class _Outcomes:
-    """What runs of a study come to.
+    """The outcomes of a study's runs.
 
     Attributes:
         pieces: Pieces of the runs.
         limits: The limits of a run.
-        longest: Time that each may take [s].
-        on_runs: Called with the number of runs of each piece that was done.
-        found: By index; None for a run that was interrupted.
+        longest: Largest allowed duration of each [s].
+        on_runs: Called with the number of finished runs of each piece.
+        found: By index; None for an interrupted run.
     """
 
     pieces: Sequence[range]
@@ -261,7 +262,7 @@ class _Outcomes:
 
 
 class Trials:
-    """What runs settings on copies; what comes out depends on neither the threads nor the batches."""
+    """Runs settings on copies; the results depend on neither the threads nor the batches."""
 
     def __init__(
         self,
@@ -274,19 +275,19 @@ class Trials:
         model: Variant | None = None,
         loops: Sequence[Variant] = (),
     ) -> None:
-        """Keep what all trials share.
+        """Keep the common data of all trials.
 
-        `planned` has the times of the copies' paths [s]; of the model, `tick` is its period [s], and `weight`
-        what a run of it counts.
+        `planned` has the durations of the copies' paths [s]. For the model, `tick` is its period [s], and
+        `weight` the cost of its runs.
 
         Args:
             study: Study of the scenario.
             copies: The scenario itself first; all can be prepared.
-            threads: How many batches are run at a time.
+            threads: Number of batches that are run at a time.
             stop: Event that ends the runs.
-            on_runs: Called with the number of runs of each batch that was done.
-            margin: Times its feedback that a setting is to bear on the scenario itself; 1: it need not.
-            model: What is cheap to run and comes near to the hardest copy; None: there is none.
+            on_runs: Called with the number of finished runs of each batch.
+            margin: Factor on its feedback that a setting must tolerate on the scenario itself; 1: none.
+            model: A cheap scenario similar to the hardest copy; None: there is none.
             loops: The scenario itself on loops beside the slowest.
         """
         self._study, self._threads, self._stop, self._on_runs = study, threads, stop, on_runs
@@ -310,29 +311,29 @@ class Trials:
         return self._stop.is_set()
 
     def aim(self, copy: int) -> None:
-        """Let the model start and aim as a copy does."""
+        """Give the model the start and the target of a copy."""
         if self.model is None:
             return
         model, there = self._copies[self.model], self._copies[copy].changes
         placed = [one for one in there if ".".join(map(str, one.key)) in ("arm.start", "target.offset")]
         changes = (*model.changes, *placed)
-        self._of_model = self._study.of(changes)  # so that what they have in common is checked once
+        self._of_model = self._study.of(changes)  # so that common parts are checked once
         reference = self._of_model.prepare().reference
         self._copies = (*self._copies[:-1], model._replace(changes=changes))
         self.planned[self.model] = reference.period * reference.ticks
 
     def allow(self, times: Sequence[float]) -> None:
-        """Say how long a run of each copy may take from now on [s]."""
+        """Set the largest duration of each copy's runs from now on [s]."""
         self._longest = list(times)
 
     def run(
         self, jobs: Sequence[tuple[Setting, int]], bar: Bar | None = None, rivals: Sequence[float] = ()
     ) -> list[Outcome | None]:
-        """Return what settings come to on copies, None for those that were interrupted.
+        """Return the outcomes of settings on copies, None for interrupted ones.
 
         Args:
             jobs: Setting, and index of the copy.
-            bar: Ends runs that it can leave; None: all run to their end.
+            bar: Ends runs that cannot count; None: all run to their end.
             rivals: Least known error of each job's inverse.
         """
         longest = [self._longest[copy] for _, copy in jobs]
@@ -343,7 +344,7 @@ class Trials:
         return self._step(study, changes, longest, self._count_model if is_model else self._count, ending)
 
     def between(self, settings: Sequence[Setting]) -> list[Outcome | None]:
-        """Return the worst of settings on the loops beside the slowest; None for what was interrupted."""
+        """Return the worst of settings on the loops beside the slowest; None for interrupted ones."""
         jobs = [(one, loop) for one in settings for loop in self.loops]
         changes = [(*self._changes(one, 0, self._study), *loop.changes) for one, loop in jobs]
         found = self._step(self._study, changes, [self._longest[0]] * len(jobs), self._count)
@@ -358,7 +359,7 @@ class Trials:
         on_runs: OnRuns,
         ending: Ending | None = None,
     ) -> list[Outcome | None]:
-        """Return what runs of a study come to, None for those that were interrupted."""
+        """Return the outcomes of a study's runs, None for interrupted ones."""
         most = max(1, _TICKS // self._ticks)
         parts = self._threads * (_PARTS if len(changes) >= _WIDE * _PARTS * self._threads else 1)
         size = max(1, min(most, -(-len(changes) // parts)))
@@ -370,7 +371,7 @@ class Trials:
         return into.found
 
     def bear(self, settings: Sequence[Setting]) -> list[Outcome | None]:
-        """Return what the margin of settings comes to, as an excess alone; None for what was interrupted."""
+        """Return the excess of settings with the margin on their feedback; None for interrupted ones."""
         fed_back = [one for one in dict.fromkeys(settings) if one.feedback > 0.0]  # others have no loop
         changes = [(*one.changes, *self._copies[0].changes) for one in fed_back]  # that is the slowest loop
         known = bears(self._study, changes, self.margin, threads=self._threads, stop=self._stop)
@@ -393,7 +394,7 @@ class Trials:
             self._on_runs(int(self._spent) - told)
 
     def _changes(self, setting: Setting, copy: int, study: Study) -> tuple[Change, ...]:
-        """Return what makes a run of a study; a slow one ends when it has taken longer than allowed."""
+        """Return the changes for a run of a study, which ends when it has taken longer than allowed."""
         changes = (*setting.changes, *(() if study is self._of_model else self._copies[copy].changes))
         if not POLICIES[setting.structure.at_singularity].slows or self._longest[copy] == math.inf:
             return changes

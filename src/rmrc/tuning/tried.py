@@ -1,4 +1,4 @@
-"""A setting and what its runs came to, and which of several is best."""
+"""A setting and its outcomes, and the best of several."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -10,9 +10,9 @@ from rmrc.tuning.bar import ALIKE, SAME
 from rmrc.tuning.space import AT_SINGULARITY, WORDS, Setting
 from rmrc.tuning.trials import Outcome, worst
 
-# Where κ reaches this, a plain inverse is a matter of luck: the arm may come nearer, and its rates with it.
+# If κ reaches this, a plain inverse is a matter of luck: the arm may come nearer, with higher rates.
 SINGULAR = 100.0
-# Feedback within this share is as low: then what the structure is counts more.
+# Feedback within this share counts as equal: then the structure decides.
 SLOW = 0.1
 
 
@@ -21,11 +21,11 @@ class Tried:
     """A setting and its runs.
 
     Attributes:
-        setting: What was tried.
+        setting: The setting.
         outcomes: By the numbers of the copies, 0 for the scenario itself.
-        bears: What more feedback came to: None where that is not known.
-        is_implied: Whether that is known by another setting alone.
-        between: The worst of it on the scenario itself on more loops: None where that is not known.
+        bears: Outcome with more feedback: None if unknown.
+        is_implied: Whether only another setting implies that outcome.
+        between: The worst outcome of the scenario itself on more loops: None if unknown.
     """
 
     setting: Setting
@@ -33,13 +33,13 @@ class Tried:
     bears: Outcome | None = None
     is_implied: bool = False
     between: Outcome | None = None
-    _worst: Outcome = field(init=False, repr=False, compare=False)  # asked for again and again
+    _worst: Outcome = field(init=False, repr=False, compare=False)  # used repeatedly
     _of: tuple[object, ...] = field(default=(), init=False, repr=False, compare=False)
 
     @property
     def worst(self) -> Outcome:
         """The worst of its runs."""
-        beside = self.bears, self.between  # what was implied may be found to be otherwise
+        beside = self.bears, self.between  # an implied outcome may turn out to be wrong
         known = len(self.outcomes), *beside
         if self._of != known:
             every = [*self.outcomes.values(), *filter(None, beside)]
@@ -48,7 +48,7 @@ class Tried:
 
     @property
     def keeps_limits(self) -> bool:
-        """Whether all its runs kept what is allowed, as far as they are known."""
+        """Whether all its runs so far kept the limits."""
         return self.worst.excess <= 0.0 and not self.worst.ended
 
     @property
@@ -58,7 +58,7 @@ class Tried:
 
     @property
     def is_bounded(self) -> bool:
-        """Whether its rates stay bounded if the arm comes nearer to a singularity than it did, if it did."""
+        """Whether its rates stay bounded if the arm comes nearer to a singularity than in its runs."""
         is_plain = INVERSES[self.setting.structure.method].preference >= INVERSES["pseudoinverse"].preference
         return not is_plain or self.worst.condition < SINGULAR
 
@@ -71,10 +71,10 @@ def is_same(one: Tried, other: Tried) -> bool:
 
 
 def best(some: Iterable[Tried]) -> Tried | None:
-    """Return the setting with the smallest error; of errors that are alike, the smoothest; None of none.
+    """Return the setting with the smallest error; of nearly equal errors, the smoothest; None of none.
 
-    Of settings that are as smooth, that with the lowest feedback; then the structure that is preferred, and
-    its smallest error. What is not bounded near a singularity counts only where nothing else is there.
+    Of equally smooth settings, the one with the lowest feedback; then the preferred structure, and its
+    smallest error. A setting that is unbounded near a singularity only counts if there is no other.
     """
     able = sorted(some, key=preference)
     alike = _least([one for one in able if one.is_bounded] or able, lambda one: one.worst.error, ALIKE)
@@ -85,7 +85,7 @@ def best(some: Iterable[Tried]) -> Tried | None:
 
 
 def _least(some: Sequence[Tried], figure: Callable[[Tried], float], share: float) -> list[Tried]:
-    """Return those whose figure is the least one, or more by a share at most."""
+    """Return those with the smallest metric, or more by at most a share."""
     most = min(map(figure, some), default=0.0) * (1.0 + share)
     return [one for one in some if figure(one) <= most]
 
@@ -95,7 +95,7 @@ def _structure(one: Tried) -> tuple[object, bool]:
 
 
 def preference(one: Tried) -> tuple[bool, int, bool, int, float, tuple[float, ...]]:
-    """Return what comes first of equals: as written, then what does the least beside inverting."""
+    """Return the rank of equal settings: as written, then the simplest policy."""
     structure, out = one.setting.structure, one.worst
     policy = WORDS[AT_SINGULARITY].index(structure.at_singularity)
     return (

@@ -47,31 +47,31 @@ from rmrc.tuning.trials import Limits, Trials
 from rmrc.tuning.tried import Tried
 from rmrc.tuning.verdict import Verdict
 
-# Of the margins that are told, relative: their second digit.
+# Relative accuracy of the printed margins: their second digit.
 _ACCURACY = 0.05
 
-# A tick of the model corrects at most this share of an error, and its path has so many ticks at least.
+# A tick of the model corrects at most this share of an error, and its path has at least this many ticks.
 _COARSE, _FEWEST = 0.6, 300
 
 
 @brief
 @dataclass(frozen=True)
 class Tuned:
-    """What a search found.
+    """The result of a search.
 
     Attributes:
         own: The setting as written, on all copies.
         tried: All settings.
-        feasible: Those that keep what is allowed on all copies.
-        verdict: What is best of them.
+        feasible: Settings that keep the limits on all copies.
+        verdict: The best of them.
         control: The recommended control section, ready for YAML; None if no setting is feasible.
-        copies: The scenario itself, and what it was tried on beside.
-        limits: What was allowed.
-        bounds: Least and largest value of each number that was tried, where `--only` does not say which.
+        copies: The scenario itself, and the perturbed scenarios.
+        limits: The limits.
+        bounds: Smallest and largest value of each tried number, unless `--only` lists its values.
         margins: Margins of the recommended and the second best setting, by role, on the slowest loop.
-        looks: How many settings were looked at on a model.
+        looks: Number of settings examined on a model.
         tick: Tick of that model [s].
-        runs: How many were made on copies.
+        runs: Number of runs on copies.
         interrupted: Whether Ctrl-C ended it.
     """
 
@@ -101,7 +101,7 @@ class Tuned:
 
     @property
     def block(self) -> str:
-        """The control section as YAML, to paste; "" where nothing is feasible."""
+        """The control section as YAML, to paste; "" if nothing is feasible."""
         return block({"control": self.control}) if self.control is not None else ""
 
 
@@ -109,11 +109,11 @@ class Tuning:
     """A search for the control law of a scenario.
 
     Attributes:
-        scenario: With the overrides.
+        scenario: The scenario with the overrides.
         copies: The scenario itself, and the copies.
         loops: The scenario on further loops for the final checks; none without perturbed scenarios.
-        left_out: Why some structures cannot be chosen here.
-        slower: Times the duration as written that another setting may take.
+        left_out: Why some structures are impossible here.
+        slower: Factor on the duration as written that another setting may take.
         robot: Robot with the loops of the perturbed scenarios.
         margin: Gain margin that a recommendation must have on the slowest loop; 1: any.
     """
@@ -139,16 +139,16 @@ class Tuning:
         Args:
             source: The scenario, or its file.
             overrides: `KEY=VALUE` texts.
-            only: What keys are restricted to.
-            copies: How many perturbed scenarios there are.
+            only: Values to which keys are restricted.
+            copies: Number of perturbed scenarios.
             seed: Seed of the copies and of the search.
-            spread: How far copies are off; None: by the defaults.
+            spread: Sizes of the perturbations; None: the defaults.
             robot: Ranges by name, `delay`, `lag` and `noise` of its loop, and its `calibration`.
-            ideal: Whether the loop is as the scenario has it, and nothing is assumed.
+            ideal: Whether to keep the loop of the scenario, and assume nothing.
             gain_margin: Gain margin that a recommendation must have on the slowest robot; None: 2, or 1 with
                 `ideal`.
-            slower: Times the duration with the scenario's own setting that another may take.
-            runs: How many runs are made at most, last looks beside; first looks count by their ticks.
+            slower: Factor on the duration with the scenario's own setting that another may take.
+            runs: Largest number of runs, without the final checks; runs on the model count by their ticks.
             threads: Number of threads, one batch each; None: one per core.
 
         Raises:
@@ -183,7 +183,7 @@ class Tuning:
 
     @property
     def spread_in_words(self) -> str:
-        """How far copies are off."""
+        """The sizes of the perturbations."""
         spread = self._spread
         degrees = f"joints start within {math.degrees(spread.start):.4g} deg"
         slides = f" (slides: {spread.start:.3g} task.length)" if self._nominal.arm.is_slide.any() else ""
@@ -199,7 +199,7 @@ class Tuning:
         self._study.compile([self._nominal])
 
     def begin(self) -> float:
-        """Run the scenario as it is written, which the search begins with, and return how long it took [s].
+        """Run the scenario as written, with which the search begins, and return its computing time [s].
 
         Raises:
             KeyboardInterrupt: Ctrl-C.
@@ -212,11 +212,11 @@ class Tuning:
         return time.perf_counter() - started
 
     def longest(self, seconds: float, runs: int) -> float:
-        """Return how long so many runs take at most [s]; a search often ends sooner.
+        """Return the longest time of this many runs [s]; a search often ends sooner.
 
         Args:
-            seconds: Duration of one.
-            runs: How many.
+            seconds: Time of one.
+            runs: Their number.
         """
         return seconds * runs / min(self._threads, os.cpu_count() or 1)
 
@@ -224,7 +224,7 @@ class Tuning:
         """Search; Ctrl-C ends it with the results so far.
 
         Args:
-            on_runs: Called with the number of runs of each batch that was done.
+            on_runs: Called with the number of finished runs of each batch.
 
         Raises:
             KeyboardInterrupt: Ctrl-C, before anything was found.
@@ -259,11 +259,11 @@ class Tuning:
         )  # fmt: skip
 
     def _margins(self, verdict: Verdict, expected: float, stop: threading.Event) -> dict[str, Margins]:
-        """Return what the loops of recommendations bear on the slowest of the robots; nothing if interrupted.
+        """Return the margins of recommendations on the slowest of the robots; nothing if interrupted.
 
         Args:
             verdict: The recommendations.
-            expected: Feedback with which they may be about to be unstable [1/s]; 0: it is not known.
+            expected: Estimated feedback at their stability limit [1/s]; 0: unknown.
             stop: Event that ends the runs.
         """
         chosen = {"recommended": verdict.recommended, "second best": verdict.second}
@@ -285,9 +285,9 @@ class Tuning:
 
         Args:
             tuned: The result; the last two files need a feasible setting.
-            folder: Made if it is missing.
-            picture: Where the picture goes; None: NAME.tune.png.
-            told: What `rmrc.tuning.report.told` says of it, which the page of a search needs.
+            folder: Created if missing.
+            picture: Path of the picture; None: NAME.tune.png.
+            told: The result of `rmrc.tuning.report.told`, which the page of a search needs.
 
         Returns:
             The files.
@@ -298,7 +298,7 @@ class Tuning:
         if best is None:
             return files[2:]
         data = self._written(best.setting)
-        # beside the scenario's own files; the model is where it was
+        # beside the scenario's own files; the model stays where it is
         data["name"] = f"{self.scenario.name[:94]}-tuned"
         vary = (data.get("sweep") or {}).get("vary") or {}
         for arm in (data["arm"], *vary.get("arm", ())):
@@ -314,11 +314,11 @@ class Tuning:
         return files
 
     def files(self, folder: Path, picture: Path | None = None) -> list[Path]:
-        """Return what `write` may leave: the best setting, the picture, all settings.
+        """Return the files that `write` may leave: the best setting, the picture, all settings.
 
         Args:
-            folder: Where they go.
-            picture: Where the picture goes instead.
+            folder: Their folder.
+            picture: Path of the picture instead.
         """
         files = [folder / f"{self.scenario.name}.tune.{kind}" for kind in ("yaml", "png", "parquet")]
         files[1] = picture or files[1]
@@ -340,7 +340,7 @@ class Tuning:
         draw_front(self.scenario.name, points, front, marks, limits, path)
 
     def _written(self, setting: Setting) -> dict[str, Any]:
-        """Return the scenario as it is written, with a setting, and without what that does not read."""
+        """Return the scenario as written, with a setting, and without keys that the setting does not read."""
         data = self._draft.changed(*setting.changes).values()
         if not setting.is_written:
             for key in setting.structure.unread:
@@ -353,7 +353,7 @@ class Tuning:
         self._study.prepare_all([Variant("", changes_of(*number)) for number in numbers], "")
 
     def _possible(self, words: Mapping[str, Sequence[str]]) -> tuple[tuple[Structure, ...], tuple[str, ...]]:
-        """Return the structures that the scenario can have, and why it cannot have the others."""
+        """Return the structures that the scenario can have, and why the others are impossible."""
         found, reasons = list[Structure](), dict[Problem, None]()
         own, policy = self.scenario.control.limits.on_excess, self.scenario.control.at_singularity
         policies = [
@@ -378,7 +378,7 @@ class Tuning:
         return tuple(found), tuple(map(str, reasons))
 
     def _bearable(self, robot: Robot) -> Robot:
-        """Return a robot without what is assumed of it that the scenario cannot have, which is told."""
+        """Return a robot without assumed properties that the scenario cannot have, and report these."""
         for name in robot.ranges if robot.is_assumed else ():
             try:
                 self._study.prepare(changes_of(robot.only(name).values(self._nominal, {})))
@@ -388,10 +388,10 @@ class Tuning:
         return robot
 
     def _model(self, feedback: float) -> Variant | None:
-        """Return what comes near to the slowest loop and costs a tenth: an ideal plant with one dead time.
+        """Return a model of the slowest loop at a tenth of its cost: an ideal plant with one dead time.
 
-        What matters of a loop is the sum of its delay, its lags and half a tick. Its ticks may be longer, as
-        long as feedback corrects little in one; then its dead time is shorter.
+        The relevant property of a loop is the sum of its delay, its lags and half a tick. Its ticks may be
+        longer, as long as feedback corrects little in one; then its dead time is shorter.
 
         Args:
             feedback: The largest that will be tried.
@@ -400,17 +400,17 @@ class Tuning:
         ticks = max(1, min(int(_COARSE / (feedback * period)), self._nominal.reference.ticks // _FEWEST))
         for times in dict.fromkeys((ticks, 1)):
             if times == 1 and not (late and self._nominal.plant.has_physics):
-                return None  # it costs as much, or servos do what an ideal plant does not
+                return None  # it costs as much, or servos differ from an ideal plant
             left = max(0.0, late - 0.5 * (times - 1) * period)
             ideal = {"plant.kind": "ideal", "plant.delay": round(left, 9), "plant.lag": 0.0}
             model = Variant("the model", changes_of(ideal | {"control.period": round(times * period, 9)}))
-            with suppress(ScenarioError):  # of a scenario with a payload, say
+            with suppress(ScenarioError):  # such as a scenario with a payload
                 self._study.prepare(model.changes)
                 return model
         return None
 
     def _refuse_excess(self, copies: Sequence[Prepared]) -> None:
-        """Refuse what does not fit into memory: the run as written, and batches of its copies."""
+        """Refuse a search that does not fit into memory: the run as written, and batches of the copies."""
         refuse_excess([self._nominal])
         batches = footprint(copies, keep_columns=False).times(self._threads)
         excess = (batches + footprint([self._nominal])).excess

@@ -1,4 +1,4 @@
-"""The page of a search: what it recommends, the front, what the loops bear, and the block to paste."""
+"""The page of a search: the recommendation, the front, the stability margins, and the block to paste."""
 
 import json
 from collections.abc import Mapping
@@ -20,11 +20,11 @@ def page(path: Path, left: Left) -> Page:
     """Return the page of a search.
 
     Args:
-        path: The `.parquet` that `tune` left.
-        left: What it holds.
+        path: The `.parquet` file of `tune`.
+        left: Its contents.
 
     Raises:
-        QuestionError: It is something else.
+        QuestionError: It is another kind of file.
     """
     try:
         told: dict[str, Any] = json.loads(left.about)

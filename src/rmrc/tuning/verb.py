@@ -40,29 +40,30 @@ def tune(
 
     Args:
         scenario: The scenario, its file, or the name of a shipped one.
-        only: What keys are restricted to, such as `{"control.inverse.method": ["damped", "filtered"]}`.
-        copies: How many perturbed scenarios there are; the worst of all counts.
-        start: How far the joints of a copy start off, to either side [rad]; slides: times `task.length` [m].
-        offset: How far the target of a copy is off along each axis, to either side [m].
-        payload: Most that a copy carries beside [kg].
-        delay: Dead time of the robot's commands [s]: a number, the least and the largest, or a text such as
-            `6ms..12ms`. Where neither this nor `lag` or `noise` is given, nor the scenario tells any of it, a
-            modest robot is assumed.
+        only: Values to which keys are restricted, such as `{"control.inverse.method": ["damped",
+            "filtered"]}`.
+        copies: Number of perturbed scenarios; the worst of all counts.
+        start: Perturbation of the joints' start, to either side [rad]; slides: times `task.length` [m].
+        offset: Offset of the target along each axis, to either side [m].
+        payload: Largest additional payload of a perturbed scenario [kg].
+        delay: Dead time of the robot's commands [s]: a number, the smallest and the largest, or a text such
+            as `6ms..12ms`. If neither this nor `lag` or `noise` is given, nor in the scenario, a modest robot
+            is assumed.
         lag: Time constant with which its actuators follow [s].
         noise: Standard deviation of its encoders' noise [rad]; of slides, times `task.length` [m].
-        calibration: How far lengths of its links and zeros of its joints are off, to either side [1, rad].
-        ideal: Whether the loop is as the scenario has it, and nothing is assumed.
-        gain_margin: Times its feedback that what is recommended bears on the slowest of the robots; 1: no
-            margin is asked for; None: 2, or 1 with `ideal`.
-        slower: Times the duration with the scenario's own setting that another may take.
-        runs: How many runs are made at most, last looks beside; first looks count by their ticks.
+        calibration: Errors of its link lengths and joint zeros, to either side [1, rad].
+        ideal: Whether to keep the loop of the scenario, and assume nothing.
+        gain_margin: Factor on its feedback that a recommendation tolerates on the slowest of the robots; 1:
+            no margin is required; None: 2, or 1 with `ideal`.
+        slower: Factor on the duration with the scenario's own setting that another may take.
+        runs: Largest number of runs, without the final checks; runs on the model count by their ticks.
         seed: Seed of the copies and of the search.
         out: Folder for NAME.tune.yaml, .png and .parquet; created if missing. None: writes nothing.
         threads: Number of threads, one batch each; None: one per core.
-        on_runs: Called with the number of runs of each batch that was done.
+        on_runs: Called with the number of finished runs of each batch.
 
     Returns:
-        What was found, with `tuned.block`, the control section to paste; Ctrl-C ends the search and keeps the
+        The result, with `tuned.block`, the control section to paste; Ctrl-C ends the search and keeps the
         results so far.
 
     Raises:

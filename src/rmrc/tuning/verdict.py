@@ -12,13 +12,13 @@ class Verdict:
     """The verdict.
 
     Attributes:
-        front: Feasible settings that no other dominates, by rising peak rate; of those that come to the same
-            figures, the one that is preferred.
-        recommended: The best setting; None where nothing is feasible.
-        alike: The best of each other inverse that comes to the figures of the recommended one.
-        second: The best with an inverse or schedule that comes to other figures; None where there is none.
-        better: The best that dominates the setting as written; None where it is on the front.
-        nearest: The setting that misses what is allowed by least, where nothing is feasible.
+        front: Feasible nondominated settings, by rising peak rate; of settings with equal metrics, the
+            preferred one.
+        recommended: The best setting; None if nothing is feasible.
+        alike: The best of each other inverse with the metrics of the recommended one.
+        second: The best with an inverse or schedule that has other metrics; None without one.
+        better: The best that dominates the setting as written; None if that is on the front.
+        nearest: The setting with the smallest excess over the limits, if nothing is feasible.
     """
 
     front: tuple[Tried, ...]
@@ -30,11 +30,11 @@ class Verdict:
 
 
 def judge(feasible: Sequence[Tried], tried: Sequence[Tried], own: Tried) -> Verdict:
-    """Return what is best.
+    """Return the verdict.
 
     Args:
-        feasible: Settings that keep what is allowed on all copies.
-        tried: All that were tried, one at least.
+        feasible: Settings that keep the limits on all copies.
+        tried: All tried settings, at least one.
         own: The setting as written.
     """
     preferred = sorted(feasible, key=preference)
