@@ -240,7 +240,7 @@ def test_the_closer_the_hand_the_faster_the_exact_way_and_the_less_the_damped_on
     scenario_says(
         "stanford_wrist_close",
         "ten times closer: the exact way is ten times faster",
-        "the closer the hand comes, the less there is to give way for",
+        "the closer the hand passes, the smaller are the joint rates and the errors",
     )
 
     def exact(name):
@@ -277,7 +277,7 @@ def test_an_arm_stops_before_its_singularity_and_its_elbow_keeps_its_side():
     scenario_says(
         "stop_and_wait",
         "it stops where sigma_min falls below 0.2",
-        "the elbow keeping its side",
+        "the elbow, which keeps its side",
     )
     _, run, _ = ran("stop_and_wait")
     stopped = (run["status"] & Status.STOPPED) > 0
