@@ -12,6 +12,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "docs/_ext")]  # of this checkout, whatever is installed
 
+import findable  # noqa: E402
 import typeset  # noqa: E402
 
 project = "rmrc"
@@ -99,6 +100,7 @@ def setup(app: Any) -> None:
     app.connect("autodoc-process-docstring", as_markup, priority=400)  # before napoleon
     app.connect("source-read", add_contents)
     app.connect("source-read", typeset_equations)
+    findable.setup(app)
 
 
 html_theme = "furo"
@@ -106,6 +108,7 @@ templates_path = ["_templates"]
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_js_files = ["../../versions.js", "site.js"]
+html_search_scorer = str(ROOT / "docs/_static/scorer.js")
 html_show_sphinx = False
 html_copy_source = False
 html_additional_pages = {"index": "redirect.html"}

@@ -112,3 +112,21 @@ def test_typeset_equations_lose_no_letter_and_no_number(conf):
 )  # fmt: skip
 def test_the_notation_of_the_theory_is_typeset(conf, text, shown):
     assert shown in conf["typeset"].typeset(text)
+
+
+def test_the_search_finds_the_rows_of_the_textbook_by_their_labels(conf):
+    titles = conf["findable"].titles
+    assert titles("A25", "Example 5.5, figure and rates") == ["A25", "Example 5.5 (A25)"]
+    assert titles("B17", "Exercise 6.1, fig. 6.2, (i): P") == [
+        "B17",
+        "Exercise 6.1 (B17)",
+        "Figure 6.2 (B17)",
+        "Fig. 6.2 (B17)",
+    ]
+    assert titles("C4", "The families of a PUMA, 5.5") == ["C4"]
+    text = page("Chapter by chapter")
+    rows = re.findall(r"^\| ([A-D]\d+) \| (.*?) \| `", text, re.MULTILINE)
+    assert len(rows) > 100
+    found = {title for row in rows for title in titles(*row)}
+    assert {f"Example 5.{n}" for n in (1, 2, 3, 5, 8)} <= {title.partition(" (")[0] for title in found}
+    assert {f"Exercise 6.{n}" for n in range(1, 7)} <= {title.partition(" (")[0] for title in found}
