@@ -466,7 +466,7 @@ LIMITS = Choices(
             others="opt_sns optimal_sns osns saturation_in_the_null_space"),
         Choice("reverse_priority",
             "limits come first: joints that the task would take beyond their bounds stay at them, and the "
-            "others do of it what is left",
+            "others do the rest of it",
             "Flacco14", others="rp reverse priority limits_first"),
     ),
 )  # fmt: skip
