@@ -65,6 +65,20 @@ def test_a_broken_link_of_the_site_is_seen(tmp_path):
     ]
 
 
+def test_external_links_are_reported_as_broken_only_if_a_server_says_so():
+    def one(name, status, info=""):
+        return {"uri": f"https://x.org/{name}", "filename": "docs/a.md", "status": status, "info": info}
+
+    fine = [one("a", "working"), one("a", "working"), {**one("", "local"), "uri": "b.html"}]
+    assert site.external(fine) == (["external links: 1 fine, 0 moved, 0 broken, 0 no answer"], 0)
+    silent = one("b", "broken", "Max retries exceeded")
+    assert site.external([*fine, silent])[1] == site.external([one("c", "timeout")])[1] == 2
+    gone = one("d", "broken", "404 Client Error: Not Found for url: https://x.org/d")
+    lines, code = site.external([*fine, silent, gone, one("e", "redirected", "https://y.org")])
+    assert code == 1 and lines[-1] == "external links: 1 fine, 1 moved, 1 broken, 1 no answer"
+    assert lines[1].startswith("broken: https://x.org/d in docs/a.md: 404")
+
+
 def test_versions_are_listed_with_the_newest_first(tmp_path, monkeypatch):
     monkeypatch.setattr(site, "SITE", tmp_path)
     for name in ("v0.9", "main", "v0.10", "v0.10.1"):
