@@ -103,6 +103,8 @@ def setup(app: Any) -> None:
     findable.setup(app)
 
 
+highlight_language = "none"  # blocks without a language are printed lines
+
 html_theme = "furo"
 templates_path = ["_templates"]
 html_static_path = ["_static"]

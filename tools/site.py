@@ -123,7 +123,8 @@ def external(found: list[dict[str, Any]]) -> tuple[list[str], int]:
             state = "broken"
         count[state] += 1
         if state != "fine":
-            lines.append(f"{state}: {uri} in {one['filename']}: {one['info']}")
+            info = one["info"].partition(" (Caused by")[0]
+            lines.append(f"{state}: {uri} in {one['filename']}: {info}")
     counts = ", ".join(f"{count[state]} {state}" for state in ("fine", "moved", "broken", "no answer"))
     return [*lines, f"external links: {counts}"], 1 if count["broken"] else 2 if count["no answer"] else 0
 

@@ -1,13 +1,13 @@
 """Resolved motion rate control in MuJoCo.
 
-A scenario names an arm, a control law, a path and what is expected; run it, compare variants of it, sweep
-thousands of them, or have its law chosen:
+A scenario names an arm, a control law, a path and the expected results. Run it, compare variants of it, sweep
+thousands of them, or search for its best law:
 
     import rmrc
 
     run = rmrc.run("approach_singularity")         # a file, the name of a shipped one, or a Scenario
-    run["qdot_cmd"]                                # a column: joint rates that were sent, (T, n)
-    run.scorecard["position_error.max"].value      # a figure
+    run["qdot_cmd"]                                # a column: the commanded joint rates, (T, n)
+    run.scorecard["position_error.max"].value      # a metric
     rmrc.plot(run, "crossing.pdf")                 # for a paper: path, rates, singular values, errors
     rmrc.render("blow_up", "blow_up.gif")          # a film of the arm, with its rates below
 
@@ -16,17 +16,18 @@ thousands of them, or have its law chosen:
     rows = rmrc.sweep(one, {"control.feedback": [5, 10, 20]}).to_pandas()
     tuned = rmrc.tune(one)
 
-Or ask about an arm, by its MJCF file or the name of a shipped one:
+Or analyze an arm, by its MJCF file or the name of a shipped one:
 
-    rmrc.inspect("puma560") rmrc.ik("planar_2link", [1.0, 1.0]).q rmrc.check("my.xml").findings
-    # what must be fixed, is missing, or is assumed rmrc.new("my.xml", out="my.yaml")              # a first
-    scenario for it, which runs as it is
+    rmrc.inspect("puma560")
+    rmrc.ik("planar_2link", [1.0, 1.0]).q
+    rmrc.check("my.xml").findings                  # errors, missing data and assumptions
+    rmrc.new("my.xml", out="my.yaml")              # a first scenario for it, which runs as it is
 
-Or have a log of a real one tell its delay, lag and noise:
+Or find delay, lag and noise of a real one in a log:
 
     rmrc.identify("log.csv").delay
 
-Nothing is written unless a folder is given. Each name is loaded when it is first used, because MuJoCo and the
+Functions write no files unless a folder is given. Each name is loaded at its first use, as MuJoCo and the
 compiled law take a third of a second.
 """
 
