@@ -546,8 +546,8 @@ def statements() -> Iterator[str]:
 
 
 STATEMENTS = (
-    "Not counted is what makes an arm of the Robotics Toolbox from an MJCF file, `toolbox_robot`, which its "
-    "loop and NEO's need."
+    "The count omits `toolbox_robot`, which makes an arm of the Robotics Toolbox from an MJCF file for its "
+    "loop and NEO's."
 )
 
 
@@ -584,10 +584,9 @@ def page(keep: Keep, only: list[str], jobs: int) -> Iterator[str]:
         yield from one.lines
 
 
-HEAD = """# Beside others
+HEAD = """# Comparison with other libraries
 
-What rmrc does on the same arms and paths as others who resolve motion rates. This page is what a program
-prints:
+rmrc and other libraries for resolved motion rates, on the same arms and paths. A program prints this page:
 
 ```sh
 pip install -e '.[peers]'
@@ -598,33 +597,33 @@ In {cases} of {all} cases others have {rows} rows. "As good" is no worse by more
 """
 
 INTRODUCTION = """
-**The same for everyone.** Our models of the arms, each without fingers, its base at the origin, without
-weight and friction, with a stiff rate servo on each joint, in MuJoCo at {period:g} ms. A path is one screw,
-there and back in 2 s each. At each tick a loop is told where the joints are, which pose is wanted now and
-at the end of the period, and the mean twist until then; it returns joint rates. Loops without limits of
-their own scale their rates down to the limits of the joints, in one line of their user's. There is no delay
-and no noise here, so that gains win which no robot bears: [from simulation to your
-robot](from_simulation_to_your_robot.md) says which one does.
+**Equal conditions.** All loops use our models of the arms, each without fingers, its base at the origin,
+without weight and friction, with a stiff rate servo on each joint, in MuJoCo at {period:g} ms. A path is
+one screw, there and back in 2 s each. At each tick a loop gets the joint positions, the reference pose now
+and at the end of the period, and the mean twist between them; it returns joint rates. Loops without limits
+of their own scale their rates down to the limits of the joints, in one line of their user's. The loop has
+no delay and no noise. Therefore gains win that no real robot tolerates: [From simulation to your
+robot](from_simulation_to_your_robot.md) finds a realistic one.
 
 **Settings.** "As documented" has the numbers of a library's own example. Each other row has the best of one
 grid of {settings} settings for everyone: feedback K of {gains} /s and damping λ of {dampings} (λ² where a
-library wants that, γ of J-PARSE; the Toolbox's pseudoinverse has none, and NEO keeps its own, as a step of
+library needs that, γ of J-PARSE; the Toolbox's pseudoinverse has none, and NEO keeps its own, as a step of
 it takes so long). "rmrc, more methods" tries the same grid with {more} more methods, and {ways} settings
-that do as others do: {ours} settings in all. The best has the least error, a meter as bad as a radian; of
-settings within 2 % of it the one with the least peak of acceleration, by which `rmrc tune` chooses, too.
-Settings that leave the limits, chatter or do not come back count only where all do.
+that imitate the others: {ours} settings in all. The best has the least error, where a meter counts as a
+radian; of settings within 2 % of it, it is the one with the least peak acceleration, which is also the rule
+of `rmrc tune`. Settings that leave the limits, chatter or do not come back count only where all do.
 
 **Columns.** Peak of one joint's rate and root mean square of all joints' together, as commanded [rad/s or
 m/s]; largest error of position [mm] and of orientation [mrad], and both at the end of the return leg; peak
 and root mean square of the commands' acceleration [rad/s² or m/s²]; chatter, reversals of a joint's
-acceleration beyond {floor:g} rad/s² [1/s]; how far a joint was beyond its position limit [mrad or mm]. What
-is smaller than its column's floor is 0.
+acceleration beyond {floor:g} rad/s² [1/s]; how far a joint was beyond its position limit [mrad or mm]. A
+value below its column's floor is printed as 0.
 
-**Who leads.** Who leads in a column does so by more than 2 %. "Our row" is "rmrc, more methods". It cannot
-lead in all columns at once: less error takes faster joints. So each row of others is held against our row
-first, and then against each single setting of ours: "as good" is a setting that the row leads in no column.
-Rows with a larger error than ours are held against ours all the same, and their error is named. For another
-row another setting of ours may be the one: no single one is as good as all rows at once.
+**Who leads.** A row leads in a column if it is better by more than 2 %. "Our row" is "rmrc, more methods".
+It cannot lead in all columns at once, because less error needs faster joints. Therefore each row of others
+is compared with our row first, and then with each single setting of ours: "as good" is a setting that the
+row leads in no column. Rows with a larger error than ours are also compared with ours, and their error is
+named. Different rows may need different settings of ours: no single one is as good as all rows at once.
 """
 
 

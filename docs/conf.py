@@ -12,6 +12,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "docs/_ext")]  # of this checkout, not an installed copy
 
+import findable  # noqa: E402
 import typeset  # noqa: E402
 
 project = "rmrc"
@@ -99,13 +100,17 @@ def setup(app: Any) -> None:
     app.connect("autodoc-process-docstring", as_markup, priority=400)  # before napoleon
     app.connect("source-read", add_contents)
     app.connect("source-read", typeset_equations)
+    findable.setup(app)
 
+
+highlight_language = "none"  # blocks without a language are printed lines
 
 html_theme = "furo"
 templates_path = ["_templates"]
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_js_files = ["../../versions.js", "site.js"]
+html_search_scorer = str(ROOT / "docs/_static/scorer.js")
 html_show_sphinx = False
 html_copy_source = False
 html_additional_pages = {"index": "redirect.html"}

@@ -411,7 +411,7 @@ def test_every_policy_at_a_singularity_is_in_the_theory():
 
 
 def test_every_group_of_figures_is_in_the_theory():
-    text = section(THEORY, "Figures of the scorecard")
+    text = section(THEORY, "Metrics of the scorecard")
     groups = {name.partition(".")[0] for name in figure_names(["a"], ["x", "rz"])}
     assert [group for group in groups if not re.search(rf"`{group}[.`]", text)] == []
 
@@ -481,7 +481,7 @@ def questions(text):
     return asked
 
 
-ANSWERED = ("Ask about an arm", "A lecture", "Find the delay that a loop bears")
+ANSWERED = ("Ask about an arm", "A lecture", "Find the delay that a loop tolerates")
 
 
 def takes_long(command, lines):

@@ -1,5 +1,6 @@
 """The linter of prose: it finds what its rules name, in the places that people read, and nothing in good English."""
 
+import json
 import runpy
 import tomllib
 
@@ -34,6 +35,11 @@ BAD = {
 @pytest.mark.parametrize(("text", "kind"), BAD.items())
 def test_a_rule_finds_its_pattern_in_every_place(text, kind):
     assert kinds(".md", f"# Title\n\n{text}\n") == [(kind, "markdown", 3)]
+    cells = [
+        {"cell_type": "code", "source": ["a row a variant"]},
+        {"cell_type": "markdown", "source": [text]},
+    ]
+    assert kinds(".ipynb", json.dumps({"cells": cells})) == [(kind, "markdown", 1)]
     assert kinds(".yaml", f"# {text}\nname: x\n") == [(kind, "scenario", 1)]
     assert kinds(".py", f'"""Good.\n\n{text}\n"""\n') == [(kind, "docstring", 3)]
     assert kinds(".py", f'def _f():\n    """{text}"""\n') == [(kind, "private", 2)]

@@ -65,6 +65,20 @@ def test_a_broken_link_of_the_site_is_seen(tmp_path):
     ]
 
 
+def test_external_links_are_reported_as_broken_only_if_a_server_says_so():
+    def one(name, status, info=""):
+        return {"uri": f"https://x.org/{name}", "filename": "docs/a.md", "status": status, "info": info}
+
+    fine = [one("a", "working"), one("a", "working"), {**one("", "local"), "uri": "b.html"}]
+    assert site.external(fine) == (["external links: 1 fine, 0 moved, 0 broken, 0 no answer"], 0)
+    silent = one("b", "broken", "Max retries exceeded")
+    assert site.external([*fine, silent])[1] == site.external([one("c", "timeout")])[1] == 2
+    gone = one("d", "broken", "404 Client Error: Not Found for url: https://x.org/d")
+    lines, code = site.external([*fine, silent, gone, one("e", "redirected", "https://y.org")])
+    assert code == 1 and lines[-1] == "external links: 1 fine, 1 moved, 1 broken, 1 no answer"
+    assert lines[1].startswith("broken: https://x.org/d in docs/a.md: 404")
+
+
 def test_versions_are_listed_with_the_newest_first(tmp_path, monkeypatch):
     monkeypatch.setattr(site, "SITE", tmp_path)
     for name in ("v0.9", "main", "v0.10", "v0.10.1"):
@@ -112,3 +126,21 @@ def test_typeset_equations_lose_no_letter_and_no_number(conf):
 )  # fmt: skip
 def test_the_notation_of_the_theory_is_typeset(conf, text, shown):
     assert shown in conf["typeset"].typeset(text)
+
+
+def test_the_search_finds_the_rows_of_the_textbook_by_their_labels(conf):
+    titles = conf["findable"].titles
+    assert titles("A25", "Example 5.5, figure and rates") == ["A25", "Example 5.5 (A25)"]
+    assert titles("B17", "Exercise 6.1, fig. 6.2, (i): P") == [
+        "B17",
+        "Exercise 6.1 (B17)",
+        "Figure 6.2 (B17)",
+        "Fig. 6.2 (B17)",
+    ]
+    assert titles("C4", "The families of a PUMA, 5.5") == ["C4"]
+    text = page("Chapter by chapter")
+    rows = re.findall(r"^\| ([A-D]\d+) \| (.*?) \| `", text, re.MULTILINE)
+    assert len(rows) > 100
+    found = {title for row in rows for title in titles(*row)}
+    assert {f"Example 5.{n}" for n in (1, 2, 3, 5, 8)} <= {title.partition(" (")[0] for title in found}
+    assert {f"Exercise 6.{n}" for n in range(1, 7)} <= {title.partition(" (")[0] for title in found}

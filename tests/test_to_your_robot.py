@@ -82,7 +82,7 @@ def test_its_python_prints_what_it_says(capsys, monkeypatch):
 
 def test_the_lines_of_joints_that_tell_nothing_are_those_of_the_program():
     source = " ".join(Path(verdict.__file__).read_text("utf-8").replace('"\n', "").split())
-    rows = re.findall(r"^\| (.+) \| .+ \|$", PAGE.split("| it says")[1].split("\n\n")[0], re.MULTILINE)
+    rows = re.findall(r"^\| (.+) \| .+ \|$", PAGE.split("| message")[1].split("\n\n")[0], re.MULTILINE)
     assert len(rows) == 6
     for row in rows:
         for piece in re.split(r"…|;", row):

@@ -1,19 +1,19 @@
 """Check the English of texts: documents, scenarios, help, messages, docstrings and comments.
 
 proselint is the engine. It runs its own checks and the project's rules in `tools/prose.toml` on passages:
-paragraphs of Markdown without code, comments of scenarios, and docstrings, texts and comments of Python
-files. Prints the count of each kind of finding per place. Where `tools/prose.toml` allows fewer, it prints
-these findings and exits with 1. With files or folders as arguments, it prints all their findings.
+paragraphs of Markdown without code, those of notebooks, comments of scenarios, and docstrings, texts and
+comments of Python files. Prints each finding, and exits with 1 if there is one. Files or folders as arguments
+replace the paths of `tools/prose.toml`.
 """
 
 import argparse
 import ast
 import io
+import json
 import re
 import sys
 import tokenize
 import tomllib
-from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -57,6 +57,14 @@ def of_markdown(source: str) -> Iterator[Passage]:
                 _CODE if one.type == "code_inline" else one.content or " " for one in token.children or ()
             )
             yield Passage("markdown", line, "".join(parts))
+
+
+def of_notebook(source: str) -> Iterator[Passage]:
+    """Yield the passages of a notebook's Markdown cells without equations, with their lines in the cell."""
+    for cell in json.loads(source)["cells"]:
+        if cell["cell_type"] == "markdown":
+            text = "".join(cell["source"])
+            yield from of_markdown(re.sub(r"(\$\$?)[^$]+\1", _CODE, text))
 
 
 def of_comments(source: str) -> Iterator[Passage]:
@@ -122,7 +130,7 @@ def _without_code(text: str) -> str:
     return re.sub(r"``?[^`]*``?", _CODE, text)
 
 
-READERS = {".md": of_markdown, ".py": of_python, ".yaml": of_comments}
+READERS = {".md": of_markdown, ".ipynb": of_notebook, ".py": of_python, ".yaml": of_comments}
 
 
 class Finding(NamedTuple):
@@ -191,14 +199,9 @@ def main() -> None:
         for passage in READERS[file.suffix](file.read_text(encoding="utf-8"))
         for one in findings(passage, using)
     ]
-    counts = Counter(one.name for _, one in found)
-    exceeded = {name for name, count in counts.items() if count > rules["most"].get(name, 0)}
     for file, one in found:
-        if asked.paths or one.name in exceeded:
-            print(f'{file}:{one.line}: {one.name}: "{one.words}": {one.advice}')
-    for name, count in sorted(counts.items()):
-        print(f"{name:28} {count:5}  at most {rules['most'].get(name, 0)}", file=sys.stderr)
-    sys.exit(1 if exceeded else 0)
+        print(f'{file}:{one.line}: {one.name}: "{one.words}": {one.advice}')
+    sys.exit(1 if found else 0)
 
 
 if __name__ == "__main__":
