@@ -86,11 +86,19 @@ def pytest_collection_modifyitems(items):
 def pytest_collection_finish():
     """Look through what is loaded by now for garbage only rarely: most of it stays.
 
-    It is not frozen, as each pool of threads counts what is frozen, one by one.
+    It is not frozen, as each pool of threads counts what is frozen, one by one; frozen and thawed, it is old.
     """
     gc.enable()
-    gc.collect()
+    gc.freeze()
+    gc.unfreeze()
     gc.set_threshold(700, 10, 1000)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish():
+    """Look through all for garbage once; pytest does it twice more, for which nothing is left."""
+    gc.collect()
+    gc.freeze()
 
 
 class OneCluster(LoadGroupScheduling):
