@@ -40,6 +40,15 @@ def path(tmp_path):
     return path
 
 
+@pytest.fixture
+def set_aside():
+    """Set aside what other tests left, in which to look for garbage takes a second."""
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
+@pytest.mark.usefixtures("set_aside")
 def test_a_model_is_packed_with_all_that_it_includes_and_unpacked_where_it_finds_it(path, tmp_path):
     parcel = pack(draft_of(path, ["sweep.vary.control.feedback=[5, 6]"]))
     assert set(parcel.files) == {"models/arm.xml", "parts/world.xml"}
@@ -53,10 +62,8 @@ def test_a_model_is_packed_with_all_that_it_includes_and_unpacked_where_it_finds
     )
     told = there.told(Problem((), f"{there.folder}/models/arm.xml: is wrong"))
     assert str(told) == f"{tmp_path}/models/arm.xml: is wrong"
-    gc.freeze()  # all that other tests left: to look through it takes a second
     del there
     gc.collect()
-    gc.unfreeze()
     assert list((tmp_path / "worker").iterdir()) == []  # removed with what held it
 
 
