@@ -21,7 +21,7 @@ from .supervisor import TESTS, Bounds, supervise
 FROZEN = sorted((Path(__file__).parent / "regressions").glob("*.json"))
 
 # So many inputs of each class: few of them take seconds of a core in all.
-FEW, MANY = 12, 50
+FEW, MANY = 16, 50
 
 
 def told(result):
