@@ -75,7 +75,7 @@ def test_quiet_says_nothing(workspace, tmp_path):
 @pytest.mark.usefixtures("undrawn")
 def test_samples_axes_through_and_worst_reach_the_computation(workspace):
     arguments = ["--plane", "yz", "--through", "0.3,0,0", "--axes", "x,y,z", "--length", "0.5", "--worst"]
-    code, out, _ = workspace(STANFORD, "--cells", "10", "--samples", "200", "--json", *arguments)
+    code, out, _ = workspace(STANFORD, "--cells", "10", "--samples", "1000", "--json", *arguments)
     facts = json.loads(out)
     assert code == 0
     assert (facts["slice"], facts["origin"], facts["posture"]) == ("yz", [0.3, 0.0, 0.0], "worst")
