@@ -58,12 +58,13 @@ loading.read = once(loading.read)
 # Typer makes all commands anew for each call of the command line, which takes longer than most calls.
 typer.main.get_command = functools.cache(typer.main.get_command)
 
-# In the name of each test of clusters, and of each with a browser.
-CLUSTER, BROWSER = "/test_cluster", "/test_browser"
+# In the name of each test of clusters.
+CLUSTER = "/test_cluster"
 # Files whose tests share what takes seconds to make, and which each of two processes would else make for itself.
 SHARING = (
     "/test_report_page.py", "/test_comparison.py", "/test_sweep.py", "/test_resuming.py", "/test_workspace.py",
     "/test_film.py", "/test_architecture.py", "/test_peers_page.py", "/test_scenarios.py",
+    "/test_browser.py", "/test_browser_page.py",
 )  # fmt: skip
 # The file whose tests share the runs of shipped scenarios with those of another.
 LIKEWISE = {"/test_docs.py": "/test_scenarios.py"}
@@ -86,11 +87,19 @@ def pytest_collection_modifyitems(items):
 def pytest_collection_finish():
     """Look through what is loaded by now for garbage only rarely: most of it stays.
 
-    It is not frozen, as each pool of threads counts what is frozen, one by one.
+    It is not frozen, as each pool of threads counts what is frozen, one by one; frozen and thawed, it is old.
     """
     gc.enable()
-    gc.collect()
+    gc.freeze()
+    gc.unfreeze()
     gc.set_threshold(700, 10, 1000)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish():
+    """Look through all for garbage once; pytest does it twice more, for which nothing is left."""
+    gc.collect()
+    gc.freeze()
 
 
 class OneCluster(LoadGroupScheduling):
@@ -100,7 +109,7 @@ class OneCluster(LoadGroupScheduling):
     """
 
     def _split_scope(self, nodeid):
-        groups = [group for group in (CLUSTER, BROWSER, *SHARING, *LIKEWISE) if group in nodeid]
+        groups = [group for group in (CLUSTER, *SHARING, *LIKEWISE) if group in nodeid]
         return LIKEWISE.get(groups[0], groups[0]) if groups else super()._split_scope(nodeid)
 
 

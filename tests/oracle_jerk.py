@@ -5,7 +5,6 @@ Nothing here shares code with the compiled law: sums are summed, and roots are b
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.signal import lfilter
 
 from oracle_limits import brake, gentle
 
@@ -83,6 +82,8 @@ class Easing:
         self.rates.append(rate)
         self.sent.append(self.last)
         fade = max(0.0, 1 - self.T / 2)
+        from scipy.signal import lfilter  # which takes a second to load
+
         # what is behind, and the changes of rates, each less the longer it was ago
         behind = lfilter([self.T], [1, -fade], np.subtract(self.sent, self.rates), axis=0)
         rates = lfilter([1], [1, -fade], np.diff(self.rates, axis=0, prepend=0.0), axis=0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from project import ROOT
 from rmrc.arm import load
@@ -146,10 +146,10 @@ def test_covariance_of_the_tip_is_that_of_the_encoders_through_the_jacobian(samp
     errors, _, deviation, J = sampled
     p = len(J)
     # 1e-3: a right program fails one of a thousand choices of the seeds, and these are fixed
-    bound = chi2.isf(1e-3, p * (p + 1) / 2)
+    bound = chdtri(p * (p + 1) / 2, 1e-3)
     assert unlikelihood(errors, tip_covariance(J, np.diag(deviation**2))) < bound
     mean = errors.mean(axis=0)
-    assert COUNT * mean @ np.linalg.solve(np.cov(errors.T), mean) < chi2.isf(1e-3, p)
+    assert COUNT * mean @ np.linalg.solve(np.cov(errors.T), mean) < chdtri(p, 1e-3)
     for j in range(len(deviation)):  # negative control
         halved = np.where(np.arange(len(deviation)) == j, deviation / 2, deviation)
         assert unlikelihood(errors, tip_covariance(J, np.diag(halved**2))) > 10 * bound

@@ -333,7 +333,7 @@ def shipped(name, *overrides):
                 case[0] in ("selig_211", "start_by_pose", "whitney_1972") and POLICIES[case[1]].slows
             )  # which is refused
         ],
-        131,
+        263,
     ),
 )
 def test_shipped_scenarios_stay_below_a_jerk_limit_at_every_tick(name, policy, on_excess, jerk):

@@ -442,7 +442,7 @@ HAVE_FAULTS = list(dict.fromkeys(name for name, _ in OFF.values()))
 OTHERS = [name for name in VARIANTS if name not in HAVE_FAULTS]
 
 
-@pytest.mark.parametrize("variant", [*mostly_long(HAVE_FAULTS, 1, SLOW), *mostly_long(OTHERS, 7)])
+@pytest.mark.parametrize("variant", [*mostly_long(HAVE_FAULTS, 1, SLOW), *mostly_long(OTHERS, 14)])
 def test_compiled_loop_equals_the_numpy_loop_over_a_whole_run_and_none_that_is_off_by_a_millionth(
     simulate, variant
 ):

@@ -166,7 +166,7 @@ def test_area_and_volume_of_the_torus_are_those_of_pappus():
 EVERY = [
     pytest.param("planar_2link", None, None, None, marks=pytest.mark.long),  # as planar_6_3, above
     pytest.param("planar_3link", None, None, None, marks=pytest.mark.long),
-    ("planar_rp", None, None, None),
+    pytest.param("planar_rp", None, None, None, marks=pytest.mark.long),
     ("anthropomorphic", None, None, None),
     ("helical", None, "xz", (0.0, 0.4, 0.0)),
     pytest.param("helical", None, "xy", (0.0, 0.0, 1.2), marks=pytest.mark.long),

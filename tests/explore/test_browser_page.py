@@ -1,6 +1,5 @@
 """The page in a real browser: its plots are the columns to the bit, nothing leaves, and tabs do not disturb each other."""
 
-import shutil
 from contextlib import contextmanager
 from urllib.parse import urlsplit
 
@@ -10,21 +9,13 @@ import pytest
 pytest.importorskip("viser")
 
 import rmrc
+from browsers import PATIENCE, chromium
 from processes import wait_for
 from rmrc.explore.server import Server
 
 # A tab may close while it is told something; viser then warns, which `Server` ignores outside of tests.
 pytestmark = [pytest.mark.browser, pytest.mark.filterwarnings("ignore:Queued a")]
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-FLAGS = (
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-)
-# Milliseconds: a page takes ten seconds of processor time, and other tests may run beside it.
-PATIENCE = 150_000
 LAMBDA = "control.inverse.damping.maximum"
 # Time, then the curves of the rates, by their labels.
 RATES = """() => {
@@ -35,15 +26,8 @@ RATES = """() => {
 
 @pytest.fixture(scope="module")
 def browser():
-    if CHROMIUM is None:
-        pytest.skip("there is no Chromium here")
-    sync = pytest.importorskip("playwright.sync_api")
-    with sync.sync_playwright() as playwright:
-        found = playwright.chromium.launch(
-            executable_path=CHROMIUM, args=[*FLAGS, "--no-sandbox"], chromium_sandbox=False
-        )
+    with chromium() as found:
         yield found
-        found.close()
 
 
 @pytest.fixture

@@ -20,6 +20,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from browsers import PATIENCE, chromium
 from processes import descendants, started, wait_for
 from project import ROOT
 from rmrc.recording.viewer import _free_port, _page_files
@@ -29,21 +30,8 @@ from rmrc.recording.viewer_process import Events
 pytestmark = pytest.mark.browser
 
 SCENARIO = str(ROOT / "scenarios" / "approach_singularity.yaml")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-
-# Pictures without a graphics card, and no name of another machine is found, so that a test that fails leaks nothing.
-FLAGS = (
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-)
-
 # Chromium itself asks Google for updates, accounts and the meaning of forms, whatever page it shows.
 CHROMIUMS_OWN = re.compile(r"(?!fonts\.)([\w-]+\.)?(google|googleapis|gvt1)\.com")
-
-# Milliseconds. A page takes about ten seconds of processor time, and other tests may run beside it.
-PATIENCE = 150_000
 
 # Small, because every frame is painted by the processor.
 VIEWPORT = {"width": 640, "height": 448}
@@ -79,20 +67,6 @@ class Look:
             return False
         green, orange = self.colors
         return orange > MUCH or (green > GREEN and orange > ORANGE)
-
-
-@contextmanager
-def chromium(netlog):
-    """Yield a browser that leaves a log of all that its network does, for every page, worker and itself."""
-    if CHROMIUM is None:
-        pytest.skip("there is no Chromium here; `.ci/run browser` installs one")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        flags = [*FLAGS, f"--log-net-log={netlog}"]
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=flags, timeout=PATIENCE)
-        yield browser
-        browser.close()
 
 
 def look(browser, url, ready, seconds=1.0, act=lambda _page: None):
@@ -164,7 +138,7 @@ def without_policy(tmp_path_factory):
         server.files, server.policy = files, "default-src * data: blob: 'unsafe-inline' 'unsafe-eval'"
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
-        with chromium(netlog) as browser:
+        with chromium(f"--log-net-log={netlog}") as browser:
             seen = look(
                 browser,
                 f"{server.origin}/?hide_welcome_screen",
@@ -180,7 +154,7 @@ def looks(recordings, tmp_path_factory):
     """What is seen of a run and of a comparison, and the hosts of the whole browser."""
     netlog = tmp_path_factory.mktemp("looks") / "net.json"
     found = []
-    with chromium(netlog) as browser:
+    with chromium(f"--log-net-log={netlog}") as browser:
         for path in recordings:
             with replayed(path) as url:
                 found.append(look(browser, url, lambda look: look.shows_a_recording))
@@ -218,7 +192,7 @@ def test_what_shows_is_the_recording(looks):
     assert (np.abs(run - comparison).max(axis=2) > 0.1).mean() > 0.02
 
 
-def test_a_page_stands_still_at_the_time_that_it_is_told(recordings, tmp_path):
+def test_a_page_stands_still_at_the_time_that_it_is_told(recordings):
     """The state of the viewer, of its protocol, has the nanoseconds as `seek` has them, and so it stays."""
     states = []
 
@@ -227,7 +201,7 @@ def test_a_page_stands_still_at_the_time_that_it_is_told(recordings, tmp_path):
             page.wait_for_timeout(3000)
             states.append(bytes(page.evaluate("Array.from(_handle.viewer_state())")))
 
-    with chromium(tmp_path / "net.json") as browser, replayed(recordings[0], "--at", "1.25") as url:
+    with chromium() as browser, replayed(recordings[0], "--at", "1.25") as url:
         look(browser, url, lambda look: look.shows_a_recording, 0.0, read)
     time = seek(1.25)[16:-2]
     assert len(time) > 4 and all(time in state for state in states)
@@ -246,10 +220,11 @@ def test_nobody_is_asked_while_somebody_looks_longer(recordings, tmp_path):
             page.mouse.wheel(0, 100)
             page.wait_for_timeout(500)
 
-    with chromium(tmp_path / "net.json") as browser, replayed(recordings[0]) as url:
+    netlog = tmp_path / "net.json"
+    with chromium(f"--log-net-log={netlog}") as browser, replayed(recordings[0]) as url:
         seen = look(browser, url, lambda look: look.shows_a_recording, 15, act)
     assert seen.hosts == {"127.0.0.1"}
-    assert hosts_of_network(tmp_path / "net.json") == {"127.0.0.1"}
+    assert hosts_of_network(netlog) == {"127.0.0.1"}
 
 
 # The same of the programs, by their system calls -------------------------------------------------

@@ -71,11 +71,11 @@ def test_a_key_is_not_another_name_of_one_beside_it():
 
 
 SPELLED = [
-    (f"{key}={other}", ours)
+    pytest.param(f"{key}={other}", ours, marks=[pytest.mark.long] if i else [])
     for key, names in aliases.CHOICES.items()
     if key != "target.path" and not key.endswith("axes")
     for ours, others in names.items()
-    for other in others.split()
+    for i, other in enumerate(others.split())
 ]
 
 

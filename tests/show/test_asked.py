@@ -6,6 +6,7 @@ from itertools import pairwise
 import pytest
 from matplotlib.figure import Figure
 
+from project import mostly_long
 from rmrc.show.asked import sized
 from rmrc.study.filter_figure import filter_factors
 from rmrc.study.filters import FilterFactor
@@ -38,8 +39,10 @@ def filters(path):
     filter_factors("x", [("damped", curve), ("a long name of a variant, control.feedback=20", curve)], [path])
 
 
-@pytest.mark.parametrize("draw", [front, filters])
-@pytest.mark.parametrize(("width", "font"), [(3.5, 8.0), (7.16, 9.0)])
+@pytest.mark.parametrize(
+    ("draw", "width", "font"),
+    mostly_long([(front, 3.5, 8.0), (front, 7.16, 9.0), (filters, 3.5, 8.0), (filters, 7.16, 9.0)], 3),
+)
 def test_a_picture_is_as_wide_as_asked_with_letters_that_can_be_read(tmp_path, draw, width, font):
     with sized(width, font):
         draw(tmp_path / "x.svg")

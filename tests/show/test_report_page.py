@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from test_palette import SIGHTS, contrast, distance
 
 import rmrc
+from browsers import chromium
 from project import ROOT, undrawn
 from rmrc.results.run import Run, save_runs
 from rmrc.scenario import load, loads
@@ -27,7 +28,6 @@ from rmrc.tuning.page import page, report
 from wording import says
 
 BLOW_UP = ROOT / "scenarios/blow_up.yaml"
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
 class Parsed(HTMLParser):
@@ -263,14 +263,8 @@ def test_a_table_has_headings_for_rows_and_columns(tmp_path):
 
 @pytest.fixture(scope="module")
 def browser():
-    if CHROMIUM is None:
-        pytest.skip("there is no Chromium here; `.ci/run browser` installs one")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=CHROMIUM, args=["--disable-gpu"], timeout=150_000)
+    with chromium() as found:
         yield found
-        found.close()
 
 
 @pytest.mark.browser

@@ -54,7 +54,13 @@ def test_a_task_of_one_row_has_one_sigma_and_a_range_around_it(simulate):
 
 
 @pytest.mark.parametrize("method", [method.name.lower() for method in Method])
-@pytest.mark.parametrize("task", [("task.length=0.5",), ("task.axes=[x, y]", "task.weights=[4, 0.25]")])
+@pytest.mark.parametrize(
+    "task",
+    [
+        ("task.axes=[x, y]", "task.weights=[4, 0.25]"),
+        pytest.param(("task.length=0.5",), marks=pytest.mark.long),
+    ],
+)
 def test_the_mark_has_the_gain_that_the_run_recorded(simulate, method, task):
     """At the σ that the arm had, asking the law again must give what it gave."""
     prepared, run = simulate(f"control.inverse.method={method}", *task)

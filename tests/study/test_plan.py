@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import qmc
 
 from rmrc.study.plan import Plan, plan_of
 from rmrc.study.sobol import sobol_point
@@ -73,6 +72,8 @@ def test_samples_are_even_over_their_bounds():
 
 
 def test_sobol_points_are_those_of_scipy():
+    from scipy.stats import qmc  # which takes a second to load
+
     known = qmc.Sobol(20, scramble=False, bits=32).random(512)
     np.testing.assert_array_equal([sobol_point(i, 20) for i in range(512)], known)
 

@@ -14,7 +14,7 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 import pytest
 
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.results.run import Run
 from rmrc.results.scorecard import check, scorecard
 from rmrc.scenario import Scenario, load, loads, schema_rows
@@ -93,21 +93,24 @@ BESIDE = {
 }  # fmt: skip
 
 
-def test_every_key_of_the_loop_around_the_law_can_be_swept(tmp_path):
+def test_every_key_of_the_loop_around_the_law_is_one_of_these():
     parts = "plant.", "arm.encoder.", "control.state", "control.rate_filter"
     keys = {row.key for row in schema_rows() if row.key.startswith(parts)}
     assert set(LOOP) == keys - {"arm.encoder.seed", "plant.seed"}  # which a sweep counts up from run to run
+
+
+@pytest.mark.parametrize("key", mostly_long(list(LOOP), 3))
+def test_every_key_of_the_loop_around_the_law_can_be_swept(tmp_path, key):
     text = TEXT.split("expect:", maxsplit=1)[0].replace("0.004, 0.0", "0.02, 0.0")
-    for i, (key, values) in enumerate(LOOP.items()):
-        written = key.replace("<body>", "link_1")
-        sets = [f"sweep.vary.{written}=[{', '.join(values)}]", *([BESIDE[key]] if key in BESIDE else [])]
-        sweep = Sweep(loads(text, overrides=sets), folder=tmp_path / str(i), threads=1)
-        assert sweep.run().done == 2, key
-        first, second = pq.read_table(sweep.dataset.file).to_pylist()
-        # it does something: negative control of a key that is read and forgotten
-        without = "control.rate_filter", "plant.gravity_compensation", "plant.friction_compensation"
-        if key not in without:  # noise, weight and friction
-            assert any(first[name] != second[name] for name in first if "rms" in name), key
+    written = key.replace("<body>", "link_1")
+    sets = [f"sweep.vary.{written}=[{', '.join(LOOP[key])}]", *([BESIDE[key]] if key in BESIDE else [])]
+    sweep = Sweep(loads(text, overrides=sets), folder=tmp_path, threads=1)
+    assert sweep.run().done == 2
+    first, second = pq.read_table(sweep.dataset.file).to_pylist()
+    # it does something: negative control of a key that is read and forgotten
+    without = "control.rate_filter", "plant.gravity_compensation", "plant.friction_compensation"
+    if key not in without:  # noise, weight and friction
+        assert any(first[name] != second[name] for name in first if "rms" in name)
 
 
 def test_each_row_has_the_bits_of_its_run_alone(swept):
@@ -170,7 +173,7 @@ def test_columns_are_typed_and_tell_unit_and_meaning(swept):
     assert len(set(table["scenario"].to_pylist())) == RUNS
 
 
-@pytest.mark.parametrize("threads", [2, 3])
+@pytest.mark.parametrize("threads", mostly_long([3, 2], 2))
 def test_threads_change_no_bit_of_the_file(swept, path, tmp_path, threads):
     sweep, _ = swept
     other = Sweep(path, folder=tmp_path / "out", threads=threads)

@@ -370,14 +370,18 @@ def address(function: Callable[..., object], *arguments: object, is_c: bool = Fa
         is_c: Whether C code calls it, rather than compiled code of this package.
     """
     machine_code(function, *arguments)
-    typeof, dispatcher = cast(Any, numba.typeof), cast(Any, function)
-    made = dispatcher.overloads[tuple(typeof(one) for one in arguments)]
-    name = made.fndesc.llvm_cfunc_wrapper_name if is_c else made.fndesc.llvm_func_name
-    return int(made.library.get_pointer_to_function(name))
+    key = (function, is_c, *map(_kind, arguments))
+    if key not in _places:
+        typeof, dispatcher = cast(Any, numba.typeof), cast(Any, function)
+        made = dispatcher.overloads[tuple(typeof(one) for one in arguments)]
+        name = made.fndesc.llvm_cfunc_wrapper_name if is_c else made.fndesc.llvm_func_name
+        _places[key] = int(made.library.get_pointer_to_function(name))
+    return _places[key]
 
 
 # Each batch of a sweep asks for it, and numba takes milliseconds to find the type of a record.
 _codes: dict[tuple[object, ...], object] = {}
+_places: dict[tuple[object, ...], int] = {}
 
 
 def _kind(argument: object) -> object:
