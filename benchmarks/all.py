@@ -26,7 +26,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from measure import ROOT, Row, Rows
+from measure import ROOT, SPREAD, Row, Rows
 
 KEPT = Path(__file__).with_name("kept.json")
 # Least rounds that give a spread; where a round is long, fewer.
@@ -63,7 +63,7 @@ MARGIN = 0.05
 def rows_of(found: Any, name: str = "") -> Iterator[tuple[str, Row]]:
     """Yield the rows of what a program printed: of mappings within mappings, lists and single numbers."""
     if isinstance(found, dict) and "median" in found:
-        yield name, {key: found[key] for key in ("min", "median", "max")}
+        yield name, {key: found[key] for key in SPREAD if key in found}
     elif isinstance(found, dict):
         for key, value in found.items():
             yield from rows_of(value, f"{name}, {key}".lstrip(", "))
@@ -110,14 +110,14 @@ def machine() -> str:
 def compare(found: dict[str, Rows], kept: dict[str, Any]) -> list[str]:
     """Print each row beside the kept one; return those that are worse."""
     is_same, worse = kept.get("machine") == machine(), []
-    print(f"{'':<78}{'min':>9}{'median':>9}{'max':>9}{'kept':>9}")
+    print(f"{'':<78}" + "".join(f"{key:>9}" for key in (*SPREAD, "kept")))
     for part, rows in found.items():
         for name, row in rows.items():
             before = kept.get("parts", {}).get(part, {}).get(name)
             counts = before and not COUNTS.search(name) and (is_same or not SECONDS.search(name))
             factor = worse_by(name, row, before) if counts else 1.0
             mark = f"  WORSE by {factor - 1:.0%}" if factor > 1.0 else ""
-            cells = "".join(f"{row[key]:>9.4g}" for key in ("min", "median", "max"))
+            cells = "".join(f"{row[key]:>9.4g}" if key in row else " " * 9 for key in SPREAD)
             last = f"{before['median']:>9.4g}" if before else f"{'new':>9}"
             print(f"{f'{part}: {name}':<78}{cells}{last}{mark}")
             if mark:
