@@ -7,14 +7,12 @@ law decomposes, schedules its damping, keeps limits of rate and acceleration, an
 turns, in short pieces of CPU time of this thread; a ratio is that of one round.
 """
 
-import argparse
-import json
-import statistics
 import time
 from collections.abc import Callable
 
 import mujoco
 import numpy as np
+from measure import options, show, spread
 
 import rmrc
 
@@ -64,10 +62,7 @@ def contestants() -> dict[str, tuple[Callable[[], object], int]]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=30)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = options(__doc__, 30).parse_args()
     calls = contestants()
     for call, _ in calls.values():
         call()  # compiles, or loads
@@ -75,17 +70,11 @@ def main() -> None:
     for _ in range(arguments.rounds):
         for name, (call, worlds) in calls.items():
             took[name].append(microseconds(call) / worlds)
-    table = {}
-    for name, values in took.items():
-        ratios = [own / numpy for own, numpy in zip(values, took["numpy"], strict=True)]
-        spread = min(ratios), statistics.median(ratios), max(ratios)
-        table[name] = dict(zip(("min", "median", "max"), spread, strict=True)) | {"us": min(values)}
-    if arguments.json:
-        print(json.dumps(table, indent=2))
-        return
-    print(f"{'CPU time over that of numpy':<60}{'min':>8}{'median':>8}{'max':>8}{'us, least':>12}")
-    for name, row in table.items():
-        print(f"{name:<60}{row['min']:>8.2f}{row['median']:>8.2f}{row['max']:>8.2f}{row['us']:>12.2f}")
+    table = {
+        name: spread([*zip(values, took["numpy"], strict=True)]) | {"us, least": min(values)}
+        for name, values in took.items()
+    }
+    show(table, arguments.json, "CPU time over that of numpy")
 
 
 if __name__ == "__main__":

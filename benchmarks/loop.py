@@ -1,6 +1,6 @@
 """How much the closed loop costs over the physics alone, as ratios measured in one run.
 
-    python benchmarks/loop.py [--rounds 7] [--json] [--only arms|methods|robots|way|blocks]
+    python benchmarks/loop.py [--rounds 7] [--json] [--only arms|blocks|robots|way|methods|threads|numpy]
 
 The floor is MuJoCo's own C loop: the same batch, from the same state, fed with the very controls that the
 closed loop sent, so that both step the same motion. The closed loop adds the law (decomposition, scheduled
@@ -9,33 +9,31 @@ are noisy: what is compared takes turns, time is that of the thread and not of t
 given as min, median and max over the rounds, beside that of the least times of all rounds.
 """
 
-import argparse
 import itertools
 import json
-import statistics
 import sys
 import time
-from pathlib import Path
+from functools import partial
 
 import numpy as np
+from measure import ROOT, options, ratios, show, spread
 from mujoco.batch import Batch
 
-ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests"))  # the plain numpy loop is the tests' oracle
 
-from oracles import NumpyLoop  # noqa: E402
-from rmrc.law.jit import Record, entry  # noqa: E402
-from rmrc.law.kinematics import chain_jacobian, follow_chain  # noqa: E402
-from rmrc.law.law import take_error  # noqa: E402
-from rmrc.law.record import tick_type  # noqa: E402
-from rmrc.plants import native  # noqa: E402
-from rmrc.plants.blocks import BEFORE  # noqa: E402
-from rmrc.plants.chance import normals  # noqa: E402
-from rmrc.results.columns import COLUMNS  # noqa: E402
-from rmrc.scenario import loads  # noqa: E402
-from rmrc.scenario.choices import INVERSES, SCHEDULES  # noqa: E402
-from rmrc.simulation.prepare import Prepared, prepare, world_records  # noqa: E402
-from rmrc.simulation.simulation import Simulation  # noqa: E402
+from oracles import NumpyLoop
+from rmrc.law.jit import Record, entry
+from rmrc.law.kinematics import chain_jacobian, follow_chain
+from rmrc.law.law import take_error
+from rmrc.law.record import tick_type
+from rmrc.plants import native
+from rmrc.plants.blocks import BEFORE
+from rmrc.plants.chance import normals
+from rmrc.results.columns import COLUMNS
+from rmrc.scenario import loads
+from rmrc.scenario.choices import INVERSES, SCHEDULES
+from rmrc.simulation.prepare import Prepared, prepare, world_records
+from rmrc.simulation.simulation import Simulation
 
 SCENARIO = """
 name: benchmark
@@ -55,9 +53,6 @@ ARMS = {
 # An arm of seven joints with a gripper, at its own timestep.
 ROBOT = ("tool", "x, y, z, rx, ry, rz", "0.1, 0.1, 0.1", "-0.1, -0.1, -0.1")
 ROBOT_PERIOD = ("control.period=0.002", "plant.timestep=0.002")
-SPREAD = ("min", "median", "max", "minima")
-# Seconds of stepping that go into one ratio.
-TIMING = 0.5
 
 
 def world(arm: str, *overrides: str) -> Prepared:
@@ -97,27 +92,6 @@ def floor(prepared: Prepared, controls: np.ndarray) -> float:
     started = time.thread_time()
     batch.rollout(controls.shape[1], controls, record=())
     return time.thread_time() - started
-
-
-def ratios(rounds: int, numerator, denominator, least: int = 3) -> dict[str, float]:
-    """Return the spread of numerator() / denominator() over the rounds.
-
-    In a round both take turns until TIMING has gone by, at least `least` times, and the least of each counts.
-    """
-    found = []
-    for _ in range(rounds):
-        pairs: list[tuple[float, float]] = []
-        while len(pairs) < least or sum(map(sum, pairs)) < TIMING:
-            pairs.append((numerator(), denominator()))
-        found.append((min(a for a, _ in pairs), min(b for _, b in pairs)))
-    return spread(found)
-
-
-def spread(found: list[tuple[float, float]]) -> dict[str, float]:
-    """Return min, median and max of the ratios, and the ratio of the least numerator and denominator."""
-    each = [a / b for a, b in found]
-    least = min(a for a, _ in found) / min(b for _, b in found)
-    return {"min": min(each), "median": statistics.median(each), "max": max(each), "minima": least}
 
 
 def over_floor(prepared: list[Prepared], rounds: int) -> dict[str, float]:
@@ -268,31 +242,37 @@ def method_rows(rounds: int) -> dict[str, dict[str, float]]:
     return rows
 
 
-def two_threads(rounds: int, worlds: int = 128) -> dict[str, float]:
+def thread_rows(rounds: int, worlds: int = 128) -> dict[str, dict[str, float]]:
     """One thread over two, after a check that both give the same bits."""
     prepared = world("stanford")
     one, two = (closed_loop([prepared] * worlds, threads)[1].runs() for threads in (1, 2))
     for a, b in zip(one, two, strict=True):
         for name in COLUMNS:
             np.testing.assert_array_equal(a[name], b[name])
-    return ratios(
+    found = ratios(
         rounds,
         lambda: closed_loop([prepared] * worlds, 1)[0],
         lambda: closed_loop([prepared] * worlds, 2)[0],
     )
+    return {f"1 thread / 2 threads, stanford, {worlds} worlds": found}
 
 
-def numpy_over_loop(worlds: int, rounds: int) -> dict[str, float]:
+def numpy_rows(rounds: int) -> dict[str, dict[str, float]]:
     """The plain numpy loop, world by world, over the closed loop."""
     prepared = world("stanford")
 
-    def plain() -> float:
+    def plain(worlds: int) -> float:
         loop = NumpyLoop(prepared)
         started = time.thread_time()
         loop.run()
         return (time.thread_time() - started) * worlds
 
-    return ratios(rounds, plain, lambda: closed_loop([prepared] * worlds)[0])
+    return {
+        f"plain numpy loop / closed loop, stanford, {worlds} world{'s' * (worlds > 1)}": ratios(
+            min(rounds, 3), partial(plain, worlds), lambda of=[prepared] * worlds: closed_loop(of)[0]
+        )
+        for worlds in (1, 64)
+    }
 
 
 def pieces(arm: str) -> dict[str, float]:
@@ -347,48 +327,30 @@ def error_many(records: Record, outs: Record, calls: int) -> None:
         take_error(records[0], outs[0].pose_ref, records[0].pose, outs[0].pose_error)
 
 
+ROWS = {
+    "arms": arm_rows, "blocks": block_rows, "robots": robot_rows, "way": way_rows, "methods": method_rows,
+    "threads": thread_rows, "numpy": numpy_rows,
+}  # fmt: skip
+
+
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument(
-        "--only", choices=["arms", "methods", "robots", "way", "blocks"], help="measure these rows alone"
-    )
-    arguments = parser.parse_args()
-    rounds = arguments.rounds
-    if arguments.only:
-        rows = {
-            "arms": arm_rows, "methods": method_rows, "robots": robot_rows, "way": way_rows,
-            "blocks": block_rows,
-        }[arguments.only]  # fmt: skip
-        parts = {"stanford": way_parts()} if arguments.only == "way" else {}
-        if arguments.only == "blocks":
-            parts = {arm: pieces(arm) for arm in ARMS}
-        show(rows(rounds), parts, arguments.json)
+    arguments = options(__doc__, 7, ROWS).parse_args()
+    table: dict[str, dict[str, float]] = {}
+    for name, measure in ROWS.items():
+        if arguments.only in (None, name):
+            table |= measure(arguments.rounds)
+    parts = {"stanford": way_parts()} if arguments.only in (None, "way") else {}
+    if arguments.only in (None, "arms", "blocks"):
+        parts |= {arm: pieces(arm) | parts.get(arm, {}) for arm in ARMS}
+    if arguments.json:
+        print(json.dumps(table | {"us a tick": parts}, indent=2))
         return
-    table = arm_rows(rounds) | robot_rows(rounds) | way_rows(rounds) | method_rows(rounds)
-    table["1 thread / 2 threads, stanford, 128 worlds"] = two_threads(rounds)
-    for worlds in (1, 64):
-        name = f"plain numpy loop / closed loop, stanford, {worlds} world{'s' * (worlds > 1)}"
-        table[name] = numpy_over_loop(worlds, 3)
-    show(table, {arm: pieces(arm) for arm in ARMS}, arguments.json)
-
-
-def show(table: dict[str, dict[str, float]], parts: dict[str, dict[str, float]], as_json: bool) -> None:
-    """Print ratios, and the parts of a tick if there are any."""
-    if as_json:
-        print(json.dumps(table | {"pieces, us a tick": parts}, indent=2))
-        return
-    print(f"{'ratio':<66}" + "".join(f"{key:>8}" for key in SPREAD) + "   floor, us a step")
-    for name, row in table.items():
-        floor_us = f"{row['floor_us']:>16.2f}" if "floor_us" in row else ""
-        print(f"{name:<66}" + "".join(f"{row[key]:>8.3f}" for key in SPREAD) + floor_us)
-    if not parts:
-        return
-    print(f"\n{'us a tick of one world':<50}" + "".join(f"{arm:>14}" for arm in parts))
-    for piece in next(iter(parts.values())):
-        print(f"{piece:<50}" + "".join(f"{parts[arm][piece]:>14.2f}" for arm in parts))
+    show(table, False)
+    for arm, found in parts.items():
+        print(f"\n{f'us a tick of one world, {arm}':<58}{'':>12}")
+        for piece, microseconds in found.items():
+            print(f"{piece:<58}{microseconds:>12.2f}")
 
 
 if __name__ == "__main__":

@@ -6,7 +6,8 @@
 - overhead: a whole sweep on one thread over its loop alone: what is not the loop is reading and checking each
   run, its target, its scorecard, its row, and the files.
 - threads: a whole sweep on one thread over the same one on two, and over half as many runs in each of two
-  processes, which tells what the cores of the machine give.
+  processes, which tells what the cores of the machine give; and the second over the third, which tells what
+  threads lose to that. By the clock: only an idle machine shows it.
 - cluster: a whole sweep on a local cluster of one worker over the same one on two; starting it is left out.
 - plain: what a user would write instead, a Python loop of MuJoCo and numpy on two processes, over a sweep.
 - memory: of a process that makes 100,000 short runs; no ratio.
@@ -14,7 +15,6 @@
 A run lasts 4 s, 4,001 control ticks. The floor is that of `loop.py`. Compiling is left out of all.
 """
 
-import argparse
 import multiprocessing
 import os
 import tempfile
@@ -26,7 +26,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from loop import ARMS, ROOT, closed_loop, floor, ratios, show, spread, world
+from loop import ARMS, closed_loop, floor, world
+from measure import ROOT, Rows, options, ratios, show, spread
 
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load
@@ -112,9 +113,6 @@ def streamed(prepared: list[Prepared], threads: int = 1) -> float:
     return time.perf_counter() - started
 
 
-Rows = dict[str, dict[str, float]]
-
-
 def scorecard_rows(rounds: int, worlds: int = 64) -> Rows:
     """Streamed scorecards over those of kept columns, over no scorecards at all, and over the floor."""
     prepared = [world("stanford")] * worlds
@@ -141,19 +139,30 @@ def overhead_rows(rounds: int, runs: int = 1000) -> Rows:
 
 
 def thread_rows(rounds: int, runs: int = 1000) -> Rows:
-    """One thread over two, of stepping with scorecards and of whole sweeps; and over two processes."""
+    """One thread over two, of stepping with scorecards and of whole sweeps; and beside two processes.
+
+    The three ways of a whole sweep take turns. Two threads over the slower of two processes, which share
+    nothing but the machine, is what threads lose.
+    """
     prepared = [world("stanford")] * 128
-    stepping = ratios(rounds, lambda: streamed(prepared, 1), lambda: streamed(prepared, 2))
+    rows = {
+        "1 thread / 2 threads, stanford, 128 worlds, streamed": ratios(
+            rounds, lambda: streamed(prepared, 1), lambda: streamed(prepared, 2)
+        )
+    }
     with scenario_of("stanford") as path, multiprocessing.get_context("spawn").Pool(2) as pool:
-        halves = [(path, runs // 2, DAMPING)] * 2
         pool.starmap(swept, [(path, 2, DAMPING)] * 2, chunksize=1)  # loads all that is imported
-        one, two = (lambda n=n: swept(path, runs, DAMPING, threads=n) for n in (1, 2))
-        apart = lambda: max(pool.starmap(swept, halves, chunksize=1))  # noqa: E731
-        return {
-            "1 thread / 2 threads, stanford, 128 worlds, streamed": stepping,
-            f"1 thread / 2 threads, stanford, {runs} runs": ratios(rounds, one, two, least=1),
-            "1 thread / 2 processes of half the runs, stanford": ratios(rounds, one, apart, least=1),
-        }
+        halves, ways = [(path, runs // 2, DAMPING)] * 2, dict[str, list[float]]()
+        for _ in range(rounds):
+            for threads in (1, 2):
+                ways.setdefault(f"{threads}", []).append(swept(path, runs, DAMPING, threads=threads))
+            ways.setdefault("apart", []).append(max(pool.starmap(swept, halves, chunksize=1)))
+        one, two, apart = (ways[name] for name in ("1", "2", "apart"))
+    return rows | {
+        f"1 thread / 2 threads, stanford, {runs} runs": spread([*zip(one, two, strict=True)]),
+        "1 thread / 2 processes of half the runs, stanford": spread([*zip(one, apart, strict=True)]),
+        "2 threads / 2 processes of half the runs, stanford": spread([*zip(two, apart, strict=True)]),
+    }
 
 
 def cluster_rows(rounds: int, runs: int = 1000) -> Rows:
@@ -252,16 +261,12 @@ ROWS = {
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--only", choices=[*ROWS], help="measure these rows alone")
-    arguments = parser.parse_args()
+    arguments = options(__doc__, 5, ROWS).parse_args()
     rows: Rows = {}
     for name, measure in ROWS.items():
         if arguments.only in (None, name):
             rows |= measure(arguments.rounds)
-    show(rows, {}, arguments.json)
+    show(rows, arguments.json)
 
 
 if __name__ == "__main__":

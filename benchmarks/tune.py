@@ -91,7 +91,9 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=2000)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--ideal", action="store_true")
-    parser.add_argument("--json", action="store_true", help="print all figures, by scenario and seed")
+    parser.add_argument(
+        "--json", action="store_true", help="print all figures as well, by scenario, each of all seeds"
+    )
     arguments = parser.parse_args()
     options = {name: getattr(arguments, name) for name in ("runs", "threads", "ideal")}
     found: dict[str, list[list[float]]] = {}
@@ -106,7 +108,9 @@ def main() -> None:
         for what, of in (("min", min), ("median", statistics.median), ("max", max)):
             _show(f"{name}, {what}", [of(values) for values in zip(*rows, strict=True)])
     if arguments.json:
-        print(json.dumps(found))
+        print(json.dumps({
+            name: dict(zip(FIGURES, zip(*rows, strict=True), strict=True)) for name, rows in found.items()
+        }))  # fmt: skip
 
 
 def _show(name: str, figures: Sequence[float]) -> None:

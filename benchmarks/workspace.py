@@ -8,22 +8,18 @@
 Machines are noisy: both take turns, and each ratio is given as min, median and max over the rounds.
 """
 
-import argparse
-import json
-import statistics
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import mujoco
 import numpy as np
+from measure import ROOT, options, show, spread
 
 from rmrc import arm as arms
 from rmrc.analysis.survey import survey
 from rmrc.analysis.workspace.workspace import workspace
 from rmrc.law.task import choose
 
-ROOT = Path(__file__).parent.parent
 COUNT = 1_000_000
 LOOPED = 10_000
 # In a round all take so many turns, and the least of each counts.
@@ -35,11 +31,6 @@ def seconds(work: Callable[[], object]) -> float:
     started = time.perf_counter()
     work()
     return time.perf_counter() - started
-
-
-def spread(values: list[float]) -> dict[str, float]:
-    """Return min, median and max."""
-    return {"min": min(values), "median": statistics.median(values), "max": max(values)}
 
 
 def loop(arm: arms.Arm, q: np.ndarray) -> np.ndarray:
@@ -56,10 +47,7 @@ def loop(arm: arms.Arm, q: np.ndarray) -> np.ndarray:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = options(__doc__, 7).parse_args()
     arm = arms.load(ROOT / "models/stanford.xml")
     task, q = choose(arm), arm.sampled(COUNT)
     # Both give the same, and everything is compiled.
@@ -86,13 +74,7 @@ def main() -> None:
         workspace(other, cells=20, samples=1000)
         times = [seconds(lambda other=other: workspace(other)) for _ in range(arguments.rounds)]
         rows[f"workspace of {name}, s"] = times
-    table = {name: spread(values) for name, values in rows.items()}
-    if arguments.json:
-        print(json.dumps(table, indent=2))
-        return
-    print(f"{'':<46}{'min':>8}{'median':>8}{'max':>8}")
-    for name, row in table.items():
-        print(f"{name:<46}{row['min']:>8.2f}{row['median']:>8.2f}{row['max']:>8.2f}")
+    show({name: spread(values) for name, values in rows.items()}, arguments.json)
 
 
 if __name__ == "__main__":

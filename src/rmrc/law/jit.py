@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rmrc.law.keeping import known_home, notice, own_folder
 from rmrc.law.kept import Kept
-from rmrc.law.linking import PartCompiler, WholeCompiler
+from rmrc.law.linking import PartCompiler, WholeCompiler, typing_remembered
 from rmrc.scenario.choices import Choice, Choices
 from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
 
@@ -404,21 +404,22 @@ def _kind(argument: object) -> object:
 
 @contextmanager
 def _briskly() -> Iterator[None]:
-    """Compile in a quarter less time than numba by itself.
+    """Compile in half the time that numba takes by itself.
 
     Level 2 makes code as fast as level 3 does for loops this short. Compiling makes millions of objects that
     live on, and the garbage collector would search them again and again.
     """
     settings: Any = config  # its attributes are made on import
-    level, collects = settings.OPT, gc.isenabled()
-    settings.OPT = type(level)(min(2, level))
-    gc.disable()
-    try:
-        yield
-    finally:
-        settings.OPT = level
-        if collects:
-            gc.enable()
+    with typing_remembered():
+        level, collects = settings.OPT, gc.isenabled()
+        settings.OPT = type(level)(min(2, level))
+        gc.disable()
+        try:
+            yield
+        finally:
+            settings.OPT = level
+            if collects:
+                gc.enable()
 
 
 def _forget_other_sources(directory: Path, function: Callable[..., object]) -> None:

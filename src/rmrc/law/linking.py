@@ -1,10 +1,20 @@
-"""How compiled functions are linked: each entry is optimized once, with all that it calls."""
+"""How compiled functions are linked: each entry is optimized once, with all that it calls.
 
-from collections.abc import Sequence
-from typing import Any
+Numba is made for functions of a few lines that are compiled one by one. Here one entry calls a hundred small
+ones, and most of the time goes into what numba does between its own steps. The classes and the memory below
+leave out what changes nothing in the machine code.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, cast
 
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_machinery import PassManager, _pass_registry
+from numba.core.errors import NumbaError
+from numba.core.types.functions import BaseFunction
 
 
 class _Unnamed:
@@ -36,6 +46,10 @@ class Part(JITCodeLibrary):
         """Leave everything to the linker."""
         self._finalized = True
 
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Leave that as well: functions are optimized once, where they are linked."""
+        ll_module.data_layout = self._codegen._data_layout
+
     def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002 - as numba calls it
         """Return 0, as there is no machine code."""
         return 0
@@ -66,6 +80,16 @@ class Whole(JITCodeLibrary):
         self._linking_libraries = [one for one in libraries if not isinstance(one, Part)]
         super().finalize()  # type: ignore[no-untyped-call]
 
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Leave that to the one time that all code is optimized together."""
+        ll_module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self) -> None:
+        """Optimize once; numba first does so cheaply, to find references that it counts for nothing."""
+        codegen: Any = self._codegen
+        passes, builder = codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
+
 
 def _all_parts(libraries: Sequence[Any]) -> list[Any]:
     """Return libraries, and the libraries that parts among them call."""
@@ -78,6 +102,55 @@ def _all_parts(libraries: Sequence[Any]) -> list[Any]:
     return list(found)
 
 
+class _Passes(PassManager):
+    """Numba's passes, one after the other, and nothing in between.
+
+    Numba reports each with the types of all arguments in words, and the type of a record has a hundred
+    fields. It also finds out after each which variables are alive. The last pass before the code does that.
+    """
+
+    def run(self, state: Any) -> None:
+        """Run all passes on the state of a compiler."""
+        registered: Any = _pass_registry
+        for one, does in self.passes:
+            done = registered.get(one).pass_inst
+            done.analysis = self._analysis
+            try:
+                for step in (done.run_initialization, done.run_pass, done.run_finalizer):
+                    step(state)
+            except NumbaError as error:
+                self._patch_error(f"Failed in {self.pipeline_name} mode pipeline (step: {does})", error)  # type: ignore[no-untyped-call]
+                raise
+
+
+_typed: dict[tuple[Any, ...], Any] = {}
+
+
+@contextmanager
+def typing_remembered() -> Iterator[None]:
+    """Have numba remember what a call returns, by function and types. One thread at a time compiles here.
+
+    At each sum numba otherwise tries all ways that it knows to add two numbers, and again to make code of it.
+    """
+    with global_compiler_lock:
+        functions = cast(Any, BaseFunction)
+        found: Callable[..., Any] = functions.get_call_type
+
+        def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
+            if kws:
+                return found(self, context, args, kws)
+            key = (self, context, *args)
+            if key not in _typed:
+                _typed[key] = found(self, context, args, kws)
+            return _typed[key]
+
+        functions.get_call_type = get_call_type
+        try:
+            yield
+        finally:
+            functions.get_call_type = found
+
+
 class WholeCompiler(Compiler):
     """Numba's own compiler, for functions that Python calls or that are called at their address."""
 
@@ -88,7 +161,11 @@ class WholeCompiler(Compiler):
         state = self.state
         state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
-        return super().define_pipelines()  # type: ignore[no-untyped-call]
+        (own,) = super().define_pipelines()  # type: ignore[no-untyped-call]
+        passes = _Passes(own.pipeline_name)  # type: ignore[no-untyped-call]
+        passes.passes = own.passes
+        passes.finalize()  # type: ignore[no-untyped-call]
+        return [passes]
 
 
 class PartCompiler(WholeCompiler):
