@@ -35,8 +35,14 @@ LAYERS = (
 OWNERS = {
     "numpy": ("rmrc",),
     "mujoco": ("rmrc.arm", "rmrc.plants", "rmrc.law.controller", "rmrc.film.renderer"),
-    "numba": ("rmrc.law.addresses", "rmrc.law.jit", "rmrc.law.kept", "rmrc.law.linking"),
-    "llvmlite": ("rmrc.law.addresses", "rmrc.law.kept"),  # comes with numba
+    "numba": (
+        "rmrc.law.addresses",
+        "rmrc.law.jit",
+        "rmrc.law.kept",
+        "rmrc.law.linking",
+        "rmrc.law.registers",
+    ),
+    "llvmlite": ("rmrc.law.addresses", "rmrc.law.kept", "rmrc.law.registers"),  # comes with numba
     "ruckig": ("rmrc.simulation.trajectory",),
     "yaml": ("rmrc.scenario",),
     "pydantic": ("rmrc.scenario",),

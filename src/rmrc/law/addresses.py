@@ -1,4 +1,4 @@
-"""Call machine code at an address and read numbers at an address, as a C library requires."""
+"""Use addresses in compiled code: call machine code, read numbers, and fetch a record from memory."""
 
 from collections.abc import Callable
 from typing import Any, cast
@@ -6,13 +6,16 @@ from typing import Any, cast
 import numba
 import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
-from numba.core import types
+from numba.core import cgutils, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from rmrc.law.jit import inlined
 
 _WORD = ir.IntType(64)
+_function: Any = cgutils.get_or_insert_function
+# Bytes that a processor's memory moves at once.
+_LINE = 64
 
 
 def _typed_pointer(_: Any, address: Any) -> Any:
@@ -31,11 +34,26 @@ def _typed_call(_: Any, address: Any, first: Any, second: Any) -> Any:
     return types.none(address, first, second), generate
 
 
+def _typed_fetch(_: Any, record: Any) -> Any:
+    def generate(context: Any, builder: Any, _: Any, given: Any) -> Any:
+        byte, number = ir.IntType(8).as_pointer(), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [byte, number, number, number])
+        prefetch = _function(builder.module, kind, "llvm.prefetch.p0")
+        start, to_write, nearest, data = builder.bitcast(given[0], byte), number(1), number(3), number(1)
+        for at in (*range(0, record.size, _LINE), record.size - 1):
+            builder.call(prefetch, [builder.gep(start, [_WORD(at)]), to_write, nearest, data])
+        return context.get_dummy_value()
+
+    return types.none(record), generate
+
+
 _make: Any = intrinsic
 _carray: Any = cast(Any, numba).carray
 _pointer: Callable[[int], int] = _make(_typed_pointer)
 # Calls a C function that takes two pointers and returns nothing.
 call_c: Callable[[int, int, int], None] = _make(_typed_call)
+# Has the processor load a record into its cache that is written soon, while it does something else.
+fetch: Callable[[Any], None] = _make(_typed_fetch)
 
 
 @inlined

@@ -23,6 +23,7 @@ from rmrc.law.metric import INERTIA, backward, scale_joints, weigh_columns
 from rmrc.law.nullspace import NONE, move_in_null_space
 from rmrc.law.policies import KEEP_OUT, hold_off, near_singularity
 from rmrc.law.record import JOINTS, Field
+from rmrc.law.registers import FEWEST, sharpen
 from rmrc.law.standstill import stuck
 from rmrc.law.svd import (
     RANK_FLOOR,
@@ -258,7 +259,8 @@ def decompose(world: Record, sigma: Array) -> None:
     if world.inverse_metric == INERTIA:
         matrix = world.B
         weigh_columns(world.root, world.A, world.m, world.n, matrix)
-    svd(matrix, world.m, world.n, world.u, sigma, world.v)
+    if world.k < FEWEST or not sharpen(world, matrix, sigma):
+        svd(matrix, world.m, world.n, world.u, sigma, world.v)
     last = world.k - 1
     if sigma[last] <= RANK_FLOOR * sigma[0] and world.m <= world.n and world.age > 1:
         continue_row(world.v, last, world.v_last, world.n)

@@ -85,7 +85,7 @@ SCRATCH = (
     Field("axis", size=(CHAIN, 3)), Field("anchor", size=(CHAIN, 3)), Field("axis_rate", size=(CHAIN,)),
     Field("twist_task", size=(6,)), Field("twist_cmd", size=(6,)),
     Field("task", size=(ROWS,)), Field("asked", size=(ROWS,)), Field("error"),
-    Field("A", size=(ROWS, JOINTS)), Field("qdot0", size=(JOINTS,)),
+    Field("A", size=(ROWS, JOINTS)), Field("angles", size=(ROWS, JOINTS)), Field("qdot0", size=(JOINTS,)),
     Field("lower", size=(JOINTS,)), Field("upper", size=(JOINTS,)), Field("held", size=(JOINTS,)),
     Field("rest_lower", size=(JOINTS,)), Field("rest_upper", size=(JOINTS,)), Field("fade", size=(JOINTS,)),
     Field("drift", size=(JOINTS,)), Field("best", size=(JOINTS,)),
@@ -115,7 +115,7 @@ ADDRESSES = tuple(
     Field(f"call_{name}", np.int64)
     for name in (
         "metric", "damping", "gains", "null_space", "objective", "policy", "hold_off", "limits", "eased",
-        "rest_bounds", "best", "rest",
+        "rest_bounds", "best", "rest", "sharpen",
     )
 )  # fmt: skip
 

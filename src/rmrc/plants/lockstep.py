@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.law.addresses import fetch
 from rmrc.law.jerk import keep_changes
 from rmrc.law.jit import Array, Record, apart, compiled, entry
 from rmrc.law.kinematics import (
@@ -121,6 +122,7 @@ def tick(
         proceed(world, t)
         if t + 1 < world.ticks:
             running += 1
+            fetch(ticks[(t + 1) % ticks.shape[0], w])  # it arrives during the step of MuJoCo
     return running
 
 
