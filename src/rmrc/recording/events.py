@@ -149,7 +149,7 @@ class _Block:
         return first, lasted[first], sum(1 for one in others if one)
 
     def texts(self) -> list[str]:
-        """Return its texts, from long to short: the gravest state, how long it lasts, the number of others."""
+        """Return its texts, from long to short: the gravest state, its time, the number of others."""
         gravest, lasted, others = self.gravest
         more, milliseconds = f" +{others}" * (others > 0), f" {1e3 * lasted:.0f} ms"
         own = gravest & ~self.around

@@ -266,6 +266,8 @@ class _Story(Track):
         if looked_at is not None:
             values = Values(stream.short("look"), looked_at.values[None])
             self.send("look", self.at([looked_at.time]), values)
+            now = live.lines(self._prepared, looked_at.instant, np.zeros(1, np.int64))
+            self.out.send("now", self.at([looked_at.time]), rr.TextDocument.columns(text=now))
             tip = looked_at.instant["pose"][0, :3]
             for rest, what in callout(tip, looked_at.text, self.scene).items():
                 self.out.log(f"tip/look{rest}", *what)
