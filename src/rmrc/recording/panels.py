@@ -283,7 +283,8 @@ class Panels:
         unit = ", ".join(name.split("[")[1].rstrip("]") for name in self.errors)
         names = [name.split(" ")[0] for name in self.errors]
         curve = Curve("columns", "curves.error[]", names, colors, 2.0)
-        return Panel(f"Tip error [{unit}]", [curve], range_)
+        alone = "Tip error [mm], rotation gray [mrad]" if len(names) == 2 else ""
+        return Panel(f"Tip error [{unit}]", [curve], range_, alone=alone)
 
     def _torque(self, seen: Seen | None) -> Panel:
         _, names, colors = limit_lines(self.torque_limit, self._joints, self._hues)

@@ -99,6 +99,8 @@ class Panel:
         curves: In the order in which they are drawn.
         range: Range of its axis; None: all that there is.
         is_key: Whether its legend is that of the other plots, too, and stays where it is too long.
+        has_legend: Whether it has one.
+        alone: Its title without a legend, which names the curves; "": the same.
     """
 
     title: str
@@ -106,6 +108,7 @@ class Panel:
     range: tuple[float, float] | None = None
     is_key: bool = False
     has_legend: bool = True
+    alone: str = ""
 
     @property
     def names(self) -> set[str]:
@@ -131,7 +134,9 @@ class Panel:
                 names = one.spare if len(one.spare) > 1 else [*one.spare] * len(one.names)
                 curves[i] = replace(one, names=names)
                 panel = replace(panel, curves=curves)
-        return replace(panel, has_legend=panel.is_key or len(panel.names) <= room)
+        has_legend = panel.is_key or len(panel.names) <= room
+        title = panel.title if has_legend else panel.alone or panel.title
+        return replace(panel, title=title, has_legend=has_legend)
 
     def numbers(self, height: float) -> float:
         """Return how wide the numbers beside the axis are [points]."""
