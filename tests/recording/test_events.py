@@ -68,6 +68,12 @@ def test_what_is_told_leaves_out_what_holds_beside_it_if_that_is_shorter():
     assert [label.text for label in strip.labels(end, 90.0)][1] == "jerk limited 100 ms →"
 
 
+def test_the_shortest_text_names_the_grave_state():
+    grave = Status.RATE_LIMITED | Status.SINGULAR | Status.TORQUE_LIMITED
+    strip, end = strip_of([(4.0, 0), (0.1, grave), (3.0, 0)])
+    assert [label.text for label in strip.labels(end, 60.0)] == ["free", " ", "← singular 100 ms"]
+
+
 def test_states_that_flicker_are_one_in_the_color_of_the_gravest():
     flicker = [(0.1, Status.SINGULAR), (0.1, 0)] * 20
     strip, end = strip_of([(4.0, 0), *flicker, (4.0, 0)])

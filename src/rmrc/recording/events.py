@@ -154,7 +154,7 @@ class _Block:
         more, milliseconds = f" +{others}" * (others > 0), f" {1e3 * lasted:.0f} ms"
         own = gravest & ~self.around
         rest = words(own or gravest)
-        last = rest.rpartition(", ")[2] if own else rest
+        last = words(own & GRAVE or own).rpartition(", ")[2] if own else rest
         return [words(gravest) + milliseconds + more, rest + milliseconds + more,
                 last + milliseconds + more, last + milliseconds, last]  # fmt: skip
 
