@@ -1,18 +1,21 @@
 """What a recording costs: processor time a tick, bytes a tick, and how long a torn one holds up who opens it.
 
-    python benchmarks/recording.py [SCENARIO ...] [--rounds 7] [--cuts 20] [--json]
+    python benchmarks/recording.py [SCENARIO ...] [--rounds 25] [--cuts 20] [--json]
 
 Each scenario runs once, without a recording. Its columns are then written as `run` writes them, block by
 block, flushed to disk:
 
 1. Processor time of the thread that writes, a tick: that of the whole recording, from opening the file to
-   finishing it, less that of a recording of the first tick alone, by the ticks of the run. Minimum, median
-   and maximum of the rounds, each of both; and the time of one tick alone, in milliseconds.
+   finishing it, less that of a recording of the first tick alone, by the other ticks. Both are written one
+   after the other, in turns first; a round gives one difference. The first number is of the least times of
+   both, the others are the median of the differences and their quartiles; and the least time of one tick
+   alone, in milliseconds. A short run takes off a time that is 20 times its own: its quartiles are wide.
 2. Size of the file, by the ticks of the run; and of the ticks alone, without layout, texts and geometries.
 3. The first recording, cut anywhere, and with a wrong head: seconds until it is repaired or refused.
 """
 
 import argparse
+import gc
 import json
 import random
 import statistics
@@ -51,6 +54,11 @@ def written(prepared: Prepared, run: Run, path: Path, ticks: int) -> float:
     return time.thread_time() - begun
 
 
+def quartiles(values: list[float]) -> list[float]:
+    """Return the quartiles of some values, of which there may be one."""
+    return statistics.quantiles(values, n=4, method="inclusive") if len(values) > 1 else values * 3
+
+
 def measured(name: str, rounds: int, folder: Path) -> dict[str, object]:
     """Return what a scenario's recording costs."""
     path = ROOT / "scenarios" / f"{name}.yaml"
@@ -59,15 +67,20 @@ def measured(name: str, rounds: int, folder: Path) -> dict[str, object]:
     half = ticks // 2
     written(prepared, run, file, half)  # fills caches
     small = file.stat().st_size
-    found = [(written(prepared, run, file, 1), written(prepared, run, file, ticks)) for _ in range(rounds)]
-    once, whole = (sorted(times) for times in zip(*found, strict=True))
-    times = [1e6 * (more - less) / (ticks - 1) for less, more in zip(once, whole, strict=True)]
+    found = dict[int, list[float]]({1: [], ticks: []})
+    for i in range(rounds):
+        for count in (1, ticks)[:: 1 if i % 2 else -1]:
+            gc.collect()  # of what was there before, which costs more than a tick
+            found[count].append(written(prepared, run, file, count))
+    each = [more - less for less, more in zip(*found.values(), strict=True)]
+    times = [1e6 * one / (ticks - 1) for one in (min(found[ticks]) - min(found[1]), *quartiles(each))]
+    written(prepared, run, file, ticks)
     size = file.stat().st_size
     return {
         "joints": len(run.joints),
         "ticks": ticks,
-        "us a tick": [times[0], times[rounds // 2], times[-1]],
-        "ms of one tick": 1e3 * once[rounds // 2],
+        "us a tick": dict(zip(("least", "quartile", "median", "third quartile"), times, strict=True)),
+        "ms of one tick": 1e3 * min(found[1]),
         "bytes a tick": size / ticks,
         "of the ticks alone": (size - small) / (ticks - half),
     }
@@ -92,7 +105,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenarios", nargs="*", default=SCENARIOS)
-    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--rounds", type=int, default=25)
     parser.add_argument("--cuts", type=int, default=20)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
@@ -103,13 +116,14 @@ def main() -> None:
     if arguments.json:
         print(json.dumps({"recordings": rows, "torn": cut}))
         return
-    heads = ("joints", "ticks", "us a tick: min", "median", "max", "ms of one", "B a tick", "alone")
-    print(f"{'recording of':18}" + "".join(f"{head:>16}" for head in heads))
+    heads = ("joints", "ticks", "us a tick: least", "quartile", "median", "3rd quartile", "ms of one",
+             "B a tick", "alone")  # fmt: skip
+    print(f"{'recording of':18}" + "".join(f"{head:>17}" for head in heads))
     for one, row in rows.items():
-        least, middle, most = row["us a tick"]  # type: ignore[misc]
-        times = "".join(f"{value:16.1f}" for value in (least, middle, most, row["ms of one tick"]))
-        print(f"{one:18}{row['joints']:16}{row['ticks']:16}{times}"
-              f"{row['bytes a tick']:16.0f}{row['of the ticks alone']:16.0f}")  # fmt: skip
+        each = [*row["us a tick"].values(), row["ms of one tick"]]  # type: ignore[attr-defined]
+        times = "".join(f"{value:17.1f}" for value in each)
+        print(f"{one:18}{row['joints']:17}{row['ticks']:17}{times}"
+              f"{row['bytes a tick']:17.0f}{row['of the ticks alone']:17.0f}")  # fmt: skip
     least, middle, most = cut["seconds"]  # type: ignore[misc]
     print(f"cut at {cut['cuts']} places, and with a wrong head: {least:.2f} {middle:.2f} {most:.2f} s; "
           f"{cut['refused']} refused in a line, the others repaired")  # fmt: skip

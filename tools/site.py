@@ -130,7 +130,7 @@ def external(found: list[dict[str, Any]]) -> tuple[list[str], int]:
 
 
 def check_external() -> int:
-    """Ask the network for the external links, print those that do not answer as they should, and return the exit code."""
+    """Ask the network for the external links, print those that fail, and return the exit code."""
     out = ROOT / "build/links"
     (out / "output.json").unlink(missing_ok=True)
     try:  # the notebooks need not run for their links

@@ -565,11 +565,11 @@ def test_the_status_is_one_lane_of_words_that_change_exactly_where_it_does(plana
     record(path, prepared, run, 15)
     expected = [(0, "free"), (10, "damped"), (20, "damped, rate limited"), (30, "rate limited"), (55, "free")]
     assert states(path, "/status") == expected
-    # both ways to be limited are too short for their words and share a label, which begins with the first
+    # both at once are too short for their words: the label of the state after it has them, with an arrow
     events = states(path, "/events")
-    assert [text for _, text in events[:2]] == ["free", "damped"]
-    assert re.fullmatch(r"rate limited \d+ ms \+1", events[2][1])
-    assert [tick for tick, _ in events[:3]] == [0, 10, 20]
+    assert [tick for tick, _ in events] == [0, 10, 20, 30, 55]
+    assert [text for _, text in events[:2]] == ["free", "damped"] and events[2][1].startswith("short")
+    assert re.fullmatch(r"← damped, rate limited · rate limited", events[3][1])
 
 
 def test_a_divergence_is_shown_in_its_lane(planar, tmp_path):
@@ -880,7 +880,12 @@ def test_times_have_three_numbers_and_legends_stand_beside_the_data(end, legend,
     span = plots.Span.of(end, legend, numbers)
     width = plots.WIDTH - plots.LEFT - numbers
     assert span.last >= end
-    assert any(width * step / span.last >= 60.0 and span.last / step >= 2.0 for step in plots.STEPS)
+    own = any(width * step / span.last >= 60.0 and span.last / step >= 2.0 for step in plots.STEPS)
+    assert own or len(span.ruler) >= 3
+    if span.ruler:
+        assert span.ruler[0] == 0.0 and 0.75 * end < span.ruler[-1] <= end
+    else:  # not much longer than the run, but for the legend
+        assert span.last <= 1.3 * end * width / max(width - legend, 0.4 * width)
     assert (span.last - end) / span.last * width >= min(legend, 0.6 * width) - 1e-6
 
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Shape
 from rmrc.recording import stream
-from rmrc.recording.events import Strip, words
+from rmrc.recording.events import Strip, ruled, words
 from rmrc.recording.layout import (
     ASPECT_COMPARED,
     PALE_ARM,
@@ -57,6 +57,7 @@ from rmrc.recording.plots import (
     decades,
     logarithm,
     rounded,
+    ruler,
     spell,
 )
 from rmrc.recording.scene import Frames, Scene
@@ -182,9 +183,8 @@ class Overlay:
         end = max([arm.seen.end for arm in self._arms] + [self._layout.duration])
         levels = self._layout.levels()
         if levels:
-            times = np.array([0.0, end])
             lines = Values(stream.short("rate"), np.array([levels, levels]))
-            self._out.send("limits", stream.index(np.array([0, self._arms[0].tick_at(end)]), times), [lines])
+            self._out.send("limits", self._arms[0].at([0.0, end]), [lines])
         self._out.log_text("text/table", table_markdown)
         self._out.log_text("text/limits", _times([(arm.label, arm.strip) for arm in self._arms], end))
         layout, span = self._layout.blueprint(
@@ -250,10 +250,6 @@ class _Arm(Track):
         ellipsoid = rr.Ellipsoids3D.from_fields(colors=look.color, line_radii=0.5 * thin, fill_mode=wires)
         self._log("tip/velocity_ellipsoid", ellipsoid)
 
-    def tick_at(self, time: float) -> int:
-        """Return the tick of a time."""
-        return round(time / self._prepared.scenario.control.period)
-
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         super().write_block(part, ticks)
         self._write_status(part, ticks)
@@ -317,23 +313,19 @@ class _Arm(Track):
             range_: Range of the plot to look at; None: there is none.
             is_first: Whether it is the variant that determines the instant.
         """
-        labels = self.strip.labels(self.seen.end, span.letters)
-        if labels:
-            colors, lane = {one.text: one.color for one in labels}, self._lane.replace("status", "events", 1)
-            self.out.log(lane, rr.StateConfiguration(values=list(colors), colors=packed([*colors.values()])))
-            self.out.send(lane, self._at([one.time for one in labels]),
-                          rr.StateChange.columns(state=[one.text for one in labels]))  # fmt: skip
+        events = self.strip.labels(self.seen.end, span.letters)
+        lane, times = self._lane.replace("status", "events", 1), ruled(span.ruler) if is_first else []
+        for entity, labels in ((lane, events), ("time", times)):
+            if labels:
+                self.write_strip(entity, labels)
         mark = self.seen.mark
         if mark is not None:
             if range_ is not None:
                 value = Values(stream.short("look"), np.clip(mark.values, *range_)[None])
-                self.send("look", self._at([mark.time]), value)
+                self.send("look", self.at([mark.time]), value)
             tip, text = mark.instant["pose"][0, :3], mark.text if is_first else ""
             for rest, what in callout(tip, text, self.scene, self._look.color).items():
                 self._log(f"tip/look{rest}", *what)
-
-    def _at(self, times: Sequence[float]) -> list[rr.TimeColumn]:
-        return stream.index(np.array([self.tick_at(one) for one in times]), np.array(times))
 
     def _painted(self, shape: Shape) -> Shape | None:
         """Return a geom in the color of the variant, or none for resting parts, which the first one shows.
@@ -403,7 +395,8 @@ class _Layout:
         wanted = "rotation" if wanted == "position" and wanted not in found else wanted
         self.sight = wanted if wanted in found else ""
         is_tab = self.sight not in ("", *ALONE, "pace")
-        self._heights = heights("pace" in found, is_tab, len(found["rates"].least), lanes=len(labels))
+        lanes = len(labels) + bool(ruler(self.duration))
+        self._heights = heights("pace" in found, is_tab, len(found["rates"].least), lanes=lanes)
 
     def levels(self) -> list[float]:
         """Return the limit of all rates, if there is only one."""
@@ -423,7 +416,8 @@ class _Layout:
         panels, lanes = self._panels(seen), len(self._labels)
         if seen and self.sight in panels:
             panels[self.sight] = self._marked(panels[self.sight], seen)
-        plots, span = stacked(panels, end, "/events/**" if seen else "/status/**", lanes, self.sight)
+        status, time = ("/events/**", "/time") if seen else ("/status/**", "")
+        plots, span = stacked(panels, end, status, lanes, self.sight, time)
         texts_share = 9 * min(270.0, TABLE + ROW * lanes) / HEIGHT
         return page(self.pictures(seen, reached), TITLES, plots, texts_share=texts_share), span
 

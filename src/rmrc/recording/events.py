@@ -1,18 +1,23 @@
-"""What happens to a run, in words, on one strip: each state once, and short ones long enough to be read."""
+"""What happens to a run, in words, on one strip: states as long as they are, short ones told beside them."""
 
 from collections.abc import Sequence
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, cached_property, reduce
+from itertools import groupby, pairwise
+from operator import or_
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.scenario.choices import Status
-from rmrc.show.palette import GRAVE, RED, of_status
+from rmrc.show.palette import BLACK, GRAVE, RED, SLATE, TEAL, mix, of_status
 
 # Letters that the strip has room for in a window of 1280 points, if nothing else is known.
 LETTERS = 80.0
 FREE = "free"
+# States next to each other that change their color so often are one, and colors from calm to grave.
+FLICKER, SEVERITY = 12, (SLATE, TEAL, RED)
 
 
 class Label(NamedTuple):
@@ -20,13 +25,15 @@ class Label(NamedTuple):
 
     Attributes:
         time: Where it begins [s].
-        text: On it.
+        text: On it; " ": nothing, as it has no room, and a neighbor says it.
         color: 0xRRGGBBAA.
+        state: Its name, which no label of another text or color has.
     """
 
     time: float
     text: str
     color: int
+    state: str
 
 
 @cache
@@ -56,7 +63,7 @@ class Strip:
 
     def end_with(self, time: float, text: str) -> None:
         """Note why the run ended."""
-        self._last = [Label(time, text, RED)]
+        self._last = [Label(time, text, RED, text)]
 
     def held(self, end: float) -> dict[Status, float]:
         """Return how long each status holds that ever does [s].
@@ -76,71 +83,163 @@ class Strip:
         return [(begin, until, one) for (begin, one), until in zip(self._changes, ends, strict=False)]
 
     def labels(self, end: float, letters: float = LETTERS) -> list[Label]:
-        """Return the labels of the whole strip.
+        """Return the labels of the whole strip, whose parts begin and end where their states do.
 
-        States too short for a label share one, which names the gravest of them and says how long it lasts.
+        States too short for their words share a label, which names the gravest of them and says how long
+        it lasts. It is on them if they have the room together and one color, else on a neighbor that has
+        room, with an arrow to them. Where none has, they share it with the shorter neighbor. States that
+        change their color more than `FLICKER` times have that of the gravest.
 
         Args:
             end: End of the run [s].
             letters: That the strip has room for.
         """
-        found, spans, i, begin = list[Label](), self._spans(end), 0, 0.0
-        while i < len(spans):
-            begin, (_, until, one) = max(begin, spans[i][0]), spans[i]
-            if until - begin >= room(words(one), letters) * end or len(spans) == 1:
-                found.append(Label(begin, words(one), of_status(one)))
-                i += 1
-                continue
-            # From here to where a label ends: all that is under it, and the rest of the last one after it.
-            last = i
-            while last + 1 < len(spans) and not _fits(spans[i : last + 1], begin, end, letters):
-                last += 1
-            since, until, after = spans[last]
-            stop, need = begin, max(begin, since)
-            while stop < min(need, until):  # what the label says depends on where it ends
-                stop = min(need, until)
-                need = begin + room(_shared(spans[i : last + 1], begin, stop).text, letters) * end
-            goes_on = last > i and until - stop >= room(words(after), letters) * end
-            found.append(_shared(spans[i : last + 1], begin, stop if goes_on else until))
-            i, begin = (last, stop) if goes_on else (last + 1, begin)
-        return _with_room_at_the_end(found, end, letters) + self._last
+        unit, blocks = end / letters, list[_Block]()
+        for is_long, some in groupby(self._spans(end), lambda span: _Block([span]).is_plain(unit)):
+            spans = [*some]
+            blocks += [_Block([span]) for span in spans] if is_long else [_Block(spans)]
+        while (lost := _first_untold(blocks, unit)) is not None:
+            beside = [i for i in (lost - 1, lost + 1) if 0 <= i < len(blocks)]
+            first, last = sorted((lost, min(beside, key=lambda i: blocks[i].length)))
+            blocks[first : last + 1] = [_Block(blocks[first].spans + blocks[last].spans)]
+        return [label for block in blocks for label in block.labels(unit)] + self._last
 
 
-def room(text: str, letters: float = LETTERS) -> float:
-    """Return the share of the strip that a label needs."""
-    return (len(text) + 2) / letters
+@dataclass(eq=False)
+class _Block:
+    """States next to each other that have one label.
 
-
-def _fits(spans: Sequence[tuple[float, float, int]], begin: float, end: float, letters: float) -> bool:
-    """Return whether the label of some states has the room for it until the last of them ends."""
-    until = spans[-1][1]
-    return until - begin >= room(_shared(spans, begin, until).text, letters) * end
-
-
-def _with_room_at_the_end(labels: list[Label], end: float, letters: float) -> list[Label]:
-    """Begin the last label earlier if it lacks room, where the one before has more than it needs.
-
-    If that does not suffice, it gets a shorter text, with the most serious status.
+    Attributes:
+        spans: Begin, end and status of each.
+        around: Statuses before and after it.
+        before: Text of the block before it.
+        after: Text of the block after it.
+        is_told: Whether another block has its text.
     """
-    if len(labels) > 1:
-        before, last = labels[-2:]
-        earliest = before.time + room(before.text, letters) * end
-        while ", " in last.text and earliest + room(last.text, letters) * end > end:
-            last = last._replace(text=last.text.partition(", ")[2])
-        earlier = max(earliest, end - room(last.text, letters) * end)
-        labels[-1] = last._replace(time=min(last.time, earlier))
-    return labels
+
+    spans: list[tuple[float, float, int]]
+    around: int = 0
+    before: str = ""
+    after: str = ""
+    is_told: bool = False
+
+    @property
+    def length(self) -> float:
+        """How long it is [s]."""
+        return self.spans[-1][1] - self.spans[0][0]
+
+    @cached_property
+    def runs(self) -> list[tuple[float, float, int]]:
+        """Begin, end and color of its parts."""
+        found = list[tuple[float, float, int]]()
+        for begin, until, one in self.spans:
+            color = of_status(one)
+            since = found.pop()[0] if found and found[-1][2] == color else begin
+            found.append((since, until, color))
+        gravest = of_status(reduce(or_, (one for *_, one in self.spans)))
+        return found if len(found) <= FLICKER else [(found[0][0], found[-1][1], gravest)]
+
+    @cached_property
+    def gravest(self) -> tuple[int, float, int]:
+        """The gravest state, how long it lasts [s], and how many others act."""
+        lasted: dict[int, float] = {}
+        for since, until, one in self.spans:
+            lasted[one] = lasted.get(one, 0.0) + until - since
+        first, *others = sorted(lasted, key=lambda one: (not one & GRAVE, not one, -lasted[one]))
+        return first, lasted[first], sum(1 for one in others if one)
+
+    def texts(self) -> list[str]:
+        """Return its texts, from long to short: the gravest state, its time, the number of others."""
+        gravest, lasted, others = self.gravest
+        more, milliseconds = f" +{others}" * (others > 0), f" {1e3 * lasted:.0f} ms"
+        own = gravest & ~self.around
+        rest = words(own or gravest)
+        last = words(own & GRAVE or own).rpartition(", ")[2] if own else rest
+        return [words(gravest) + milliseconds + more, rest + milliseconds + more,
+                last + milliseconds + more, last + milliseconds, last]  # fmt: skip
+
+    def own(self, unit: float) -> str:
+        """Return its own text on it, given the time that a letter takes; "": it has no room."""
+        found = [words(self.spans[0][2])] if len(self.spans) == 1 else self.texts()[:3]
+        return next((text for text in found if room(text) * unit <= self.length), "")
+
+    def is_plain(self, unit: float) -> bool:
+        """Return whether it has one color, and room for its own label."""
+        return len(self.runs) == 1 and bool(self.own(unit))
+
+    def says(self, text: str, unit: float, *, is_before: bool) -> bool:
+        """Take the text of the block before or after it, if there is room, and return whether there is."""
+        before, after = (text, self.after) if is_before else (self.before, text)
+        need = room(_joined(before, self.own(unit))) + (room(f"{after} →") if after else 0.0)
+        if not self.is_plain(unit) or need * unit > self.length:
+            return False
+        self.before, self.after = before, after
+        return True
+
+    def within(self, unit: float) -> tuple[int, str] | None:
+        """Return the number of its longest part, and the text on it for all of them, if there is room."""
+        runs = self.runs
+        at = max(range(len(runs)), key=lambda i: runs[i][1] - runs[i][0])
+        grave = min(range(len(runs)), key=lambda i: (-SEVERITY.index(runs[i][2]), i != at))
+        for text in self.texts():
+            told = f"← {text}" if grave < at else f"{text} →" if grave > at else text
+            if room(told) * unit <= runs[at][1] - runs[at][0]:
+                return at, told
+        return None
+
+    def labels(self, unit: float) -> list[Label]:
+        """Return its parts on the strip."""
+        runs = self.runs
+        if self.is_told or len(runs) > 1:
+            at, told = (not self.is_told and self.within(unit)) or (-1, "")
+            return [
+                Label(begin, told, color, f"{told}; {color:08x}") if i == at
+                else Label(begin, " ", color, f"short: {color:08x}")
+                for i, (begin, _, color) in enumerate(runs)
+            ]  # fmt: skip
+        begin, until, color = runs[0]
+        own = self.own(unit) or (self.within(unit) or (0, self.texts()[-1]))[1]
+        text = _joined(self.before, own)
+        found = [Label(begin, text, color, text)]
+        if self.after:
+            told = f"{self.after} →"
+            found.append(Label(until - room(told) * unit, told, color, f"{text}; {told}"))
+        return found
 
 
-def _shared(spans: Sequence[tuple[float, float, int]], begin: float, end: float) -> Label:
-    """Return the label of several states: the gravest, how long it lasts, and how many others there are."""
-    lasted: dict[int, float] = {}
-    for since, until, one in spans:
-        lasted[one] = lasted.get(one, 0.0) + min(until, end) - max(since, begin)
-    together = 0
-    for one in lasted:
-        together |= one
-    ranked = sorted(lasted, key=lambda one: (not one & GRAVE, not one, -lasted[one]))
-    texts = [f"{words(one)} {1e3 * lasted[one]:.0f} ms" for one in ranked if one or len(lasted) == 1]
-    more = f" +{len(texts) - 1}" * (len(texts) > 1)
-    return Label(begin, texts[0] + more, of_status(together))
+def _first_untold(blocks: Sequence[_Block], unit: float) -> int | None:
+    """Place the text of each block, on it or beside it; return the first for which there is no room."""
+    for block in blocks:
+        block.before = block.after = ""
+        block.is_told, block.around = False, 0
+    for one, other in pairwise(blocks):
+        one.around |= other.spans[0][2]
+        other.around |= one.spans[-1][2]
+    for i, block in enumerate(blocks):
+        if block.is_plain(unit):
+            continue
+        beside = [(blocks[at], at > i) for at in (i + 1, i - 1) if 0 <= at < len(blocks)]
+        block.is_told = any(
+            one.says(text, unit, is_before=is_before) for text in block.texts() for one, is_before in beside
+        )
+        if not block.is_told and beside and not block.within(unit):
+            return i
+    return None
+
+
+def _joined(before: str, own: str) -> str:
+    """Return the text of a block with that of the one before it; a free block leaves its own out."""
+    if not before:
+        return own
+    return f"← {before}" + f" · {own}" * (own != FREE)
+
+
+def room(text: str) -> float:
+    """Return how many letters of the strip a label needs."""
+    return len(text) + 2.0
+
+
+def ruled(times: Sequence[float]) -> list[Label]:
+    """Return the labels of a lane of times [s]."""
+    shades = SLATE, mix(SLATE, BLACK, 0.4)
+    return [Label(time, f"{time:g} s", shades[i % 2], f"{time:g} s") for i, time in enumerate(times)]

@@ -39,12 +39,12 @@ PINK, YELLOW, CYAN, GHOSTLY = 0xE77BCBFF, 0xFFD60AFF, 0x3DC9FFFF, 0xB8B8B8FF
 LEGEND = f"""\
 | in the picture | is |
 |---|---|
-| **white line** | path of the target; a white ball marks the target if the end effector (tip) lags |
-| **trail**, **ball** | past path and position of the tip; **red** near a singularity |
-{{pale}}| **green ellipsoid** | tip velocities for unit-norm joint rates; a **flat** direction is lost |
-| **pink wires** | forces that unit-norm joint torques balance; long where the green one is flat |
-| **thick double arrow** | direction that is lost first (u_min); turns **red** as σ_min goes to 0 |
-| **thin double arrow** | its rotational part, as an axis; turns from cyan to red |
+| **white line** | path of the target; **white ball**: target, if the tip lags |
+| **trail**, **ball** | end effector (tip), past and now; **red** near a singularity |
+{{pale}}| **green ellipsoid** | tip velocities at joint rates of norm 1; **flat**: lost |
+| **pink wires** | tip forces at joint torques of norm 1 |
+| **thick double arrow** | direction lost first (u_min); **red** as σ_min goes to 0 |
+| **thin double arrow** | its rotational part, as an axis; from cyan to red |
 
 Green half axes: {VELOCITY_SECONDS:g} s · σ_i. Pink: c/σ_i, as long as the green ones at \
 σ = {FORCE_EQUAL:g} of the reach, at most {FORCE_LONGEST:g} of the reach.

@@ -39,8 +39,9 @@ def lines(prepared: Prepared, part: Run, rows: NDArray[np.int64]) -> list[str]:
         of = f" of {spell(limit[j])}" if math.isfinite(limit[j]) else ""
         status = words(int(part.columns["status"][row]))
         acting = "nothing limits" if status == FREE else f"**{status}**"
-        asked = f"{speed[i] / sigma[i]:.2g}" if sigma[i] > 0 else "∞"
-        fastest = f"fastest: {joints[j]} {rates[i, j]:.2f}{of} {unit} · rate ≈ speed/σ = "
+        asked = _number(float(f"{speed[i] / sigma[i]:.2g}")) if sigma[i] > 0 else "∞"
+        rate = f"{rates[i, j]:.2f}" if rates[i, j] < 1000 else spell(rates[i, j])
+        fastest = f"fastest: {joints[j]} {rate}{of} {unit} · rate ≈ speed/σ = "
         share_of = f"{speed[i]:.2g}/{sigma[i]:.2g} = "
         is_short = len(fastest + share_of + asked) <= LETTERS
         texts.append(

@@ -26,6 +26,7 @@ from rmrc.recording.plots import (
     decades,
     limit_lines,
     rounded,
+    ruler,
     spell,
 )
 from rmrc.results.run import Run
@@ -86,7 +87,8 @@ class Panels:
         self.is_of_hand = wanted not in OF_THE_ARM
         is_tab = self.sight not in ("", *ALONE, "pace")
         lines = arm.n + has_baseline + (self.sight == "rates")
-        self._heights = heights(self.is_slowed, is_tab, lines)
+        lanes = 1 + bool(ruler(prepared.reference.duration))
+        self._heights = heights(self.is_slowed, is_tab, lines, lanes=lanes)
         self._steps = self._heights["tabs"] / NUMBER
 
     @property
@@ -281,7 +283,8 @@ class Panels:
         unit = ", ".join(name.split("[")[1].rstrip("]") for name in self.errors)
         names = [name.split(" ")[0] for name in self.errors]
         curve = Curve("columns", "curves.error[]", names, colors, 2.0)
-        return Panel(f"Tip error [{unit}]", [curve], range_)
+        alone = "Tip error [mm], rotation gray [mrad]" if len(names) == 2 else ""
+        return Panel(f"Tip error [{unit}]", [curve], range_, alone=alone)
 
     def _torque(self, seen: Seen | None) -> Panel:
         _, names, colors = limit_lines(self.torque_limit, self._joints, self._hues)
@@ -353,7 +356,7 @@ def heights(
 
 
 def stacked(
-    panels: dict[str, Panel], end: float, status: str, lanes: int = 1, first: str = ""
+    panels: dict[str, Panel], end: float, status: str, lanes: int = 1, first: str = "", time: str = ""
 ) -> tuple[rrb.Vertical, Span]:
     """Return plots below each other, and the time that they have in common.
 
@@ -365,10 +368,12 @@ def stacked(
         status: Entity of the strip.
         lanes: That it has.
         first: Which of the tabs is open; "": the first.
+        time: Entity of the ruler; "": there is none yet.
     """
+    is_ruled = bool(time and ruler(end))
     tabs = [name for name in panels if name not in (*ALONE, "pace")]
     lines = len(panels["rates"].least)
-    high = heights("pace" in panels, first in tabs, lines, bool(tabs), lanes)
+    high = heights("pace" in panels, first in tabs, lines, bool(tabs), lanes + is_ruled)
     heights_of = {name: high["tabs" if name in tabs else name] for name in panels}
     fitted = {name: panel.fitted(heights_of[name]) for name, panel in panels.items()}
     numbers = {name: panel.numbers(heights_of[name]) for name, panel in fitted.items()}
@@ -380,7 +385,7 @@ def stacked(
         rows["tabs"] = rrb.Tabs(*(views[name] for name in tabs), active_tab=active)
     rows |= {name: views[name] for name in ("pace",) if name in views}
     rows["strip"] = rrb.StateTimelineView(
-        name="Events", contents=[status], time_view=span.under(), titlebar=False
+        name="Events", contents=[status, *[time] * is_ruled], time_view=span.under(), titlebar=False
     )
     return rrb.Vertical(*rows.values(), row_shares=[high[name] + AROUND for name in rows]), span
 

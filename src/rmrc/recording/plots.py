@@ -32,6 +32,10 @@ LETTER, LABEL, DIGIT, ENTRY, LINE = 5.3, 6.7, 7.0, 46.0, 23.0
 FILLED, FRAME = 0.8, 12.0
 # Between which the viewer has no other step of the time [s].
 STEPS = (*(10.0**power for power in range(-9, 2)), 60.0, 600.0, 3600.0, 36000.0)
+# As much of a plot as a run has beside a long legend; and how much longer than it three numbers may make it.
+BESIDE, LONGER = 0.75, 1.2
+# Numbers of a ruler, at most, after 0.
+RULED = 8
 # Dashes and gaps of a curve, over a run.
 DASHES = 120
 # Of these the size that they mostly have is asked for.
@@ -96,6 +100,8 @@ class Panel:
         curves: In the order in which they are drawn.
         range: Range of its axis; None: the whole data.
         is_key: Whether its legend is also that of the other plots, and stays where it is too long.
+        has_legend: Whether it has one.
+        alone: Its title without a legend, which names the curves; "": the same.
     """
 
     title: str
@@ -103,6 +109,7 @@ class Panel:
     range: tuple[float, float] | None = None
     is_key: bool = False
     has_legend: bool = True
+    alone: str = ""
 
     @property
     def names(self) -> set[str]:
@@ -128,7 +135,9 @@ class Panel:
                 names = one.spare if len(one.spare) > 1 else [*one.spare] * len(one.names)
                 curves[i] = replace(one, names=names)
                 panel = replace(panel, curves=curves)
-        return replace(panel, has_legend=panel.is_key or len(panel.names) <= room)
+        has_legend = panel.is_key or len(panel.names) <= room
+        title = panel.title if has_legend else panel.alone or panel.title
+        return replace(panel, title=title, has_legend=has_legend)
 
     def numbers(self, height: float) -> float:
         """Return how wide the numbers beside the axis are [points]."""
@@ -161,21 +170,23 @@ class Span:
         end: End of the run [s].
         last: At the right of the plots, which have the legend there, and three numbers at least [s].
         numbers: How wide the numbers beside an axis are, at most [points].
+        ruler: Times that a lane of their own has, if the plots have fewer than three [s].
     """
 
     end: float
     last: float
     numbers: float
+    ruler: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, end: float, legend: float, numbers: float) -> "Span":
         """Return the span of a run, given the widest of its legends and numbers [points]."""
         width = WIDTH - LEFT - numbers
         last = end * width / max(width - legend, 0.4 * width)
-        step = next((one for one in STEPS if width * one >= SECOND * last), STEPS[-1])
-        last = max(last, 2.05 * step)
+        step, ruled = _step(width, last), ruler(end)
+        last = last if ruled else max(last, 2.05 * step)
         whole, edge = step * round(last / step), 18.0 * last / width  # no number is cut in two
-        return cls(end, whole + edge if abs(last - whole) < edge else last, numbers)
+        return cls(end, whole + edge if abs(last - whole) < edge else last, numbers, ruled)
 
     @property
     def letters(self) -> float:
@@ -191,6 +202,27 @@ class Span:
     def under(self) -> rrb.TimeAxis:
         """Return the time of the strip below the plots, which has no numbers at its left."""
         return self.axis(LEFT + self.numbers)
+
+
+def _step(width: float, last: float) -> float:
+    """Return the time between two numbers of an axis that is so wide [points], and so long [s]."""
+    return next((one for one in STEPS if width * one >= SECOND * last), STEPS[-1])
+
+
+def ruler(end: float) -> tuple[float, ...]:
+    """Return the times that a run needs a lane for: the plots have too few, unless they were much longer.
+
+    Args:
+        end: End of the run [s].
+
+    >>> ruler(5.2), ruler(13.4)
+    ((), (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0))
+    """
+    if 2.05 * _step(BESIDE * WIDTH, end) <= LONGER * end or not 0.0 < end < STEPS[-1]:
+        return ()
+    decade = 10.0 ** math.floor(math.log10(end / RULED))
+    step = next(one * decade for one in (1.0, 2.0, 5.0, 10.0) if end <= RULED * one * decade)
+    return tuple(step * i for i in range(RULED + 1) if step * i <= end - 0.35 * step)
 
 
 @dataclass(frozen=True)

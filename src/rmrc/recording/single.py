@@ -12,7 +12,8 @@ Entities:
     tip/..           trail, ellipsoids and the lost direction
     now              the line of numbers, as a text
     status           the statuses, in words, only where they change
-    events           the same after the run, with room for the label of each
+    events           the same after the run; short ones are named beside them
+    time             its times, where the plots have few
     baseline/..      columns, ghost of the arm and trail of the scenario's baseline, if it has one
     text/..          legend, scorecard, scenario
 
@@ -34,7 +35,7 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from rmrc.recording import live, stream
-from rmrc.recording.events import Strip, words
+from rmrc.recording.events import Strip, ruled, words
 from rmrc.recording.layout import (
     CYAN,
     GHOSTLY,
@@ -164,7 +165,8 @@ def _layout(
     if mark is not None:
         found[panels.sight] = panels.marked(found[panels.sight], mark)
         look = (mark.text, scene.around(mark.instant)) if panels.is_of_hand else None
-    plots, span = stacked(found, end, "/events" if seen else "/status", first=panels.sight)
+    status, time = ("/events", "/time") if seen else ("/status", "")
+    plots, span = stacked(found, end, status, first=panels.sight, time=time)
     views = pictures(scene, prepared, reached, look, ["/baseline/**"] * panels.has_baseline)
     return page(views, TITLES, plots, "/now"), span
 
@@ -250,36 +252,31 @@ class _Story(Track):
         seen = self._seen
         reached = [self.reached] if self._ghost is None else [self.reached, self._ghost.reached]
         layout, span = _layout(self.scene, self._panels, seen, reached)
-        labels = self._strip.labels(seen.end, span.letters)
-        colors = {label.text: label.color for label in labels}
-        if labels:
-            look = rr.StateConfiguration(values=list(colors), colors=packed(list(colors.values())))
-            self.out.log("events", look)
-            self.out.send("events", self._at([one.time for one in labels]),
-                          rr.StateChange.columns(state=[one.text for one in labels]))  # fmt: skip
+        for entity, labels in (
+            ("events", self._strip.labels(seen.end, span.letters)), ("time", ruled(span.ruler)),
+        ):  # fmt: skip
+            if labels:
+                self.write_strip(entity, labels)
         if seen.end > self._prepared.reference.duration:
             self._write_limits([seen.end])
         for name, peak in self._panels.off_scale(seen).items():
             mark = np.array([self._panels.mark_of(peak, seen)])
-            self.send(f"peak/{name}", self._at([peak.time]), Values(stream.short("rate"), mark))
+            self.send(f"peak/{name}", self.at([peak.time]), Values(stream.short("rate"), mark))
         looked_at = self._panels.mark(seen)
         if looked_at is not None:
             values = Values(stream.short("look"), looked_at.values[None])
-            self.send("look", self._at([looked_at.time]), values)
+            self.send("look", self.at([looked_at.time]), values)
+            now = live.lines(self._prepared, looked_at.instant, np.zeros(1, np.int64))
+            self.out.send("now", self.at([looked_at.time]), rr.TextDocument.columns(text=now))
             tip = looked_at.instant["pose"][0, :3]
             for rest, what in callout(tip, looked_at.text, self.scene).items():
                 self.out.log(f"tip/look{rest}", *what)
         self.out.lay_out(layout)
 
-    def _at(self, times: list[float]) -> list[rr.TimeColumn]:
-        time = np.array(times)
-        ticks = np.rint(time / self._prepared.scenario.control.period).astype(np.int64)
-        return stream.index(ticks, time)
-
     def _write_limits(self, times: list[float]) -> None:
         levels = {name: one for name, one in self._panels.limits().items() if one}
         values = [Values(stream.short(name), np.array([one] * len(times))) for name, one in levels.items()]
-        self.send("limits", self._at(times), *values)
+        self.send("limits", self.at(times), *values)
 
     def write_divergence(self, text: str, time: float, index: list[rr.TimeColumn]) -> None:
         self._strip.end_with(time, text)

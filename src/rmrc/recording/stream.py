@@ -7,6 +7,7 @@ Timelines: `tick` counts control ticks; `sim_time` is `time` rounded to the near
 """
 
 import re
+import time
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -28,8 +29,9 @@ from rmrc.support.errors import RmrcError
 PATIENCE = 10.0
 
 
-# A layout takes 200 kB, and is of use where a recording is never finished: it is written with this block.
-PATIENT = 8
+# A layout takes 200 kB and some 10 ms, and is of use where a recording is never finished: it is written with
+# this block, or the first one after so long [s]. A run that is over by then has its own.
+PATIENT, LONG = 8, 2.0
 
 
 class RecordingError(RmrcError, OSError):
@@ -54,7 +56,7 @@ class Stream:
             path: Path of the finished recording, ending in `.rrd`; its folder is created if missing.
             name: Name of the recording, as the viewer shows it.
             opening: Blocks that a page shows while it loads the rest, if `open` writes it.
-            layout: The viewer's layout if it is never finished; written with block `PATIENT`.
+            layout: The viewer's layout if it is never finished; written with block `PATIENT`, or later.
 
         Raises:
             RecordingError: The file cannot be made.
@@ -79,6 +81,7 @@ class Stream:
         except (OSError, RuntimeError, ValueError) as error:
             raise _cannot_write(self.part_path, one_line(error)) from None
         self.is_open, self._flushes, self._is_laid_out, self._layout = True, 0, False, layout
+        self._opened = time.monotonic()
         self._opening: rrb.Blueprint | None = opening
         self._stream.send_recording_name(name)
         self.log("", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
@@ -124,7 +127,8 @@ class Stream:
             RecordingError: The file cannot be written.
         """
         self._flushes += 1
-        if self._flushes == PATIENT and not self._is_laid_out:
+        is_long = self._flushes >= PATIENT and time.monotonic() - self._opened > LONG
+        if is_long and not self._is_laid_out:
             self.lay_out(self._layout())
         try:
             self._stream.flush(timeout_sec=PATIENCE)

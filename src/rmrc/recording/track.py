@@ -12,7 +12,7 @@ Its entities stand below a prefix, so that a recording can hold many worlds:
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Shape
 from rmrc.recording import stream
-from rmrc.recording.layout import geometries, ghost, xyzw
+from rmrc.recording.events import Label
+from rmrc.recording.layout import geometries, ghost, packed, xyzw
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Table, Values
 from rmrc.results.run import Run
@@ -189,7 +190,20 @@ class Track:
             place = Values(stream.TRANSLATION, places[body]), Values(stream.ROTATION, turns[body])
             self.send(self.body_path(root, int(body)), index, *place)
 
-    # For subclasses to extend ---------------------------------------------------------------------
+    def write_strip(self, entity: str, labels: Sequence[Label]) -> None:
+        """Write a lane of labels, at the root."""
+        looks = {one.state: one for one in labels}
+        texts, colors = [one.text for one in looks.values()], packed([one.color for one in looks.values()])
+        self.out.log(entity, rr.StateConfiguration(values=[*looks], labels=texts, colors=colors))
+        states = rr.StateChange.columns(state=[one.state for one in labels])
+        self.out.send(entity, self.at([one.time for one in labels]), states)
+
+    def at(self, times: Sequence[float]) -> list[rr.TimeColumn]:
+        """Return both timelines of some times, (T,) [s]."""
+        time = np.array(times)
+        return stream.index(np.rint(time / self._prepared.scenario.control.period).astype(np.int64), time)
+
+    # For subclasses to extend -------------------------------------------------------------------
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         """Write the values at every tick (T,) of a block."""
