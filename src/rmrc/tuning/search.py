@@ -54,7 +54,7 @@ _LEAST_ERROR, _CHILDREN = 2, 4
 _WORTH, _BEYOND = 1e-3, 0.01
 # Rates and errors below count as much.
 _NOTHING = 1e-12
-# Copies on which settings are compared: the hardest of them. Those that count in the end are run on the others.
+# Copies on which settings are compared: the hardest of them. Those that count in the end run on the others.
 _HARDEST = 2
 # The best setting so far is run on all copies once its error is less than this share of the best that was.
 _BETTER = 0.9
