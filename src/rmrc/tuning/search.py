@@ -424,7 +424,10 @@ class Search:
             return []
         inverse = preferred.setting.structure.inverse
         others = [one for one in sound if one.setting.structure.inverse != inverse]
-        counts = [one for one in (preferred, best(others)) if one and not self._is_whole(one)]
+        unlike = [one for one in others if not is_same(one, preferred)]
+        each = best_of_each(sorted(others, key=lambda one: one.worst.error))[:_RIVALS]
+        named = {id(one): one for one in (preferred, best(unlike), *each) if one}
+        counts = [one for one in named.values() if not self._is_whole(one)]
         points = _logs(sound)
         reference = self._reference(sound)
         known = np.array([i for i, one in enumerate(sound) if self._is_whole(one) or one in counts], int)
