@@ -147,4 +147,4 @@ def test_a_search_that_ends_runs_finds_what_one_that_does_not_finds(path, monkey
     ticks = [
         sum(out.time for one in found.tried for out in one.outcomes.values()) for found in (early, patient)
     ]
-    assert ticks[0] < 0.8 * ticks[1]  # a path of two legs; more of a longer one
+    assert ticks[0] < 0.95 * ticks[1]  # few neighbors that were guessed from runs must be ended

@@ -2,37 +2,39 @@
 
 The scenario's own setting comes first, on all copies, and shows which of them is the hardest. All structures
 are examined on the model, and neighbors of the best of them; the best there continue on the copies. From then
-on neighbors are first tried on the model. Their results there, and the results of their parents on both,
-predict their results on the copies, and only predicted improvements of the front are run. Without a cheap
-model, the copies are used instead.
+on a Gaussian process of each structure predicts the results of its neighbors from its runs on copies, and the
+neighbors with the largest predicted gain of the front are run. Neighbors of a structure with few runs are
+tried on the model first: their results there, and the results of their parents on both, predict their results
+on the copies. Without a cheap model, the copies are used instead.
 
 A run on the hardest copy ends once it can no longer count: see `rmrc.tuning.bar`. The remaining settings are
-tried with more feedback, and run on the next copy, and then on all the others, as the worst of more runs is
-never better. Every setting that counts in the end was therefore run whole on every copy. If the robot is a
-range, a recommended setting is then run on more loops, evenly from the fastest to the slowest, and is left
-out if it breaks a limit there: arms that rest at a singularity on almost equal loops may leave it on two
-branches. Nondominated sorting is that of NSGA-II [Deb02]; giving no more runs to bad settings is the idea of
-successive halving [Jamieson16].
+run on the next copy, and tried with more feedback. Only settings that count in the end are run on all the
+others: the worst of more runs is never better, so nothing else can count. If the robot is a range, a
+recommended setting is then run on more loops, evenly from the fastest to the slowest, and is left out if it
+breaks a limit there: arms that rest at a singularity on almost equal loops may leave it on two branches.
+Nondominated sorting is that of NSGA-II [Deb02]; giving no more runs to bad settings is the idea of successive
+halving [Jamieson16]; running first what adds the most to the dominated area is that of [Emmerich06].
 """
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import count
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rmrc.study.sobol import sobol_point
-from rmrc.tuning.bar import Bar
+from rmrc.tuning.bar import NEW, Bar
 from rmrc.tuning.bearing import NEAR, Bearing, with_feedback
 from rmrc.tuning.front import front
-from rmrc.tuning.space import FEEDBACK, Setting, Space
+from rmrc.tuning.space import FEEDBACK, Setting, Space, Structure
+from rmrc.tuning.surrogate import Surrogate, gains
 from rmrc.tuning.trials import STABLE, Outcome, Trials, scaled
 from rmrc.tuning.tried import Tried, best, best_of_each, is_same
 from rmrc.tuning.verdict import Verdict, judge
 
 # Shares of the runs for a look at all structures, and for the neighbors of the best of them on a model.
-_LOOK, _NEARER = 0.25, 0.4
+_LOOK, _NEARER = 0.25, 0.2
 # Of the remaining runs, the share for the hardest copy at once.
 _CONFIRM = 0.25
 # Settings that are tried at a time: enough for a batch on each of some cores, and few enough for their
@@ -40,11 +42,26 @@ _CONFIRM = 0.25
 _ROUND, _NEXT_ROUND, _CHOSEN = 64, 32, 12
 # Of a front on the model, so many go on to the copies.
 _FRONT = 32
+# Number of predicted neighbors of a structure; they count as better than expected by this many standard
+# deviations. Those that add less than this share to the area of the front are not run.
+_GUESSES, _HOPE, _GAIN = 200, 0.5, 2e-3
+# Number of further neighbors that may have the least error of all, and of neighbors that are tried for a
+# structure with too few runs for a prediction.
+_LEAST_ERROR, _CHILDREN = 2, 4
+# A setting that adds less than this share of its area to the front is not run on all copies. The area extends
+# this far beyond the largest rate and error of the front, so that its ends count.
+_WORTH, _BEYOND = 1e-3, 0.01
+# Smaller rates and errors count as this one.
+_NOTHING = 1e-12
+# Number of copies on which settings are compared: the hardest. Those that count in the end run on the others.
+_HARDEST = 2
+# The best setting so far is run on all copies once its error is below this share of the previous best.
+_BETTER = 0.9
 # Steps in the unit cube, whose sides are two or three decades: the first, the first of settings already
 # refined on a model, the last, and the factors by which they shrink after a round with a new result, and
 # after one without: by less where a model leaves few of a round to run.
 _FIRST_STEP, _NEXT_STEP, _LAST_STEP = 0.25, 0.15, 0.003
-_SHRINK, _NEXT_SHRINK = (0.7, 0.5), (0.8, 0.6)
+_SHRINK, _NEXT_SHRINK = (0.7, 0.5), (0.7, 0.5)
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
 _RIVALS = 4
 # Where nothing keeps the limits, so many of a round that are nearest to it are run on the other copies.
@@ -52,6 +69,9 @@ _NEAREST = 2
 # Shares of the largest feedback of which it is asked first whether a loop tolerates it, within what share of
 # the runs that are left.
 _PROBED, _PROBES = (1.0, 0.94, 0.88, 0.8), 0.1
+
+
+_Array = NDArray[np.float64]
 
 
 class Search:
@@ -90,7 +110,12 @@ class Search:
     @property
     def feasible(self) -> list[Tried]:
         """Those that keep all limits on all copies, and to what the search is restricted to."""
-        return [one for one in self._whole() if one.keeps_limits and self._space.allows(one.setting)]
+        return [one for one in self._sound if self._is_whole(one)]
+
+    @property
+    def _sound(self) -> list[Tried]:
+        """Those that may be feasible, by their runs on the hardest copies at least."""
+        return [one for one in self._known() if one.keeps_limits and self._space.allows(one.setting)]
 
     def begin(self, own: Setting, slower: float) -> bool:
         """Run the scenario's own setting, by whose times the others are measured; say whether it was done.
@@ -133,14 +158,18 @@ class Search:
             self._confirm()
         self._refine()
 
-    def _whole(self) -> list[Tried]:
-        """Return settings that ran to the end on all copies, and with more feedback if requested."""
+    def _known(self) -> list[Tried]:
+        """Return settings run to the end on the hardest copies, and with more feedback if requested."""
         return [
             one
             for one in self._tried.values()
-            if len(one.outcomes) == self._trials.copies and not one.worst.ended
+            if len(one.outcomes) >= min(_HARDEST, self._trials.copies) and not one.worst.ended
             and (one.bears is not None or self._trials.margin == 1.0 or one.worst.excess > 0.0)
         ]  # fmt: skip
+
+    def _is_whole(self, one: Tried) -> bool:
+        """Return whether a setting was run on all copies."""
+        return len(one.outcomes) == self._trials.copies
 
     def _able_on_model(self) -> list[Tried]:
         """Return possible settings that keep limits on the model, by rising error."""
@@ -152,8 +181,13 @@ class Search:
 
     @property
     def _room(self) -> int:
-        """How many runs of copies are left."""
-        return max(0, int(self._left))
+        """How many runs of copies are left beside those that are owed."""
+        return max(0, int(self._left) - self._owed)
+
+    @property
+    def _owed(self) -> int:
+        """How many runs `_settle` would make now."""
+        return max(0, self._trials.copies - _HARDEST) * len(self._unsettled())
 
     # Stages ---------------------------------------------------------------------------------
 
@@ -210,12 +244,15 @@ class Search:
         first, shrink, number = _FIRST_STEP, _SHRINK, _ROUND
         if model is not None:
             first, shrink, number = _NEXT_STEP, _NEXT_SHRINK, _NEXT_ROUND
-        for step, round_ in self._steps(first, shrink, 0.0, self._whole):
-            children = self._children(self._worth_refining(), step, (self._seed, round_), number)
-            if model is None:
-                self._round(child for child, _ in children)
-            else:
-                self._round(self._expected(children))
+        for step, round_ in self._steps(first, shrink, 0.0, self._known):
+            if not self._room:
+                return
+            learned, unknown = self._learned(step, (self._seed, 2, round_))
+            some, count = (unknown, _CHILDREN * len(unknown)) if learned else (self._worth_refining(), number)
+            children = self._children(some, step, (self._seed, round_), count) if some else []
+            tried = [child for child, _ in children] if model is None else self._expected(children)
+            self._round([*learned, *(tried[:_CHILDREN] if learned else tried)])
+            self._settle_best()
 
     def _steps(
         self, step: float, shrink: tuple[float, float], until: float, known: Callable[[], list[Tried]]
@@ -245,7 +282,7 @@ class Search:
 
     def _expected(self, children: Sequence[tuple[Setting, Tried]]) -> list[Setting]:
         """Return which neighbors are expected to count, by their and their parents' results on the model."""
-        if not self.feasible:
+        if not self._sound:
             return [child for child, _ in children]
         self._see([setting for child, parent in children for setting in (child, parent.setting)])
         expected = list[Tried]()
@@ -257,12 +294,85 @@ class Search:
         counts = self._promising([one for one in expected if one.setting not in self._tried])
         return [one.setting for one in _spread(counts, min(_CHOSEN, len(counts)))]
 
+    def _learned(self, step: float, seed: tuple[int, ...]) -> tuple[list[Setting], list[Tried]]:
+        """Return neighbors that may count by the runs on copies, and parents with too few such runs."""
+        sound, random = self._sound, np.random.default_rng(seed)
+        if not sound:
+            return [], []
+        by_error = sorted(sound, key=lambda one: one.worst.error)
+        on_front = [by_error[i] for i in front([one.worst.point for one in by_error])]
+        parents: dict[Structure, list[Tried]] = {}
+        for one in (*_unlike(best_of_each(by_error)), *on_front):
+            if one.setting.structure in self._space.structures:
+                parents.setdefault(one.setting.structure, []).append(one)
+        settings, figures, unknown = list[Setting](), list[_Array](), list[Tried]()
+        for structure, some in parents.items():
+            known = [one for one in self._tried.values() if one.setting.structure == structure]
+            points = np.array([self._space.point(one.setting) for one in known])
+            values = _logs(known)
+            # a run that broke a limit and was ended had no time to become worse
+            tells = np.array([not (one.worst.ended and one.worst.excess > 0.0) for one in known])
+            tells &= np.isfinite(values).all(axis=1)
+            if tells.sum() <= 2 * len(structure.keys):
+                unknown.append(some[0])
+                continue
+            new = self._neighbors(structure, some, step, random)
+            at = np.array([self._space.point(one) for one in new]).reshape(-1, len(structure.keys))
+            nearest = np.linalg.norm(at[:, None] - points, axis=2).argmin(axis=1)
+            keeps = np.array([one.worst.excess <= 0.0 for one in known])[nearest]
+            settings += [one for one, is_kept in zip(new, keeps, strict=True) if is_kept]
+            figures += [*Surrogate(points[tells], values[tells]).at(at[keeps], _HOPE)]
+        return self._choose(settings, np.array(figures).reshape(-1, 2), sound), unknown
+
+    def _choose(self, settings: Sequence[Setting], figures: _Array, sound: Sequence[Tried]) -> list[Setting]:
+        """Return settings that better the front most, one after another, and one for each inverse."""
+        known = _logs(sound)
+        reference = self._reference(sound)
+        least_gain = _GAIN * _area(known, reference)
+        chosen = list[int]()
+        rivals = list(_rivals(sound).items())
+        for inverse, least in [*rivals[: _RIVALS + 1], *[rivals[0]] * _LEAST_ERROR]:
+            own = [
+                i for i, one in enumerate(settings) if one.structure.inverse == inverse and i not in chosen
+            ]
+            if own:
+                i = min(own, key=lambda i: float(figures[i, 1]))
+                if figures[i, 1] < math.log(least) - NEW:
+                    chosen.append(i)
+                    known = np.vstack([known, figures[i]])
+        while settings and len(chosen) < _CHOSEN:
+            gained = gains(known, figures, reference)
+            i = int(gained.argmax())
+            if gained[i] <= least_gain:
+                break
+            chosen.append(i)
+            known = np.vstack([known, figures[i]])
+        return [settings[i] for i in dict.fromkeys(chosen)]
+
+    def _neighbors(
+        self, structure: Structure, parents: Sequence[Tried], step: float, random: np.random.Generator
+    ) -> list[Setting]:
+        """Return new settings beside some and between them."""
+        points = np.array([self._space.point(one.setting) for one in parents])
+        first, second = random.integers(len(points), size=(2, _GUESSES))
+        first[: _GUESSES // 4] = min(range(len(points)), key=lambda i: parents[i].worst.error)
+        share = np.where(random.random(_GUESSES) < 0.5, 0.0, random.uniform(-0.5, 1.5, _GUESSES))[:, None]
+        off = (
+            step
+            * random.uniform(0.1, 1.0, (_GUESSES, 1))
+            * random.standard_normal((_GUESSES, points.shape[1]))
+        )
+        found = points[first] + share * (points[second] - points[first]) + off
+        settings = [self._space.at(structure, one) for one in np.clip(found, 0.0, 1.0)]
+        new = dict.fromkeys(self._bearing.within(one, self._space) for one in settings)
+        return [one for one in new if one not in self._tried]
+
     def _worth_refining(self) -> list[Tried]:
         """Return the settings to refine on the copies; if none is feasible, the nearest."""
-        feasible = self.feasible
-        if feasible:
-            return self._parents(feasible)
-        near = sorted(self._whole(), key=lambda one: (one.worst.excess, one.worst.error))
+        sound = self._sound
+        if sound:
+            return self._parents(sound)
+        near = sorted(self._known(), key=lambda one: (one.worst.excess, one.worst.error))
         far = sorted(self._tried.values(), key=lambda one: (one.worst.excess, one.worst.error))
         return self._possible([*near[:2], *far[: 2 * _RIVALS]])
 
@@ -286,30 +396,95 @@ class Search:
     def _see(self, settings: Iterable[Setting], known: Sequence[Tried] = (), until: float = 0.0) -> None:
         """Run new settings on the model, as far as they count beside the known results."""
         assert self._trials.model is not None
-        room = max(0, round((self._left - until) / self._trials.weight))
+        room = max(0, round((self._left - max(until, self._owed)) / self._trials.weight))
         new = [one for one in dict.fromkeys(settings) if one not in self._seen][:room]
         found = self._run([Tried(one, {}) for one in new], [self._trials.model], known)
         self._seen |= {one.setting: one for one in found}
 
     def _round(self, settings: Iterable[Setting]) -> None:
-        """Run settings that are new on the hardest copy, then with more feedback and on the other copies."""
+        """Run settings that are new on the hardest copy, then on the next and with more feedback."""
         written = {(one.structure, one.numbers) for one in self._tried}
         new = [one for one in dict.fromkeys(settings) if (one.structure, one.numbers) not in written]
         first, *others = self._hardest()
-        each = len(others) + 2 * (self._trials.margin > 1.0)  # runs that follow where the first is promising
-        most = self._room // (2 if each else 1)
-        found = self._run([Tried(one, {}) for one in new[:most]], [first], self.feasible)
+        left = self._trials.copies - 1 + 2 * (self._trials.margin > 1.0)  # runs that follow where it counts
+        most = self._room // (2 if left else 1)
+        found = self._run([Tried(one, {}) for one in new[:most]], [first], self._sound)
         self._tried |= {one.setting: one for one in found}
-        found = self._promising(found)[: self._room // max(1, each)]
-        for copies in (others[:1], others[1:]):
-            if copies:
-                found = self._run(self._promising(found), copies, self.feasible)
+        found = self._promising(found)[: self._room // max(1, left)]
+        if others:
+            found = self._run(found, others[: _HARDEST - 1], self._sound)
         self._bear(self._promising(found))
 
+    def _unsettled(self) -> list[Tried]:
+        """Return settings that count by the hardest copies but lack others, the most important first."""
+        sound = self._sound
+        preferred = best(sound)
+        if preferred is None:
+            return []
+        inverse = preferred.setting.structure.inverse
+        others = [one for one in sound if one.setting.structure.inverse != inverse]
+        unlike = [one for one in others if not is_same(one, preferred)]
+        each = best_of_each(sorted(others, key=lambda one: one.worst.error))[:_RIVALS]
+        named = {id(one): one for one in (preferred, best(unlike), *each) if one}
+        counts = [one for one in named.values() if not self._is_whole(one)]
+        points = _logs(sound)
+        reference = self._reference(sound)
+        known = np.array([i for i, one in enumerate(sound) if self._is_whole(one) or one in counts], int)
+        nothing = np.empty((0, 2))
+        least = _WORTH * float(_area(points, reference))
+        known = points[known] if len(known) else nothing
+        while True:
+            gained = gains(known, points, reference)
+            i = int(gained.argmax())
+            if gained[i] <= least:
+                return counts
+            counts.append(sound[i])
+            known = np.vstack([known, points[i]])
+
+    def _reference(self, sound: Sequence[Tried]) -> tuple[float, float]:
+        """Return the logarithms of the peak rate and the error beyond which nothing counts."""
+        bar = self._bar(sound)
+        assert bar is not None
+        rates = [rate for rate in (self._own.worst.peak_rate, bar.rates[-1]) if math.isfinite(rate)]
+        rate, error = np.log(np.maximum((max(rates), bar.wanted), _NOTHING)) + _BEYOND
+        return float(rate), float(error)
+
+    def _settle(self) -> None:
+        """Run settings that count by the hardest copies on all, until none is left."""
+        while (some := self._unsettled()) and not self._trials.is_stopped:
+            before = self._left
+            self._complete(some)
+            if self._left == before:
+                return
+
+    def _settle_best(self) -> None:
+        """Run the best setting so far on all copies, where it is far better than those run there."""
+        known, whole = best(self._sound), best(self.feasible)
+        if known and (not whole or known.worst.error < _BETTER * whole.worst.error):
+            self._complete([known])
+
+    def _complete(self, some: Sequence[Tried]) -> None:
+        """Run settings on the copies that are left of each, as far as there is room."""
+        missing = [[c for c in range(self._trials.copies) if c not in one.outcomes] for one in some]
+        fitting = np.cumsum([len(copies) for copies in missing]) <= self._left
+        fitting[0] |= not self.feasible  # an answer counts more than a few runs
+        jobs = [
+            (one, copy)
+            for one, copies, fits in zip(some, missing, fitting, strict=True)
+            if fits
+            for copy in copies
+        ]
+        self._left -= len(jobs)
+        outcomes = self._trials.run([(one.setting, copy) for one, copy in jobs])
+        for (one, copy), out in zip(jobs, outcomes, strict=True):
+            if out is not None:
+                one.outcomes[copy] = out
+
     def _hardest(self) -> list[int]:
-        """Return the copies, that first on which most settings have their largest error."""
-        most = Counter(max(one.outcomes, key=lambda i: one.outcomes[i].error) for one in self._whole())
-        return sorted(range(self._trials.copies), key=lambda copy: (-most[copy], copy))
+        """Return the copies, that first on which the setting as written has its largest error."""
+        errors = [self._own.outcomes[copy].error for copy in range(self._trials.copies)]
+        first = int(np.argmax(errors))
+        return [first, *(copy for copy in range(self._trials.copies) if copy != first)]
 
     def _run(self, some: Sequence[Tried], copies: Sequence[int], known: Sequence[Tried]) -> list[Tried]:
         """Run settings on copies as far as they count beside others; return the uninterrupted ones."""
@@ -352,6 +527,7 @@ class Search:
     def judge(self) -> Verdict:
         """Return the verdict; the first two settings were run with more feedback, and on all loops."""
         while True:
+            self._settle()
             verdict = judge(self.feasible, self.tried, self._own)
             named = [one for one in (verdict.recommended, verdict.second) if one]
             implied = [one for one in named if one.is_implied]
@@ -394,11 +570,11 @@ class Search:
     def _promising(self, found: Sequence[Tried]) -> list[Tried]:
         """Return settings that may be on the front, best of their inverse, or smoothest of the best."""
         able = self._able(found)
-        known, points = self.feasible, [one.worst.point for one in able]
+        known, points = self._sound, [one.worst.point for one in able]
         bar, rivals = self._bar(known), _rivals(known)
         if bar is None:
             # if none is feasible, a setting nearer than before is run on all copies
-            least = min((one.worst.excess for one in self._whole()), default=math.inf)
+            least = min((one.worst.excess for one in self._known()), default=math.inf)
             near = sorted(
                 (one for one in found if one.worst.excess < least), key=lambda one: one.worst.excess
             )
@@ -410,6 +586,20 @@ class Search:
         counts = [one for one, is_left in zip(able, left, strict=True) if id(one) in kept and not is_left]
         preferred = best([*known, *able])
         return counts if preferred in (*known, *counts) or preferred is None else [preferred, *counts]
+
+
+def _logs(some: Sequence[Tried]) -> _Array:
+    """Return the logarithms of peak rates and errors, (k, 2)."""
+    return np.log(np.maximum([one.worst[1::-1] for one in some], _NOTHING))
+
+
+def _area(points: _Array, reference: tuple[float, float]) -> float:
+    """Return the area of a plane below a reference that points dominate."""
+    area, kept = 0.0, np.empty((0, 2))
+    for point in points[np.argsort(points[:, 0])]:
+        area += float(gains(kept, point[None], reference)[0])
+        kept = np.vstack([kept, point])
+    return area
 
 
 def _rivals(known: Sequence[Tried]) -> dict[tuple[str, str], float]:
