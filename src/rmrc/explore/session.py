@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from rmrc.explore import plots, saving
+from rmrc.explore import plots, rows, saving
 from rmrc.explore.answer import Answer, Explored
 from rmrc.explore.controls import Control, Value, read_of
 from rmrc.explore.drag import PERIOD, RECENT, Drag
@@ -320,6 +320,7 @@ class Session:
             self._build_looks()
         with tabs.add_tab("Take along"):
             self._build_saving()
+            gui.add_markdown(rows.links(self._as_written.prepared.scenario.name))
         gui.add_html(KEYS)
         self._build_plots()
         self._aim(explored.written, ROOM)
@@ -364,6 +365,7 @@ class Session:
             told.content = "" if is_right is None else "**Right.**" if is_right else "Not yet."
 
         gui.add_button("Check").on_click(check)
+        gui.add_markdown(rows.links(lesson.scenario, lesson.rows))
 
     def _build_settings(self) -> None:
         gui = self._client.gui
@@ -447,6 +449,10 @@ class Session:
         assert self.answer is not None
         try:
             if self.drag is not None and self.drag.values != self.answer.values:
+                with self._lock:
+                    self._stop, self._began = threading.Event(), time.perf_counter()
+                    if self._closed:
+                        self._stop.set()
                 answer = explored.answer(self.drag.values, self._stop)
                 if answer is None:
                     return

@@ -81,7 +81,7 @@ class Live:
     def take_over(self, other: "Live") -> None:
         """Go on from where another one is, which has the same arm and period and goes no further.
 
-        A plant of another kind begins with its own memory: commands on their way to the drives are lost.
+        A plant of another kind begins with its own memory: commands that have not arrived are lost.
         """
         self._qpos[:], self._qvel[:] = other._qpos, other._qvel
         if type(self.prepared.plant) is type(other.prepared.plant):
