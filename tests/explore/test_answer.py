@@ -80,7 +80,7 @@ def test_what_is_saved_runs_to_the_same_columns_and_figures(explored, tmp_path):
     same = {name for name in again.scorecard if name not in ("wall_time", "speed")}
     figures = [
         json.dumps({name: card[name].value for name in same}, sort_keys=True)
-        for card in (again.scorecard, answer.ran.scorecard)
+        for card in (again.scorecard, answer.run.scorecard)
     ]
     assert figures[0] == figures[1]
 

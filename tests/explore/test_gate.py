@@ -1,6 +1,9 @@
 """Who is let in: this machine by its own names, our own page, and elsewhere who knows the token."""
 
+import gc
 import http.client
+import random
+import re
 import shutil
 import socket
 import subprocess
@@ -16,7 +19,7 @@ from websockets.http11 import Request
 from websockets.sync.client import connect
 
 from processes import wait_for
-from rmrc.explore import server
+from rmrc.explore import rows, server
 from rmrc.explore.answer import Explored
 from rmrc.explore.gate import Gate
 from rmrc.explore.server import ExploreError, Server
@@ -249,3 +252,112 @@ def test_a_session_that_fails_ends_alone(served, monkeypatch):
     assert isinstance(served.failures[0], ZeroDivisionError)
     assert list(served.sessions) == [2]
     assert second._thread.is_alive()
+
+
+# Drag mode ------------------------------------------------------------------------------------------------------
+
+
+def dragging(served, number):
+    """Return a session in drag mode."""
+    served._open(browser(served, number))
+    session = wait_for(lambda: served.sessions.get(number))
+    wait_for(lambda: session.answer is not None)
+    session._mode.value = "drag"
+    session._choose_mode(SimpleNamespace(client=object()))
+    wait_for(lambda: session.drag is not None or served.failures or "ff2d2d" in session._said.content, 300.0)
+    assert "ff2d2d" not in session._said.content, session._said.content
+    assert served.failures == []
+    return session
+
+
+def moved(session, position):
+    """Move the gizmo, as a mouse does."""
+    session._hand._gizmo.position = position
+    session._hand._ask(session._hand._lead)
+
+
+def test_a_session_leads_its_arm_and_ends_it(served):
+    session = dragging(served, 11)
+    drag, start = session.drag, session.drag.pose
+    moved(session, [start[0] + 0.1, *start[1:3]])
+    wait_for(lambda: drag.pose[0] > start[0] + 0.09, 60.0)
+    session._hand._ask(lambda one: session._hand._nudge("+y", one))
+    wait_for(lambda: drag.goal[1] == pytest.approx(start[1] + session._hand._unit))
+    session._hand._ask(lambda one: one.jog(0, one.q[0] + 0.2))
+    wait_for(lambda: drag.joints is not None)
+    changed(session, "control.inverse.damping.maximum", 0.05)  # acts on the arm as it moves
+    wait_for(lambda: session.drag.values == {"control.inverse.damping.maximum": 0.05})
+    assert session.drag.joints is not None
+    session._ask_to_save(None)
+    wait_for((served.out / "test.explore.yaml").is_file, 60.0)
+    assert "0.05" in (served.out / "test.explore.yaml").read_text()
+    session._hand._return("arm to the start")
+    wait_for(lambda: session.drag.joints is None and np_allclose(session.drag.pose, start))
+    session._mode.value = "run"
+    session._choose_mode(SimpleNamespace(client=object()))
+    wait_for(lambda: session.drag is None and not session._is_asked)
+    assert served.failures == []
+    served._leave(SimpleNamespace(client_id=11))
+    session._thread.join(30)
+    assert not session._thread.is_alive()
+
+
+def np_allclose(one, other):
+    return abs(one - other).max() < 1e-3
+
+
+def test_an_error_in_drag_mode_ends_that_session_alone(served, monkeypatch):
+    first, second = dragging(served, 12), dragging(served, 13)
+    monkeypatch.setattr(first.drag, "advance", lambda _: 1 / 0)
+    first._hand._ask(lambda drag: drag.lead(drag.goal))
+    wait_for(lambda: served.failures)
+    assert isinstance(served.failures[0], ZeroDivisionError)
+    assert list(served.sessions) == [13]
+    assert second._thread.is_alive()
+
+
+@pytest.mark.long
+def test_many_random_moves_neither_leak_memory_nor_stop_the_answers(served):
+    # an hour of a reader who moves something every two seconds, in both modes
+    chance, session = random.Random(0), dragging(served, 14)
+    sliders = [
+        one for one in session.controls if one.step and "delay" not in one.key and "lag" not in one.key
+    ]
+    sizes = []
+    for i in range(2000):
+        if i % 250 == 0 and i:
+            session._mode.value = "run" if session._drags else "drag"
+            session._choose_mode(SimpleNamespace(client=object()))
+        if chance.random() < 0.5 and session.drag is not None:
+            moved(session, [chance.uniform(-2.0, 2.0), chance.uniform(-2.0, 2.0), 0.0])
+        else:
+            one = chance.choice(sliders)
+            changed(session, one.key, round(chance.uniform(one.low, one.high), 9))
+        wait_for(lambda: not session._is_asked, 60.0)
+        if i % 250 == 249:
+            gc.collect()
+            sizes.append(memory())
+    assert max(sizes[3:]) <= 1.05 * sizes[2]  # both modes are warm after 750 moves
+    assert session._thread.is_alive()
+    assert served.failures == []
+
+
+def memory():
+    """Return the resident memory of this process [kB]."""
+    with open("/proc/self/status", encoding="ascii") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS"))
+
+
+def test_the_textbook_is_a_page_of_the_server_with_the_rows_that_are_linked(served):
+    with closing(http.client.HTTPConnection("127.0.0.1", port_of(served))) as line:
+        line.request("GET", "/textbook")
+        answer = line.getresponse()
+        text, policy = answer.read().decode(), answer.headers["Content-Security-Policy"]
+    assert answer.status == 200
+    assert "default-src 'none'" in policy
+    assert "http" not in text
+    linked = rows.links("null_space", ["A39"])
+    assert re.findall(r"\[(\w+)\]\(textbook#", linked) == ["A39", "A40"]  # A40 runs the scenario
+    for key in ("A39", "A40"):
+        assert f'<tr id="{key}">' in text
+    assert rows.links("none_of_this_name") == ""

@@ -4,6 +4,7 @@ import pytest
 
 from project import mostly_long
 from rmrc.cli.explore import LESSONS
+from rmrc.explore import rows
 from rmrc.explore.controls import controls, read_of
 from rmrc.scenario.changes import changes_of
 from rmrc.scenario.lesson import SHIPPED, load_lesson
@@ -65,3 +66,11 @@ def test_a_lesson_or_something_to_explore_but_not_both(rmrc):
     pytest.importorskip("viser")
     for arguments in ([], ["line_tracking", "--lesson", "reach"]):
         assert rmrc("explore", *arguments) == (2, "", says("rmrc: error: … --lesson …\n"))
+
+
+@pytest.mark.parametrize("name", sorted(SHIPPED))
+def test_the_rows_of_a_lesson_are_rows_of_the_textbook(name):
+    lesson, _ = load_lesson(name)
+    assert lesson.rows
+    assert set(lesson.rows) <= rows.rows().keys()
+    assert all(f"[{key}]" in rows.links(lesson.scenario, lesson.rows) for key in lesson.rows)

@@ -58,6 +58,8 @@ Asked = Annotated[
 ]
 Opens = Annotated[bool, typer.Option("--open", help="Open the page in the browser of this machine.")]
 
+Drags = Annotated[bool, typer.Option("--drag", help="Begin in drag mode: you lead the arm, in real time.")]
+
 
 def explore(
     scenario: Explored = None,
@@ -67,6 +69,7 @@ def explore(
     host: Host = "127.0.0.1",
     opens: Opens = False,
     lesson: Asked = None,
+    drag: Drags = False,
 ) -> None:
     """Serve a page with sliders: each change runs the scenario again, and shows arm, rates and errors.
 
@@ -95,6 +98,7 @@ def explore(
         lambda url: print_line(output(), f"{url}  ({loaded.name}; Ctrl-C ends it)"),
         _failed,
         opens,
+        drag,
     )
 
 

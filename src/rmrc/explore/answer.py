@@ -1,6 +1,7 @@
 """The answer of a scenario to a setting: its run, to the bit that of `rmrc run`, and its view."""
 
 import threading
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,8 +13,8 @@ from rmrc.recording.scene import Frames, Scene
 from rmrc.results.run import Run
 from rmrc.scenario import Source, changes_of
 from rmrc.simulation.prepare import Prepared
-from rmrc.study.study import Ran, Study
-from rmrc.support.errors import QuestionError
+from rmrc.study.study import Study
+from rmrc.support.errors import QuestionError, ScenarioError
 
 # Instants of a run that are shown: 60 frames per second for five seconds.
 INSTANTS = 300
@@ -25,36 +26,32 @@ class Answer:
 
     Attributes:
         values: The changed keys, with their values.
-        ran: The run with its scorecard.
+        prepared: The prepared scenario of the run.
+        run: The run, with all ticks.
+        like: An answer whose arm looks the same; None: there is none.
+        instants: The number of instants that are shown, at most.
     """
 
     values: Values
-    ran: Ran
+    prepared: Prepared
+    run: Run
+    like: "Answer | None" = None
+    instants: int = INSTANTS
 
     @cached_property
     def scene(self) -> Scene:
         """The arm and the task; built at the first drawing, because the plots come first."""
-        return Scene(self.prepared)
+        return Scene(self.prepared) if self.like is None else self.like.scene
 
     @cached_property
     def rows(self) -> NDArray[np.int64]:
         """The shown ticks, (F,)."""
-        return np.unique(np.linspace(0, len(self.run) - 1, INSTANTS).round().astype(np.int64))
+        return np.unique(np.linspace(0, len(self.run) - 1, self.instants).round().astype(np.int64))
 
     @cached_property
     def frames(self) -> Frames:
         """The poses and marks at the shown ticks."""
         return self.scene.frames(self.run, self.rows)
-
-    @property
-    def run(self) -> Run:
-        """The run, with all ticks."""
-        return self.ran.run
-
-    @property
-    def prepared(self) -> Prepared:
-        """The prepared scenario of the run."""
-        return self.ran.prepared
 
     @property
     def end(self) -> float:
@@ -109,4 +106,20 @@ class Explored:
             return None
         if not len(ran.run):
             raise QuestionError(f"{ran.run.name} {ran.run.divergence}")
-        return Answer(dict(values), ran)
+        return Answer(dict(values), ran.prepared, ran.run)
+
+    def prepared(self, values: Values, period: float) -> Prepared:
+        """Return the prepared scenario of a setting, with a control period.
+
+        Args:
+            values: The changed keys, with their values.
+            period: The control period [s]; the scenario's own if that is longer, or if nothing else fits.
+
+        Raises:
+            ScenarioError: The setting is invalid; lists all faults.
+        """
+        changes = changes_of(values)
+        if self.written.prepared.scenario.control.period < period:
+            with suppress(ScenarioError):
+                return self._study.prepare([*changes, *changes_of({"control.period": period})])
+        return self._study.prepare(changes)

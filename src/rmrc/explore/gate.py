@@ -13,6 +13,7 @@ import websockets.asyncio.server
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from rmrc.explore import rows
 from rmrc.recording import viewer_page
 
 # A header of every answer. The browser lets the page talk only to its own server, whatever the address.
@@ -96,6 +97,8 @@ class Gate:
                 found: Response | None = Response(
                     HTTPStatus.FORBIDDEN, "Forbidden", Headers({"Content-Length": "10"}), b"Forbidden\n"
                 )
+            elif admitted.path == f"/{rows.PLACE}":
+                found = _whole(rows.page())
             else:
                 found = answer(connection, admitted)
             if found is not None:
@@ -125,6 +128,16 @@ def guarded_by(gate: Gate) -> Iterator[None]:
             yield
         finally:
             module.serve = original  # type: ignore[misc]
+
+
+def _whole(page: bytes) -> Response:
+    """Return an answer with a page of ours."""
+    told = {
+        "Content-Type": "text/html; charset=utf-8",
+        "Content-Length": str(len(page)),
+        "Connection": "close",
+    }
+    return Response(HTTPStatus.OK, "OK", Headers(told), page)
 
 
 def host_of(text: str) -> str:

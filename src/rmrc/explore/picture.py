@@ -56,19 +56,20 @@ class View:
     fov: float
 
 
-def view(answer: Answer, aspect: float) -> View:
+def view(answer: Answer, aspect: float, room: float = ROOM) -> View:
     """Return a view of a whole run.
 
     Args:
         answer: The run.
         aspect: Width over height of the picture.
+        room: Room around arm and path, as a part of the reach.
     """
     scene, frames = answer.scene, answer.frames
     seen = np.vstack(
         [scene.outermost(frames), scene.path[:: max(1, len(scene.path) // 50)], frames.bodies[0, 1:, :3]]
     )
-    room = ROOM * scene.reach * np.vstack([np.eye(3), -np.eye(3)])
-    points = (seen[:, None] + room).reshape(-1, 3)
+    around = room * scene.reach * np.vstack([np.eye(3), -np.eye(3)])
+    points = (seen[:, None] + around).reshape(-1, 3)
     camera = fitted(points, scene.normal, aspect)
     up = camera.axes[1] if scene.normal == 2 else np.array([0.0, 0.0, 1.0])
     return View(camera.position, camera.position - camera.distance * camera.axes[2], up, float(ANGLE))
@@ -175,12 +176,17 @@ class Picture:
 
     def _line(self, name: str, points: Array, colors: NDArray[Any], width: float) -> None:
         """Draw pieces (p, 2, 3) of a line."""
-        if name in self._marks:
+        shown, points = np.broadcast_to(colors, points.shape).astype(np.uint8), points.astype(np.float32)
+        node = self._marks.get(name)
+        if node is not None and np.array_equal(node.points, points) and np.array_equal(node.colors, shown):
+            return
+        if node is not None and len(points):
+            node.points, node.colors = points, shown
+        elif node is not None:
             self._marks.pop(name).remove()
-        if len(points):
-            shown = np.broadcast_to(colors, points.shape).astype(np.uint8)
+        elif len(points):
             self._marks[name] = self._nodes.add_line_segments(
-                f"/{name}", points.astype(np.float32), shown, thickness=width, thickness_units="screen"
+                f"/{name}", points, shown, thickness=width, thickness_units="screen"
             )
 
     def _ball(self, name: str, center: Array, radius: float, color: int) -> None:

@@ -25,6 +25,10 @@ SHOWN = 3
 MARGIN = 1.08
 # Least value of a logarithmic axis: uPlot writes less as 0.
 LEAST = 1e-3
+# Points of a curve that moves: about one for each pixel.
+POINTS = 310
+# Ends of the axes of plots that move: of rates, in limits; of errors, at least [mm or mrad].
+LIMIT, LEAST_ERROR = 1.25, 1.0
 # Dashes of limits and bounds, and of the rates of the plain inverse [px].
 DOTS, PLAIN = (2.0, 4.0), (7.0, 4.0)
 # Left and right of the data of a plot [px]: the lanes have them too, so that times are in line.
@@ -59,7 +63,9 @@ class Plot(NamedTuple):
     axes: tuple[dict[str, Any], ...]
 
 
-def plots(run: Run, other: Run | None, *, dark: bool, with_plain: bool) -> list[Plot]:
+def plots(
+    run: Run, other: Run | None, *, dark: bool, with_plain: bool, seconds: float | None = None
+) -> list[Plot]:
     """Return the plots of a run: its rates, singular values and errors.
 
     Args:
@@ -67,6 +73,8 @@ def plots(run: Run, other: Run | None, *, dark: bool, with_plain: bool) -> list[
         other: The run in gray beside it.
         dark: Whether the page is dark.
         with_plain: Whether to draw the rates of the plain inverse.
+        seconds: The length of the time axes of plots that move [s], whose other axes stand still where they
+            can; None: the length of the run.
     """
     found = traces.of_run(replace(run, baseline=other))
     rates, sigma, errors = found.panels[:SHOWN]
@@ -74,7 +82,34 @@ def plots(run: Run, other: Run | None, *, dark: bool, with_plain: bool) -> list[
         gray = Trace("before, σ_min", _at(sigma.time, other, other["sigma"][:, -1]), 0, is_gray=True)
         sigma = replace(sigma, traces=[*sigma.traces, gray])
     rates = replace(rates, traces=[one for one in rates.traces if _is_drawn(one, with_plain)])
-    return [_plot(panel, found.colors, dark) for panel in (rates, sigma, errors)]
+    panels = [rates, sigma, errors]
+    if seconds is not None:
+        panels = [_thinned(one, max(1, round(seconds / run.period / POINTS))) for one in panels]
+    drawn = [_plot(panel, found.colors, dark) for panel in panels]
+    if seconds is not None:
+        for plot in drawn:
+            plot.scales["x"]["range"] = (0.0, seconds)
+        if rates.lines:
+            most = LIMIT * max(rates.lines)
+            drawn[0].scales["y"]["range"] = (-most, most)
+        low, high = drawn[2].scales["y"]["range"]
+        drawn[2].scales["y"]["range"] = (low and min(low, -LEAST_ERROR), max(high, LEAST_ERROR))
+    return drawn
+
+
+def _thinned(panel: Panel, every: int) -> Panel:
+    """Return a panel with one value of each curve for so many ticks: the largest, so that peaks stay."""
+    count = len(panel.time) // every * every
+    if every == 1 or not count:
+        return panel
+
+    def largest(values: Array) -> Array:
+        spans = values[-count:].reshape(-1, every)
+        found: Array = spans[np.arange(len(spans)), np.abs(np.nan_to_num(spans)).argmax(axis=1)]
+        return found
+
+    traces = [replace(one, values=largest(one.values)) for one in panel.traces]
+    return replace(panel, time=panel.time[-count::every], traces=traces)
 
 
 def _is_drawn(trace: Trace, with_plain: bool) -> bool:

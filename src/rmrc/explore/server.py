@@ -72,6 +72,7 @@ class Server:
         port: The port; 0: a free one.
         lesson: The lesson for the reader, if there is one.
         failed: Called with the error that ended a session.
+        drags: Whether sessions begin in drag mode.
 
     Attributes:
         sessions: The open sessions, by the number of their browser.
@@ -85,6 +86,7 @@ class Server:
         port: int = 0,
         lesson: Lesson | None = None,
         failed: Callable[[Exception], None] = lambda _: None,
+        drags: bool = False,
     ) -> None:
         """Listen.
 
@@ -97,7 +99,7 @@ class Server:
 
         self.sessions: dict[int, Session] = {}
         self._lock, self._is_closed = threading.Lock(), False
-        self._make = partial(Session, scenario, out, lesson)
+        self._make = partial(Session, scenario, out, lesson, drags)
         self._failed = failed
         self._gate = Gate(is_local=host in LOCAL)
         warnings.filterwarnings("ignore", GONE, UserWarning)
@@ -184,6 +186,7 @@ def serve(
     say: Callable[[str], None],
     failed: Callable[[Exception], None],
     opens: bool = False,
+    drags: bool = False,
 ) -> None:
     """Serve the page until a signal comes.
 
@@ -196,6 +199,7 @@ def serve(
         say: Called with the address of the page.
         failed: Called with the error that ended a session.
         opens: Whether to open the page in a browser.
+        drags: Whether the page begins in drag mode.
 
     Raises:
         ScenarioError: The scenario is invalid; lists all faults.
@@ -204,7 +208,7 @@ def serve(
     """
     refuse_taken(host, port)
     Explored(scenario)  # finds the faults of the scenario before a browser connects
-    with interruptible() as stop, Server(scenario, out, host, port, lesson, failed) as server:
+    with interruptible() as stop, Server(scenario, out, host, port, lesson, failed, drags) as server:
         say(server.url)
         if opens:
             webbrowser.open(server.url)

@@ -10,10 +10,12 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from rmrc.explore import plots, saving
+from rmrc.explore import plots, rows, saving
 from rmrc.explore.answer import Answer, Explored
 from rmrc.explore.controls import Control, Value, read_of
-from rmrc.explore.picture import Picture, view
+from rmrc.explore.drag import PERIOD, RECENT, Drag
+from rmrc.explore.hand import GIZMO, NUDGES, Hand
+from rmrc.explore.picture import ROOM, Picture, view
 from rmrc.results.run import Run
 from rmrc.scenario import Scenario
 from rmrc.scenario.lesson import Lesson
@@ -24,18 +26,22 @@ MARKS = {"velocity": "velocity ellipsoid", "force": "force ellipsoid", "lost": "
 # An arrow key moves the focused slider; viser would also turn the view.
 KEYS = (
     '<img hidden alt="" src="data:," onerror="document.body.addEventListener(\'keydown\','
-    "e=>{if(e.target.getAttribute('role')==='slider')e.stopPropagation()})\">"
+    "e=>{if(e.target.getAttribute('role')==='slider')e.stopPropagation()});"
+    f'{NUDGES}">'
 )
 BEFORE, WRITTEN, NOTHING = "the setting before", "as written", "nothing"
+RUN, DRAG = "run", "drag"
 SPEEDS = {"1/10": 0.1, "1/4": 0.25, "1": 1.0, "2": 2.0}
 # Widths of the panels, heights of the plots [px]: a screen of 1280 × 720 has room for the arm beside them.
 SETTINGS, PLOTS, HEIGHT = 320, 420, 118
-# Periods of the pictures and of the shown time while the run plays [s].
-FRAME, TOLD = 1 / 30, 0.1
+# Periods of the pictures, of the shown time while the run plays, and of the plots in drag mode [s].
+FRAME, TOLD, PLOTTED = 1 / 30, 0.1, 0.2
 # Changes of one key within this time are one gesture, which keeps the setting before it [s].
 GESTURE = 1.5
 # A new setting ends a run that takes longer [s].
 LONG = 0.5
+# A real-time factor below this is told.
+KEPT_UP = 0.95
 # Least width over height of the canvas beside the panels.
 ASPECT = 0.3
 
@@ -47,19 +53,24 @@ class Session:
         scenario: The scenario to explore.
         out: The folder for saved files.
         lesson: The lesson for the reader, if there is one.
+        drags: Whether it begins in drag mode.
         client: The browser, as viser represents it.
         failed: Called with the error that ended the session.
 
     Attributes:
         answer: The shown answer; None before the first.
         controls: The keys that the page can change.
+        drag: The arm in drag mode; None in run mode.
     """
+
+    drag: Drag | None
 
     def __init__(
         self,
         scenario: Scenario,
         out: Path,
         lesson: Lesson | None,
+        drags: bool,
         client: Any,
         failed: Callable[[Exception], None],
     ) -> None:
@@ -72,7 +83,8 @@ class Session:
         self._lock, self._wake, self._stop = threading.Lock(), threading.Event(), threading.Event()
         self._closed = False
         self._values: dict[str, Value] = {}
-        self._is_asked = self._is_redrawn = False
+        self._is_asked = self._is_redrawn = self._is_saved = False
+        self._drags, self.drag = drags, None
         self._gesture, self._began = ("", 0.0), 0.0
         self._time, self._plays, self._loops, self._speed = 0.0, False, True, 1.0
         self._thread = threading.Thread(target=self._live, name="rmrc explore", daemon=True)
@@ -104,15 +116,26 @@ class Session:
                     self._client.gui.add_markdown("An error in rmrc ended this session. Reload the page.")
                 self._failed(error)
         finally:
-            self.answer = self._before = None
+            self.answer = self._before = self.drag = None
 
     def _go_on(self, explored: Explored) -> None:
         last = told = time.perf_counter()
+        self._wake.set()  # drag mode may be asked for from the beginning
         while not self._closed:
-            self._wake.wait(FRAME if self._plays else None)
+            moves = self._plays or (self.drag is not None and not self.drag.is_still)
+            self._wake.wait(FRAME if moves else None)
             self._wake.clear()
             now = time.perf_counter()
-            passed, last = now - last, now
+            passed, last = (now - last if moves else FRAME), now
+            if self._drags != (self.drag is not None):
+                self._switch(explored)
+            if self._is_saved:
+                self._save(explored)
+            if self.drag is not None:
+                if self._is_asked or self._hand.is_restarted:
+                    self._tune(explored)
+                told = self._lead(passed, now, told)
+                continue
             if self._is_asked:
                 self._ask(explored)
                 last = time.perf_counter()
@@ -126,6 +149,55 @@ class Session:
                 self._tell_time()
             with self._client.atomic():
                 self._picture.at(self.answer, self._other, self._time)
+
+    def _switch(self, explored: Explored) -> None:
+        """Begin or end drag mode, as the reader chose."""
+        self._play(False)
+        if self._drags:
+            self._tune(explored)
+            self._aim(explored.written, GIZMO)
+            self._drags = self.drag is not None
+            _set(self._mode, "value", DRAG if self._drags else RUN)
+        else:
+            self.drag, self._is_asked = None, True
+            self._hand.show(None)
+        for handle in (self._player, self._clock):
+            handle.visible = not self._drags
+
+    def _tune(self, explored: Explored) -> None:
+        """Move the arm on with the latest setting, or from the start; an invalid setting changes nothing."""
+        assert self.answer is not None
+        with self._lock:
+            self._is_asked, values = False, dict(self._values)
+        before, self._hand.is_restarted = None if self._hand.is_restarted else self.drag, False
+        try:
+            self.drag = Drag(explored.prepared(values, PERIOD), values, self.answer, before)
+        except RmrcError as error:
+            self._say(str(error).splitlines()[0], is_wrong=True)
+            return
+        self._say("")
+        if before is None:
+            self._hand.show(self.drag)
+            self._picture.show(self.drag.recent(), None)
+
+    def _lead(self, passed: float, now: float, told: float) -> float:
+        """Advance the arm by the passed time, and show it; return when the plots were last drawn."""
+        drag = self.drag
+        assert drag is not None
+        self._hand.take(drag)
+        drag.advance(passed)
+        with self._client.atomic():
+            self._picture.at(drag.now(), None, 0.0)
+        if not self._is_redrawn and now - told < PLOTTED and not drag.is_still:
+            return told
+        self._hand.tell(drag)
+        self._draw(drag.recent(), None)
+        if drag.trouble:
+            self._say(drag.trouble, is_wrong=True)
+        else:
+            is_late = drag.factor < KEPT_UP
+            self._say(f"this machine runs the arm at {drag.factor:.2f} of real time" if is_late else "")
+        return now
 
     def _advance(self, passed: float) -> None:
         """Advance by the passed time; at the end, start again or stop."""
@@ -175,10 +247,20 @@ class Session:
     def _publish(self) -> None:
         """Send the answer to the page."""
         assert self.answer is not None
+        self._draw(self.answer, self._other)
+        _set(self._clock, "max", self.answer.end)
+        with self._client.atomic():
+            self._picture.at(self.answer, self._other, self._time)
+        self._tell_time()
+
+    def _draw(self, answer: Answer, other: Answer | None) -> None:
+        """Draw the plots and figures of an answer, and its lines in the picture."""
         self._is_redrawn = False
-        answer, other = self.answer, self._other
         beside: Run | None = None if other is None else other.run
-        drawn = plots.plots(answer.run, beside, dark=self._dark.value, with_plain=self._plain.value)
+        drawn = plots.plots(
+            answer.run, beside, dark=self._dark.value, with_plain=self._plain.value,
+            seconds=None if self.drag is None else RECENT,
+        )  # fmt: skip
         with self._client.atomic():
             for (name, chart), plot in zip(self._charts, drawn, strict=True):
                 for prop in ("series", "scales", "axes"):
@@ -193,10 +275,9 @@ class Session:
             read = read_of(self._written, answer.values)
             for key, handle in self._handles.items():
                 _set(handle, "visible", key in read)
-            _set(self._clock, "max", answer.end)
             self._picture.show(answer, other)
-            self._picture.at(answer, other, self._time)
-        self._tell_time()
+            if self.drag is not None:
+                _set(self._strip, "content", plots.strip(answer.run, answer.end, answer.end))
 
     def _tell_time(self) -> None:
         assert self.answer is not None
@@ -205,7 +286,8 @@ class Session:
 
     def _say(self, text: str, *, is_wrong: bool = False) -> None:
         color = ";color:#ff2d2d;font-weight:bold" if is_wrong else ""
-        self._said.content = f'<div style="font-size:.8em;padding:.2em .5em{color}">{html.escape(text)}</div>'
+        told = f'<div style="font-size:.8em;padding:.2em .5em{color}">{html.escape(text)}</div>'
+        _set(self._said, "content", told)
 
     # Its layout ------------------------------------------------------------------------------
 
@@ -219,7 +301,15 @@ class Session:
         gui.main_panel.dock_left()
         gui.main_panel.set_width(SETTINGS)
         self._said = gui.add_html("")
+        self._mode = gui.add_dropdown(
+            "mode", (RUN, DRAG), initial_value=DRAG if self._drags else RUN,
+            hint="run: the scenario, again at each change; drag: you lead the arm, in real time",
+        )  # fmt: skip
+        self._mode.on_update(self._choose_mode)
         self._build_clock()
+        self._hand = Hand(
+            self._client, explored.written.prepared, explored.written.scene.reach, self._wake.set
+        )
         tabs = gui.add_tab_group()
         if self._lesson is not None:
             with tabs.add_tab("Lesson"):
@@ -230,9 +320,15 @@ class Session:
             self._build_looks()
         with tabs.add_tab("Take along"):
             self._build_saving()
+            gui.add_markdown(rows.links(self._as_written.prepared.scenario.name))
         gui.add_html(KEYS)
         self._build_plots()
-        self._aim(explored.written)
+        self._aim(explored.written, ROOM)
+
+    def _choose_mode(self, event: Any) -> None:
+        if event.client is not None:
+            self._drags = self._mode.value == DRAG
+            self._wake.set()
 
     def _build_clock(self) -> None:
         gui, end = self._client.gui, self._as_written.end
@@ -269,6 +365,7 @@ class Session:
             told.content = "" if is_right is None else "**Right.**" if is_right else "Not yet."
 
         gui.add_button("Check").on_click(check)
+        gui.add_markdown(rows.links(lesson.scenario, lesson.rows))
 
     def _build_settings(self) -> None:
         gui = self._client.gui
@@ -339,16 +436,33 @@ class Session:
         gui = self._client.gui
         button = gui.add_button("Save as scenario", hint=f"NAME{saving.SUFFIX}.yaml and .npz in {self._out}")
         self._saved = gui.add_markdown("")
-        button.on_click(self._save)
+        button.on_click(self._ask_to_save)
         self._block = gui.add_html("")
 
-    def _save(self, _: Any) -> None:
-        if self.answer is None:
-            return
+    def _ask_to_save(self, _: Any) -> None:
+        self._is_saved = True
+        self._wake.set()
+
+    def _save(self, explored: Explored) -> None:
+        """Save the answer to the latest setting, which drag mode has not run yet."""
+        self._is_saved = False
+        assert self.answer is not None
         try:
+            if self.drag is not None and self.drag.values != self.answer.values:
+                with self._lock:
+                    self._stop, self._began = threading.Event(), time.perf_counter()
+                    if self._closed:
+                        self._stop.set()
+                answer = explored.answer(self.drag.values, self._stop)
+                if answer is None:
+                    return
+                self.answer = answer
             scenario, columns = saving.save(self.answer, self._out)
         except OSError as error:
             self._say(f"{error.filename}: {(error.strerror or str(error)).lower()}", is_wrong=True)
+            return
+        except RmrcError as error:
+            self._say(str(error).splitlines()[0], is_wrong=True)
             return
         run, tune = command("run", scenario), command("tune", scenario)
         self._saved.content = f"Saved `{scenario}` and `{columns.name}`.\n```\n{run}\n{tune}\n```"
@@ -372,10 +486,10 @@ class Session:
         with panel.add_tab("Figures"):
             self._figures = gui.add_html("")
 
-    def _aim(self, answer: Answer) -> None:
+    def _aim(self, answer: Answer, room: float) -> None:
         camera = self._client.camera
         width = camera.image_width - SETTINGS - PLOTS
-        seen = view(answer, max(ASPECT, width / max(camera.image_height, 1)))
+        seen = view(answer, max(ASPECT, width / max(camera.image_height, 1)), room)
         camera.up_direction, camera.fov = seen.up, seen.fov
         camera.position, camera.look_at = seen.position, seen.look_at
 

@@ -46,6 +46,18 @@ def _keep_and(control: Callable[[int], int], positions: Array, kept: Array, t: i
     return control(t)
 
 
+def begin(batch: Batch | Native, plants: Sequence[Plant], qpos: Array, held: tuple[Array, Array]) -> None:
+    """Have a batch begin where its worlds do; the arguments are those of a `Stepper`."""
+    batch.bind("qpos")[:] = qpos
+    for name, values in zip(("ctrl", "act"), held, strict=True):
+        if values.size:
+            batch.bind(name)[:, : values.shape[1]] = values
+    poses = np.array([plant.arm.mocap_now for plant in plants])
+    if poses.size:
+        batch.bind("mocap_pos")[:] = poses[..., :3]
+        batch.bind("mocap_quat")[:] = poses[..., 3:]
+
+
 def _nothing(count: int) -> Array:
     """Return no values for this many worlds, in the type of MuJoCo's fields."""
     nothing = np.empty((count, 0))
@@ -106,8 +118,9 @@ class Stepper:
         differences = [plant.difference(model, wiring) for plant in plants]
         is_compensated = plants[0].has_physics and model.ngravcomp > 0
         if not touches and not kind.works_between and native.serves(model):
-            own = batches.take(model, differences, in_blocks=True)
-            self._begin(own, plants, qpos, held)
+            self._batch: Batch | Native = (own := batches.take(model, differences, in_blocks=True))
+            self._lent.append(own)
+            begin(own, plants, qpos, held)
             write_wiring(worlds, model, wiring, plants, own.place)
             given = worlds, ticks, reference
             self._blocks = Blocks(own, kind.forces, self._substeps, given, is_compensated, self.positions)
@@ -118,8 +131,8 @@ class Stepper:
             self._lent.append(batch)
             return batch
 
-        batch = batches.take(model, differences)
-        self._begin(batch, plants, qpos, held)
+        batch = self._batch = take(differences)
+        begin(batch, plants, qpos, held)
         write_wiring(worlds, model, wiring, plants, partial(column, model))
         # bound before the first forward, which then fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)
@@ -135,21 +148,6 @@ class Stepper:
         self._before = kind.before_steps(plants, Wired(model, wiring, worlds, batch, take))
         self._forward: Callable[..., None] = batch.forward
         self._forward(None, self._stage)
-
-    def _begin(
-        self, batch: Batch | Native, plants: Sequence[Plant], qpos: Array, held: tuple[Array, Array]
-    ) -> None:
-        """Set a batch to the start of its worlds."""
-        self._batch = batch
-        self._lent.append(batch)
-        batch.bind("qpos")[:] = qpos
-        for name, values in zip(("ctrl", "act"), held, strict=True):
-            if values.size:
-                batch.bind(name)[:, : values.shape[1]] = values
-        poses = np.array([plant.arm.mocap_now for plant in plants])
-        if poses.size:
-            batch.bind("mocap_pos")[:] = poses[..., :3]
-            batch.bind("mocap_quat")[:] = poses[..., 3:]
 
     def whole(self, w: int, row: int, q: Array) -> Array:
         """Return qpos of world w, (T, nq), from a row of `ticks` on, where the arm is at q, (T, n)."""

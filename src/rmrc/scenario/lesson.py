@@ -62,6 +62,7 @@ class Lesson(Section):
     shows: tuple[Mark, ...] = key("of the marks in the picture, those that are shown", ("velocity", "lost"))
     questions: Annotated[tuple[Question, ...], Count(3, 3)] = key("three of them")
     number: Sought = key("the number to find")
+    rows: tuple[Text, ...] = key("rows of docs/textbook.md beside those of the scenario, such as A39", ())
 
 
 def load_lesson(name: str) -> tuple[Lesson, Path]:

@@ -7,7 +7,7 @@ a run do not depend on the worlds and threads beside it.
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -134,35 +134,13 @@ class _Shard:
         divergence: Divergence | None = None,
     ) -> Run:
         """Return a run of a world with its columns and further data."""
-        prepared, contacts = self.prepared[w], self.batch.contacts
-        arm, scenario = prepared.arm, prepared.scenario
-        chain = prepared.true_arm.chain
-        reach = 0.0 if arm.idle else chain.reach  # a joint without an actuator may move the links apart
-        return Run(
-            name=scenario.name,
-            joints=arm.joints,
-            is_slide=tuple(arm.is_slide.tolist()),
-            axes=scenario.task.axes,
-            length=scenario.task.length,
-            period=scenario.control.period,
-            columns=columns,
-            planned=prepared.reference.ticks,
+        contacts = self.batch.contacts
+        return replace(
+            about(self.prepared[w], columns),
             divergence=divergence,
             wall_time=self.wall_time / len(self.members),
-            weights=scenario.task.weights or (),
-            torque_limit=tuple(arm.torque_limit.tolist()) if prepared.plant.has_physics else (),
-            view=prepared.task.view,
             touching=contacts.first.get(w, ()) if contacts else (),
             resting=tuple(contacts.resting.get(w, ())) if contacts else (),
-            chatter_floor=prepared.chatter_floor,
-            profile=prepared.expected_profile,
-            rate_limit=tuple(prepared.law.rate_limit.tolist()),
-            damping_below=_damping_below(scenario.control.inverse),
-            shoulder=tuple(chain.step[0].tolist()) if reach else (),
-            reach=reach,
-            screws=() if arm.idle else chain.screws,
-            leaders=() if arm.idle else tuple(chain.leader.tolist()),
-            joint_scale=() if arm.idle else tuple(prepared.task.joint_scale.tolist()),
         )
 
     def scorecards(self) -> list[Scorecard]:
@@ -324,6 +302,37 @@ class Simulation:
             for index, one in zip(shard.members, results, strict=True)
         }
         return [found[index] for index in sorted(found)]
+
+
+def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run:
+    """Return columns as the run of a world, which took no time and touched nothing."""
+    arm, scenario = prepared.arm, prepared.scenario
+    chain = prepared.true_arm.chain
+    reach = 0.0 if arm.idle else chain.reach  # a joint without an actuator may move the links apart
+    return Run(
+        name=scenario.name,
+        joints=arm.joints,
+        is_slide=tuple(arm.is_slide.tolist()),
+        axes=scenario.task.axes,
+        length=scenario.task.length,
+        period=scenario.control.period,
+        columns=columns,
+        planned=prepared.reference.ticks,
+        divergence=None,
+        wall_time=0.0,
+        weights=scenario.task.weights or (),
+        torque_limit=tuple(arm.torque_limit.tolist()) if prepared.plant.has_physics else (),
+        view=prepared.task.view,
+        chatter_floor=prepared.chatter_floor,
+        profile=prepared.expected_profile,
+        rate_limit=tuple(prepared.law.rate_limit.tolist()),
+        damping_below=_damping_below(scenario.control.inverse),
+        shoulder=tuple(chain.step[0].tolist()) if reach else (),
+        reach=reach,
+        screws=() if arm.idle else chain.screws,
+        leaders=() if arm.idle else tuple(chain.leader.tolist()),
+        joint_scale=() if arm.idle else tuple(prepared.task.joint_scale.tolist()),
+    )
 
 
 def _damping_below(inverse: InverseSection) -> float:
