@@ -164,12 +164,10 @@ def refusal(scenario, *overrides):
     return str(caught.value)
 
 
-def test_joints_that_are_not_driven_are_refused(scenario):
+def test_joints_that_are_not_actuated_are_refused(scenario):
     two = ("task.axes=[x, y]", "arm.encoder.deviation=0.1")
     problem = refusal(scenario, *PLANAR, *two, "arm.joints=[shoulder, wrist]")
-    wanted = (
-        '--set arm.encoder.deviation: arm.encoder: joint "elbow" … planar_3link.xml … driven … arm.encoder …'
-    )
+    wanted = '--set arm.encoder.deviation: arm.encoder: joint "elbow" … planar_3link.xml … actuated … arm.encoder …'
     assert problem == says(wanted)
 
 

@@ -247,6 +247,9 @@ def test_a_session_that_fails_ends_alone(served, monkeypatch):
     first, second = (wait_for(lambda n=n: served.sessions.get(n)) for n in (1, 2))
     wait_for(lambda: first.answer is not None and second.answer is not None)
     monkeypatch.setattr(first, "_take", lambda _: 1 / 0)
+    # the browsers of this file share one page, which must stay for the second
+    own = SimpleNamespace(reset=lambda: None, add_markdown=lambda _: None)
+    monkeypatch.setattr(first._client, "gui", own)
     changed(first, "control.feedback", 5.0)
     wait_for(lambda: served.failures)
     assert isinstance(served.failures[0], ZeroDivisionError)

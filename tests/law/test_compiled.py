@@ -17,11 +17,12 @@ from rmrc.arm import load
 from rmrc.law import controller, descent, law, step, svd
 from rmrc.law.jit import _kind
 from rmrc.law.record import records, tick_type
-from rmrc.plants import blocks, lockstep, model, torque
+from rmrc.plants import blocks, halves, lockstep, model, torque
 from rmrc.results import tally
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import Scenario
 from rmrc.simulation import reference
+from rmrc.simulation.live import Live
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 
@@ -36,6 +37,7 @@ EXAMINES = (
     svd.svd_alone,
 )
 DRIVES = (model.settle, model.tell_drives, model.tell_motors)
+LEADS = (halves.sense_half, halves.obey_half)
 
 
 def kept(function):
@@ -82,10 +84,16 @@ def test_what_compiles_comes_first(request):
     assert not request.config.option.loadscopereorder  # which puts the group of the tests of clusters first
 
 
+@pytest.mark.compiles
+def test_what_leads_a_world_by_hand_is_kept_on_disk(scenario):
+    Live(prepare(scenario("plant.kind=ideal")), 1)
+    assert [entry for entry in LEADS if not kept(entry)] == []
+
+
 def test_every_entry_is_one_of_these():
     sources = [path.read_text("utf-8") for path in (ROOT / "src/rmrc").rglob("*.py")]
     entries = [name for text in sources for name in re.findall(r"^@entry\ndef (\w+)", text, re.MULTILINE)]
-    assert sorted(entries) == sorted(entry.__name__ for entry in (*MOVES, *EXAMINES, *DRIVES))
+    assert sorted(entries) == sorted(entry.__name__ for entry in (*MOVES, *EXAMINES, *DRIVES, *LEADS))
 
 
 def test_arguments_that_are_of_one_kind_are_of_one_type():

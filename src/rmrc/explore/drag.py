@@ -102,7 +102,7 @@ class Drag:
         """
         arm, scenario = prepared.arm, prepared.scenario
         if arm.idle:
-            raise QuestionError(f'drag needs an arm whose joints are all driven; "{arm.idle[0]}" is not')
+            raise QuestionError(f'drag needs an arm whose joints are all actuated; "{arm.idle[0]}" is not')
         self.prepared, self.values, self.period = prepared, values, scenario.control.period
         self._like = like
         self._live = Live(prepared, round(RECENT / self.period))
