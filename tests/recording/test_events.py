@@ -53,7 +53,7 @@ def test_short_states_are_told_on_a_neighbor_with_an_arrow_to_them():
     strip, end = strip_of([(4.0, 0), (0.02, 1), (0.03, 2), (5.95, 0)])
     free, short, after = strip.labels(end)
     assert (free.time, free.text, short.time, short.text) == (0.0, "free", 4.0, " ")
-    assert (after.time, after.text) == (pytest.approx(4.05), f"← {words(2)} 30 ms +1")
+    assert (after.time, after.text) == (pytest.approx(4.05), f"← {words(2)} 30 ms +1 · free")
     strip, end = strip_of([(9.9, 0), (0.1, 1)])  # at the end: the arrow leads to the right
     free, told, last = strip.labels(end)
     assert (told.text, told.color, last.time) == (f"{words(1)} 100 ms →", free.color, pytest.approx(9.9))
@@ -71,7 +71,8 @@ def test_what_is_told_leaves_out_what_holds_beside_it_if_that_is_shorter():
 def test_the_shortest_text_names_the_grave_state():
     grave = Status.RATE_LIMITED | Status.SINGULAR | Status.TORQUE_LIMITED
     strip, end = strip_of([(4.0, 0), (0.1, grave), (3.0, 0)])
-    assert [label.text for label in strip.labels(end, 60.0)] == ["free", " ", "← singular 100 ms"]
+    told = ["free", "singular 100 ms →", " ", "free"]  # where there is room for what both parts are
+    assert [label.text for label in strip.labels(end, 60.0)] == told
 
 
 def test_states_that_flicker_are_one_in_the_color_of_the_gravest():
@@ -86,3 +87,11 @@ def test_a_ruler_has_alternating_shades():
     labels = ruled((0.0, 2.0, 4.0))
     assert [label.text for label in labels] == ["0 s", "2 s", "4 s"]
     assert labels[0].color == labels[2].color != labels[1].color
+
+
+def test_a_free_part_with_an_arrow_says_that_it_is_free():
+    """A shorter text leaves room for it; where there is none even so, the arrow alone remains."""
+    strip, end = strip_of([(0.1, Status.RATE_LIMITED | Status.SINGULAR), (3.0, 0)])
+    assert strip.labels(end, 60.0)[-1].text == "← rate limited, singular 100 ms · free"
+    assert strip.labels(end, 30.0)[-1].text == "← singular 100 ms · free"
+    assert strip.labels(end, 24.0)[-1].text == "← singular 100 ms"  # negative control

@@ -282,6 +282,21 @@ def test_the_layouts_look_only_at_what_is_recorded(recorded):
         assert not missing
 
 
+def test_a_run_longer_than_planned_has_times_as_far_as_it_lasted(compared, tmp_path):
+    """Its plots have two numbers only: a lane of times is above those of the variants."""
+    prepared, runs = compared
+    late = [
+        replace(run, columns=run.columns | {"time": run["time"] + 13.0 - run["time"][-1]}) for run in runs
+    ]
+    found = {}
+    for name, variants in (("late", late), ("planned", runs)):
+        record(tmp_path / f"{name}.rrd", prepared, variants)
+        states = stored(tmp_path / f"{name}.rrd", "/clock")["StateChange:state"]
+        found[name] = [text for (text,) in states]
+    assert found["late"] == ["0 s", "2 s", "4 s", "6 s", "8 s", "10 s", "12 s"]
+    assert found["planned"][-1] == "1 s"  # negative control
+
+
 @pytest.mark.parametrize("asked", ["{quantity: rates}", "{quantity: error, at: 0.3}", "{quantity: sigma}"])
 def test_what_the_scenario_asks_to_look_at_is_marked_for_each_variant(asked, tmp_path):
     """In the plot at its own value, in the picture where its tip is, and in a picture of that instant."""

@@ -20,7 +20,7 @@ from rerun.chunk import RrdReader
 from rmrc.arm import Shape
 from rmrc.recording import plots, stream, track
 from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT, geometries, ramp
-from rmrc.recording.panels import Panels, heights
+from rmrc.recording.panels import AROUND, HEIGHT, LEAST, MOST_LANES, Panels, heights
 from rmrc.recording.scene import FORCE_LONGEST, THICKNESS, VELOCITY_SECONDS, Scene, half_axes
 from rmrc.recording.single import Recorder, RecordingError, read_columns
 from rmrc.recording.viewer import repair
@@ -828,6 +828,36 @@ def test_axes_have_three_numbers_where_the_viewer_writes_one_at_each_power_of_te
         assert low <= max(math.log10(least), high - 5.2) + 1e-9
 
 
+@given(st.booleans(), st.sampled_from(("", "rates", "error", "pace")), st.integers(1, 12), st.integers(1, 9))
+def test_every_plot_is_high_enough_for_three_numbers_beside_the_strip(has_pace, sight, lines, lanes):
+    """Of a window of 1280 × 720, whatever its legend and its lanes; the strip shows four of these."""
+    found = heights(has_pace, sight, lines, lanes=lanes)
+    assert sum(found.values()) + AROUND * len(found) == pytest.approx(HEIGHT)
+    assert all(found[name] >= least - 1e-9 for name, least in LEAST.items() if name in found)
+    assert found["rates"] >= found["sigma"]
+    assert found["strip"] + AROUND >= 40.0 * min(lanes, MOST_LANES)
+    assert ("pace" in found) == (has_pace and lanes <= 3)  # in a tab otherwise
+    steps = {name: height / plots.NUMBER for name, height in found.items()}
+    for largest in np.geomspace(1e-3, 1e3, 31):
+        low, high = plots.decades(1e-9, largest, steps["sigma"])
+        assert math.floor(high) - math.ceil(low) + 1 >= 3
+        assert high - low <= steps["sigma"] + 1e-9  # a number at each power of ten
+        assert plots.rounded(largest, steps["tabs"]) >= largest
+
+
+def test_sigma_that_leaves_its_plot_is_told_and_marked_where_it_is_least(planar, tmp_path):
+    prepared, run = planar[0], rows(planar[1], 0, 200)
+    run.columns["sigma"][150, 1] = 3e-9
+    record(tmp_path / "run.rrd", prepared, run)
+    (title,) = [title for title in final_views(tmp_path / "run.rrd") if title.startswith("Singular values")]
+    assert title.endswith("; least σ_min 3e-09 ↓")
+    (mark,) = stored(tmp_path / "run.rrd", "/peak/sigma")["rate"]
+    assert -5.2 < mark[0] < -4.0  # at the lower end of an axis that ends above 1
+    record(tmp_path / "small.rrd", prepared, rows(planar[1], 0, 200))  # negative control
+    assert not any("least" in title for title in final_views(tmp_path / "small.rrd"))
+    assert "/peak/sigma" not in entities(tmp_path / "small.rrd")
+
+
 def test_the_camera_sees_the_whole_arm_all_the_time(recorded):
     """Every corner of every capsule at every tenth tick, in the frustum of the eye that is in the file."""
     prepared, run, path = recorded
@@ -887,6 +917,10 @@ def test_times_have_three_numbers_and_legends_stand_beside_the_data(end, legend,
     else:  # not much longer than the run, but for the legend
         assert span.last <= 1.3 * end * width / max(width - legend, 0.4 * width)
     assert (span.last - end) / span.last * width >= min(legend, 0.6 * width) - 1e-6
+    for wide in (width, plots.WIDEST * width):  # points for the half of a number at the right
+        step = next((step for step in plots.STEPS if wide * step >= plots.SECOND * span.last), np.inf)
+        beside = (span.last - step * math.floor(span.last / step + 1e-9)) / span.last * wide
+        assert beside >= 15.0 or step > span.last
 
 
 def test_time_zero_is_at_the_same_place_in_every_plot(planar, tmp_path):
@@ -900,7 +934,7 @@ def test_time_zero_is_at_the_same_place_in_every_plot(planar, tmp_path):
     assert len(begins) >= 4
     assert len({str(end) for _, end in begins}) == 1
     panels = Panels(planar[0]).all(seen_of(*planar))
-    room = heights(False, False, 2)
+    room = heights(False, "", 2)
     widths = [panels[name].numbers(room[name]) for name in ("rates", "sigma")]
     span = plots.Span.of(1.0, 0.0, max(widths))
     for width in widths:

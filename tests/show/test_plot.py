@@ -347,6 +347,19 @@ def test_legends_of_long_names_stay_within_the_figure(left):
         assert axes.get_legend().get_window_extent().x1 <= picture.bbox.x1
 
 
+def test_a_rotation_error_far_above_those_of_the_position_is_within_its_panel(compared):
+    runs = {}
+    for (label, run), size in zip(compared[1].items(), (0.5e-6, 0.02), strict=True):
+        off = np.zeros_like(run["pose_error"])
+        off[:, 0], off[:, 5] = size * (1.0 - 0.5 * np.sin(run["time"])), 0.9 * np.sin(run["time"])
+        columns = run.columns | {"pose_error": off}
+        runs[label] = dataclasses.replace(run, columns=columns, axes=("x", "rz"))
+    axes = axes_of(plot(runs, panels=["error"]), "error")
+    peaks = [1e3 * np.abs(run["pose_error"][:, 5]).max() for run in runs.values()]
+    assert axes.get_yscale() == "log"  # of the positions, which are below 100 mm
+    assert 100.0 < max(peaks) <= axes.get_ylim()[1]
+
+
 def test_an_arm_that_locks_within_its_limits_is_drawn_to_scale(compared):
     run = compared[1]["damped"]
     locked = {name: np.where(run["time"][:, None] < 1.0, run[name], 0.0) for name in ("qdot", "qdot_cmd")}

@@ -307,3 +307,25 @@ def test_a_browser_shows_a_page_without_complaint(browser, left, kind):
         assert [(one["id"], one["nodes"][0]["html"]) for one in wrong] == []
     assert set(asked) == {address} and complaints == []
     shown.close()
+
+
+@pytest.mark.browser
+@pytest.mark.long
+@pytest.mark.xdist_group("report in a browser")
+@pytest.mark.usefixtures("pages")
+@pytest.mark.parametrize("kind", ["run", "compare"])
+def test_the_logarithmic_axis_of_a_page_has_three_powers_of_ten(browser, left, kind):
+    """What the page writes on the canvas of the singular values; small ones are not rounded to 0."""
+    shown = browser.new_page(viewport={"width": 1280, "height": 720})
+    shown.add_init_script("""
+        const write = CanvasRenderingContext2D.prototype.fillText;
+        CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+          (this.canvas.written ||= []).push(text);
+          return write.call(this, text, ...rest);
+        };""")
+    shown.goto((left / f"{kind}.html").as_uri())
+    written = shown.evaluate("[...document.querySelectorAll('canvas')].map(c => c.written || [])")
+    (sigma,) = [texts for texts in written if any(text.startswith("σ, λ") for text in texts)]
+    small = {f"1e-{n}" for n in range(4, 10)} | {"0.001", "0.01", "0.1"}
+    assert len(small & set(sigma)) >= 2 and "1" in sigma
+    shown.close()

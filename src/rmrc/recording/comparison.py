@@ -20,6 +20,7 @@ Entities; `<variant>` is the label of a variant, with the same entities below it
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -30,7 +31,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Shape
 from rmrc.recording import stream
-from rmrc.recording.events import Strip, ruled, words
+from rmrc.recording.events import CLOCK, Strip, ruled, words
 from rmrc.recording.layout import (
     ASPECT_COMPARED,
     PALE_ARM,
@@ -44,7 +45,7 @@ from rmrc.recording.layout import (
     path_line,
     until_now,
 )
-from rmrc.recording.panels import ALONE, OF_THE_ARM, heights, stacked
+from rmrc.recording.panels import OF_THE_ARM, heights, stacked
 from rmrc.recording.plots import (
     HEIGHT,
     NUMBER,
@@ -53,6 +54,7 @@ from rmrc.recording.plots import (
     Panel,
     Seen,
     Span,
+    below,
     clipped,
     decades,
     logarithm,
@@ -315,7 +317,7 @@ class _Arm(Track):
         """
         events = self.strip.labels(self.seen.end, span.letters)
         lane, times = self._lane.replace("status", "events", 1), ruled(span.ruler) if is_first else []
-        for entity, labels in ((lane, events), ("time", times)):
+        for entity, labels in ((lane, events), (CLOCK, times)):
             if labels:
                 self.write_strip(entity, labels)
         mark = self.seen.mark
@@ -394,9 +396,8 @@ class _Layout:
         wanted = SIGHTS.get(look.quantity, look.quantity) if look else ""
         wanted = "rotation" if wanted == "position" and wanted not in found else wanted
         self.sight = wanted if wanted in found else ""
-        is_tab = self.sight not in ("", *ALONE, "pace")
-        lanes = len(labels) + bool(ruler(self.duration))
-        self._heights = heights("pace" in found, is_tab, len(found["rates"].least), lanes=lanes)
+        lines = len(found["rates"].least) + (self.sight == "rates")
+        self._heights = partial(heights, "pace" in found, self.sight, lines)
 
     def levels(self) -> list[float]:
         """Return the limit of all rates, if there is only one."""
@@ -416,7 +417,7 @@ class _Layout:
         panels, lanes = self._panels(seen), len(self._labels)
         if seen and self.sight in panels:
             panels[self.sight] = self._marked(panels[self.sight], seen)
-        status, time = ("/events/**", "/time") if seen else ("/status/**", "")
+        status, time = ("/events/**", f"/{CLOCK}") if seen else ("/status/**", "")
         plots, span = stacked(panels, end, status, lanes, self.sight, time)
         texts_share = 9 * min(270.0, TABLE + ROW * lanes) / HEIGHT
         return page(self.pictures(seen, reached), TITLES, plots, texts_share=texts_share), span
@@ -468,6 +469,7 @@ class _Layout:
         small = " or ".join(unit for unit, is_slide in (("mrad", False), ("mm", True)) if is_slide in slides)
         axes = {axis for one in self._prepared for axis in one.scenario.task.axes}
         found = {"rates": self._rates(unit, seen), "sigma": self._sigma(seen)}
+        steps = self._steps("tabs", seen) if seen else 0.0
         for name, title, has_it in (
             ("position", "Position error [mm]", axes & {"x", "y", "z"}),
             ("rotation", "Rotation error [mrad]", axes & {"rx", "ry", "rz"}),
@@ -479,28 +481,27 @@ class _Layout:
              any(one.hardware.moves_q for one in self._prepared)),
         ):  # fmt: skip
             if has_it:
-                range_ = (0.0, rounded(self._largest(seen, name), self._steps("tabs"))) if seen else None
+                range_ = (0.0, rounded(self._largest(seen, name), steps)) if seen else None
                 found[name] = Panel(title, self._curves(name), range_)
         least = 1.0 / self._largest(seen, "1/sigma") if seen else 1.0
         found["damping"] = Panel("Damping λ, as log₁₀", self._curves("log_damping"),
-                                 decades(least, 1.0) if seen else None)  # fmt: skip
+                                 decades(least, 1.0, steps) if seen else None)  # fmt: skip
         if any(POLICIES[one.scenario.control.at_singularity].slows for one in self._prepared):
             title = "Pace ṡ along the path [1 = as planned]"
-            found["pace"] = Panel(title, self._curves("pace"), (0.0, 2.05) if seen else None)
+            found["pace"] = Panel(title, self._curves("pace"), (0.0, 2.2) if seen else None)
         return found
 
-    def _steps(self, name: str) -> float:
-        """Return the number of axis labels for which a plot has room."""
-        return self._heights[name] / NUMBER
+    def _steps(self, name: str, seen: Sequence[Seen]) -> float:
+        """Return the number of axis labels for which a plot of runs that are over has room."""
+        end = max([self.duration, *(one.end for one in seen)])
+        return self._heights(lanes=len(self._labels) + bool(ruler(end)))[name] / NUMBER
 
     def _rates(self, unit: str, seen: Sequence[Seen] | None) -> Panel:
         curves = [*self._curves("fastest"), *self._curves("fastest_cmd", is_thin=True)]
-        limits = self.levels()
-        if limits:
-            curves.append(Curve("limits", "rate", ["limit"], [GRAY], 1.0))
+        limits, line = self.levels(), [Curve("limits", "rate", ["limit"], [GRAY], 1.0)]
         title = f"Fastest joint [{unit}], commanded thin"
         if seen is None:
-            return Panel(title, curves, is_key=True)
+            return Panel(title, curves + line * bool(limits), is_key=True)
         peak = self._largest(seen, "fastest", "fastest_cmd")
         usual = min((one.mostly("fastest_cmd") for one in seen), default=0.0)
         known = [
@@ -510,13 +511,20 @@ class _Layout:
         shown = shown if limits else min(shown, peak)  # no line of a limit is to be seen
         if peak > shown:
             title += f"; peak {spell(peak)} ↑"
-        return Panel(title, curves, (0.0, rounded(shown, self._steps("rates"))), is_key=True)
+        range_ = (0.0, rounded(shown, self._steps("rates", seen)))
+        if limits and limits[0] > range_[1]:
+            title += f"; limit {spell(limits[0])} ↑"
+        elif limits:
+            curves += line
+        return Panel(title, curves, range_, is_key=True)
 
     def _sigma(self, seen: Sequence[Seen] | None) -> Panel:
-        range_ = None
+        range_, title = None, "σ_min, as log₁₀"
         if seen is not None:
-            range_ = decades(1.0 / self._largest(seen, "1/sigma"), self._largest(seen, "sigma"))
-        return Panel("σ_min, as log₁₀", self._curves("log_sigma_min"), range_)
+            least = 1.0 / self._largest(seen, "1/sigma")
+            range_ = decades(least, self._largest(seen, "sigma"), self._steps("sigma", seen))
+            title += below(least, range_)
+        return Panel(title, self._curves("log_sigma_min"), range_)
 
     def _curves(self, name: str, *, is_thin: bool = False) -> list[Curve]:
         """Return the curve of each variant that has it."""

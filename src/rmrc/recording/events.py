@@ -16,6 +16,8 @@ from rmrc.show.palette import BLACK, GRAVE, RED, SLATE, TEAL, mix, of_status
 # Letters that the strip has room for in a window of 1280 points, if nothing else is known.
 LETTERS = 80.0
 FREE = "free"
+# Entity of the times that the strip may have: the viewer sorts its lanes, and this one is first.
+CLOCK = "clock"
 # States next to each other that change their color so often are one, and colors from calm to grave.
 FLICKER, SEVERITY = 12, (SLATE, TEAL, RED)
 
@@ -167,10 +169,12 @@ class _Block:
         """Return whether it has one color, and room for its own label."""
         return len(self.runs) == 1 and bool(self.own(unit))
 
-    def says(self, text: str, unit: float, *, is_before: bool) -> bool:
+    def says(self, text: str, unit: float, *, is_before: bool, says_free: bool) -> bool:
         """Take the text of the block before or after it, if there is room, and return whether there is."""
         before, after = (text, self.after) if is_before else (self.before, text)
-        need = room(_joined(before, self.own(unit))) + (room(f"{after} →") if after else 0.0)
+        need = room(_joined(before, self.own(unit), says_free=says_free)) + (
+            room(f"{after} →") if after else 0.0
+        )
         if not self.is_plain(unit) or need * unit > self.length:
             return False
         self.before, self.after = before, after
@@ -199,7 +203,10 @@ class _Block:
             ]  # fmt: skip
         begin, until, color = runs[0]
         own = self.own(unit) or (self.within(unit) or (0, self.texts()[-1]))[1]
-        text = _joined(self.before, own)
+        rest = room(f"{self.after} →") if self.after else 0.0
+        text = _joined(self.before, own, says_free=True)
+        if (room(text) + rest) * unit > self.length:
+            text = _joined(self.before, own, says_free=False)
         found = [Label(begin, text, color, text)]
         if self.after:
             told = f"{self.after} →"
@@ -220,18 +227,21 @@ def _first_untold(blocks: Sequence[_Block], unit: float) -> int | None:
             continue
         beside = [(blocks[at], at > i) for at in (i + 1, i - 1) if 0 <= at < len(blocks)]
         block.is_told = any(
-            one.says(text, unit, is_before=is_before) for text in block.texts() for one, is_before in beside
+            one.says(text, unit, is_before=is_before, says_free=says_free)
+            for says_free, texts in ((True, block.texts()[:4]), (False, block.texts()))
+            for text in texts
+            for one, is_before in beside
         )
         if not block.is_told and beside and not block.within(unit):
             return i
     return None
 
 
-def _joined(before: str, own: str) -> str:
-    """Return the text of a block with that of the one before it; a free block leaves its own out."""
+def _joined(before: str, own: str, *, says_free: bool) -> str:
+    """Return the text of a block with that of the one before it; a free block may leave its own out."""
     if not before:
         return own
-    return f"← {before}" + f" · {own}" * (own != FREE)
+    return f"← {before}" + f" · {own}" * (says_free or own != FREE)
 
 
 def room(text: str) -> float:

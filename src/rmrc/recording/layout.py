@@ -20,6 +20,8 @@ from rmrc.support.spatial import rotate
 # 1600 × 1000 points, at least, less a margin: of a run, and of a comparison, whose texts may take less room.
 VIEW_ANGLE = np.radians(55.0)
 VIEW_ASPECT, ASPECT_COMPARED = 0.97, 0.88
+# Of the height, so much has the points; their shapes are beyond them, and the viewer's window may be wider.
+VIEW_HEIGHT = 0.92
 
 # Positions in the static line of the target path.
 PATH_POINTS = 300
@@ -274,7 +276,7 @@ def eye(points: NDArray[np.float64], normal: int | None, aspect: float = VIEW_AS
     axes = screen(normal)
     seen = points @ axes.T
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
-    across = np.abs(seen - middle)[:, :2] / [aspect, 1.0]
+    across = np.abs(seen - middle)[:, :2] / [aspect, VIEW_HEIGHT]
     distance = (across.max(axis=1) / np.tan(VIEW_ANGLE / 2) + (seen - middle)[:, 2]).max()
     center = middle @ axes
     return rrb.EyeControls3D(

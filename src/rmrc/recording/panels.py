@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ from rmrc.recording.plots import (
     Peak,
     Seen,
     Span,
+    below,
     both_ways,
     clipped,
     decades,
@@ -39,8 +41,11 @@ from rmrc.support.spatial import log_rotation, quat_conjugate, quat_multiply
 SHARES = {"rates": 3.0, "sigma": 2.3, "tabs": 1.8, "pace": 1.5}
 # Of the tabs where a scenario asks to look at one of them.
 LOOKED_AT = 2.6
-# The strip of the events has its times, and a lane or several [points]; more of them are scrolled.
-TIMES, LANE, MOST_LANES = 32.0, 40.0, 3
+# The strip of the events has its times, and a lane or several [points]; more of them are scrolled, and where
+# there are more than a few the pace is in a tab.
+TIMES, LANE, MOST_LANES, FEW_LANES = 32.0, 40.0, 4, 3
+# For three numbers of an axis [points].
+LEAST = {"sigma": 3.1 * NUMBER, "tabs": 2.3 * NUMBER, "pace": 2.3 * NUMBER}
 # So many lines of the legend of the rates have room, and are scrolled beyond.
 MOST_LINES = 8
 # Those that are in no tab, and always there.
@@ -85,11 +90,13 @@ class Panels:
         wanted, has_turns = self._look.quantity if self._look else "", len(self.axes & {"rx", "ry", "rz"}) > 0
         self.sight = SEEN_IN.get(wanted, wanted) if has_turns or wanted != "rotation" else ""
         self.is_of_hand = wanted not in OF_THE_ARM
-        is_tab = self.sight not in ("", *ALONE, "pace")
         lines = arm.n + has_baseline + (self.sight == "rates")
-        lanes = 1 + bool(ruler(prepared.reference.duration))
-        self._heights = heights(self.is_slowed, is_tab, lines, lanes=lanes)
-        self._steps = self._heights["tabs"] / NUMBER
+        self._heights = partial(heights, self.is_slowed, self.sight, lines)
+
+    def _steps(self, name: str, seen: Seen | None) -> float:
+        """Return the number of axis labels for which a plot of a run that is over has room."""
+        end = max(seen.end if seen else 0.0, self.prepared.reference.duration)
+        return self._heights(lanes=1 + bool(ruler(end)))[name] / NUMBER
 
     @property
     def errors(self) -> tuple[str, ...]:
@@ -209,7 +216,7 @@ class Panels:
         size = abs(peak.value) if peak else 0.0
         known = self.rate_limit[np.isfinite(self.rate_limit)]
         shown = clipped(size, float(known.max(initial=0.0)), seen.mostly("qdot_cmd"))
-        steps = self._heights["rates"] / NUMBER
+        steps = self._steps("rates", seen)
         tight = both_ways(size or shown, steps)
         wide = both_ways(shown, steps)
         return tight if size < shown and wide[1] > CLIP * size else wide
@@ -266,20 +273,33 @@ class Panels:
         ]
         if k == 1:
             del curves[1]
-        least = largest = None
-        if seen is not None:
-            inverse, top = seen.peak("1/sigma"), seen.peak("sigma")
-            least = min(1.0 / inverse.value if inverse else 1.0, self.damping_below)
-            largest = top.value if top else 1.0
         if self.has_second:
             curves.append(Curve("columns", "curves.log_secondary[]", ["σ left to 2nd"], [SLATE], 2.0))
-        range_ = None if least is None or largest is None else decades(least, largest)
-        return Panel("Singular values σ, damping λ and ε (gray), as log₁₀", curves, range_)
+        title = "Singular values σ, damping λ and ε (gray), as log₁₀"
+        if seen is None:
+            return Panel(title, curves)
+        inverse, range_ = seen.peak("1/sigma"), self._decades(seen)
+        title += below(1.0 / inverse.value, range_) if inverse else ""
+        if self.sunk(seen):
+            curves.append(Curve("peak/sigma", "rate", ["σ_min"], [GREEN], 6.0, "down"))
+        return Panel(title, curves, range_)
+
+    def _decades(self, seen: Seen) -> tuple[float, float]:
+        inverse, top = seen.peak("1/sigma"), seen.peak("sigma")
+        least = min(1.0 / inverse.value if inverse else 1.0, self.damping_below)
+        return decades(least, top.value if top else 1.0, self._steps("sigma", seen))
+
+    def sunk(self, seen: Seen) -> Peak | None:
+        """Return the mark where the least σ_min is, at the lower end of its plot, if it is below that."""
+        inverse, (low, high) = seen.peak("1/sigma"), self._decades(seen)
+        if inverse is None or not below(1.0 / inverse.value, (low, high)):
+            return None
+        return replace(inverse, value=low + 0.03 * (high - low))
 
     def _error(self, seen: Seen | None) -> Panel:
         colors = [GOLD, SLATE] if len(self.errors) == 2 else [GOLD if "position" in self.errors[0] else SLATE]
         peak = seen.peak("error") if seen else None
-        range_ = (0.0, rounded(abs(peak.value), self._steps)) if peak else None
+        range_ = (0.0, rounded(abs(peak.value), self._steps("tabs", seen))) if peak else None
         unit = ", ".join(name.split("[")[1].rstrip("]") for name in self.errors)
         names = [name.split(" ")[0] for name in self.errors]
         curve = Curve("columns", "curves.error[]", names, colors, 2.0)
@@ -298,11 +318,11 @@ class Panels:
         shown = clipped(abs(peak.value), float(known.max(initial=0.0)), abs(peak.value))
         beyond = "" if not len(known) or known.max() <= shown else f", limit {spell(float(known.max()))} ↑"
         title = f"Torque [{self._load}]{beyond}"
-        return Panel(title, curves, both_ways(shown, self._steps))
+        return Panel(title, curves, both_ways(shown, self._steps("tabs", seen)))
 
     def _pace(self, seen: Seen | None) -> Panel:
         curve = Curve("columns", "columns.path_rate", ["ṡ"], [GOLD], 2.5)
-        range_ = (0.0, 2.05) if seen else None
+        range_ = (0.0, 2.2) if seen else None
         return Panel("Pace ṡ along the path [1 = as planned]", [curve], range_)
 
     def _positions(self, seen: Seen) -> Panel:
@@ -312,7 +332,7 @@ class Panels:
             names, tints = ["limits"] * len(ends), [tint for _, tint in ends]
             curves.append(Curve("limits", "joints", names, tints, 1.0))
         peak = seen.peak("joints")
-        range_ = both_ways(abs(peak.value), self._steps) if peak else None
+        range_ = both_ways(abs(peak.value), self._steps("tabs", seen)) if peak else None
         return Panel(f"Joint positions [{self._position}], limits thin", curves, range_)
 
     def _rotation(self, seen: Seen) -> Panel:
@@ -321,37 +341,41 @@ class Panels:
             Curve("columns", "curves.turn[]", ["wanted", "actual"], [mix(GOLD, WHITE, 0.5), GOLD], 2.0),
         ]
         peak = seen.peak("turn", "turn_error")
-        range_ = (0.0, rounded(abs(peak.value), self._steps)) if peak else None
+        range_ = (0.0, rounded(abs(peak.value), self._steps("tabs", seen))) if peak else None
         return Panel("Hand turned since the start [deg]", curves, range_)
 
     def _belief(self, seen: Seen | None) -> Panel:
         peak = seen.peak("belief") if seen else None
         curve = Curve("columns", "curves.belief[]", self._joints, self._hues, 2.0, spare=["joints"])
-        range_ = both_ways(abs(peak.value), self._steps) if peak else None
+        range_ = both_ways(abs(peak.value), self._steps("tabs", seen)) if peak else None
         title = f"Joints as believed, less true [{self._small}]"
         return Panel(title, [curve], range_)
 
 
-def heights(
-    has_pace: bool, is_looked_at: bool, lines: int, tabs: bool = True, lanes: int = 1
-) -> dict[str, float]:
+def heights(has_pace: bool, sight: str, lines: int, tabs: bool = True, lanes: int = 1) -> dict[str, float]:
     """Return how high the plots are, and the strip below them [points].
 
     Args:
         has_pace: Whether the pace is among them.
-        is_looked_at: Whether a tab is.
+        sight: Name of the plot to look at; "": there is none.
         lines: Lines of the legend that the rates have room for, up to `MOST_LINES`.
         tabs: Whether there are any.
         lanes: Lanes of the strip.
     """
     strip = TIMES + LANE * min(max(lanes, 1.2), MOST_LANES)
-    shares = {name: share for name, share in SHARES.items() if has_pace or name != "pace"}
-    shares |= {"tabs": LOOKED_AT if is_looked_at else shares["tabs"]} if tabs else {}
+    is_below = has_pace and lanes <= FEW_LANES
+    shares = {name: share for name, share in SHARES.items() if is_below or name != "pace"}
+    is_tab = sight not in ("", *ALONE, *shares)
+    shares |= {"tabs": LOOKED_AT if is_tab else shares["tabs"]} if tabs else {}
     points = HEIGHT - strip
     rates = max(points * shares.pop("rates") / (sum(shares.values()) + SHARES["rates"]),
                 AROUND + (LINE * min(lines, MOST_LINES) + FRAME) / FILLED)  # fmt: skip
+    rates = min(rates, points - sum(LEAST[name] + AROUND for name in shares))
     each = (points - rates) / sum(shares.values())
     found = {name: share * each - AROUND for name, share in shares.items()}
+    if any(found[name] < LEAST[name] for name in found):
+        spare = (sum(found.values()) - sum(LEAST[name] for name in found)) / sum(shares.values())
+        found = {name: LEAST[name] + share * spare for name, share in shares.items()}
     return found | {"rates": rates - AROUND, "strip": strip - AROUND}
 
 
@@ -371,9 +395,10 @@ def stacked(
         time: Entity of the ruler; "": there is none yet.
     """
     is_ruled = bool(time and ruler(end))
-    tabs = [name for name in panels if name not in (*ALONE, "pace")]
+    last = ("pace",) if lanes + is_ruled <= FEW_LANES else ()
+    tabs = [name for name in panels if name not in (*ALONE, *last)]
     lines = len(panels["rates"].least)
-    high = heights("pace" in panels, first in tabs, lines, bool(tabs), lanes + is_ruled)
+    high = heights("pace" in panels, first, lines, bool(tabs), lanes + is_ruled)
     heights_of = {name: high["tabs" if name in tabs else name] for name in panels}
     fitted = {name: panel.fitted(heights_of[name]) for name, panel in panels.items()}
     numbers = {name: panel.numbers(heights_of[name]) for name, panel in fitted.items()}
@@ -383,7 +408,7 @@ def stacked(
     rows: dict[str, rrb.View | rrb.Container] = {name: views[name] for name in ALONE}
     if tabs:
         rows["tabs"] = rrb.Tabs(*(views[name] for name in tabs), active_tab=active)
-    rows |= {name: views[name] for name in ("pace",) if name in views}
+    rows |= {name: views[name] for name in last if name in views}
     rows["strip"] = rrb.StateTimelineView(
         name="Events", contents=[status, *[time] * is_ruled], time_view=span.under(), titlebar=False
     )

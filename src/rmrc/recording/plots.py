@@ -36,6 +36,8 @@ STEPS = (*(10.0**power for power in range(-9, 2)), 60.0, 600.0, 3600.0, 36000.0)
 BESIDE, LONGER = 0.75, 1.2
 # Numbers of a ruler, at most, after 0.
 RULED = 8
+# How much wider the plots are in a window of 1600 points than in one of 1280.
+WIDEST = 1.25
 # Dashes and gaps of a curve, over a run.
 DASHES = 120
 # Of these the size that they mostly have is asked for.
@@ -185,8 +187,11 @@ class Span:
         last = end * width / max(width - legend, 0.4 * width)
         step, ruled = _step(width, last), ruler(end)
         last = last if ruled else max(last, 2.05 * step)
-        whole, edge = step * round(last / step), 18.0 * last / width  # no number is cut in two
-        return cls(end, whole + edge if abs(last - whole) < edge else last, numbers, ruled)
+        edge = 18.0 * last / width
+        for one in (step, _step(WIDEST * width, last)):  # no number is cut in two in either window
+            whole = one * round(last / one)
+            last = whole + edge if abs(last - whole) < edge else last
+        return cls(end, last, numbers, ruled)
 
     @property
     def letters(self) -> float:
@@ -322,14 +327,14 @@ def rounded(largest: float, steps: float = 4.7) -> float:
         steps: Possible steps between labels.
 
     >>> [round(rounded(x), 3) for x in (0.004, 1.5, 3.0, 4.3, 4.6, 7.0, 0.0)]
-    [0.004, 2.05, 3.15, 4.515, 4.7, 20.5, 2.05]
+    [0.004, 2.2, 3.15, 4.515, 4.7, 22.0, 2.2]
     """
     if not (largest > 0.0 and math.isfinite(largest)):
-        return 2.05
+        return 2.2
     decade = 10.0 ** math.floor(math.log10(largest))
     if largest <= 2.0 * decade:
-        return 2.05 * decade
-    return min(1.05 * largest, steps * decade) if largest <= steps * decade else 20.5 * decade
+        return 2.2 * decade
+    return min(1.05 * largest, steps * decade) if largest <= steps * decade else 22.0 * decade
 
 
 def both_ways(largest: float, steps: float = 4.7) -> tuple[float, float]:
@@ -363,11 +368,22 @@ def clipped(peak: float, limit: float, mostly: float) -> float:
     return CLIP * usual
 
 
-def decades(least: float, largest: float) -> tuple[float, float]:
-    """Return the ends of an axis of common logarithms, three powers of ten at least and six at most."""
+def decades(least: float, largest: float, steps: float = 5.2) -> tuple[float, float]:
+    """Return the ends of an axis of common logarithms, three powers of ten at least and six at most.
+
+    Args:
+        least: Smallest value to show.
+        largest: Largest value to show.
+        steps: Powers of ten that the axis has room for the numbers of.
+    """
     top = math.log10(max(largest, 100 * FLOOR)) + 0.15
     bottom = math.floor(math.log10(max(least, FLOOR)) + 1e-9) - 0.1
-    return max(min(bottom, math.floor(top) - 2.1), top - 5.2), top
+    return max(min(bottom, math.floor(top) - 2.1), top - min(5.2, steps)), top
+
+
+def below(least: float, axis: tuple[float, float]) -> str:
+    """Return the part of a title that names the least value, if it is below an axis of logarithms."""
+    return "" if math.log10(max(least, FLOOR)) >= axis[0] else f"; least σ_min {spell(least)} ↓"
 
 
 def logarithm(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from rmrc.recording import live, stream
-from rmrc.recording.events import Strip, ruled, words
+from rmrc.recording.events import CLOCK, Strip, ruled, words
 from rmrc.recording.layout import (
     CYAN,
     GHOSTLY,
@@ -165,7 +165,7 @@ def _layout(
     if mark is not None:
         found[panels.sight] = panels.marked(found[panels.sight], mark)
         look = (mark.text, scene.around(mark.instant)) if panels.is_of_hand else None
-    status, time = ("/events", "/time") if seen else ("/status", "")
+    status, time = ("/events", f"/{CLOCK}") if seen else ("/status", "")
     plots, span = stacked(found, end, status, first=panels.sight, time=time)
     views = pictures(scene, prepared, reached, look, ["/baseline/**"] * panels.has_baseline)
     return page(views, TITLES, plots, "/now"), span
@@ -253,7 +253,7 @@ class _Story(Track):
         reached = [self.reached] if self._ghost is None else [self.reached, self._ghost.reached]
         layout, span = _layout(self.scene, self._panels, seen, reached)
         for entity, labels in (
-            ("events", self._strip.labels(seen.end, span.letters)), ("time", ruled(span.ruler)),
+            ("events", self._strip.labels(seen.end, span.letters)), (CLOCK, ruled(span.ruler)),
         ):  # fmt: skip
             if labels:
                 self.write_strip(entity, labels)
@@ -262,6 +262,11 @@ class _Story(Track):
         for name, peak in self._panels.off_scale(seen).items():
             mark = np.array([self._panels.mark_of(peak, seen)])
             self.send(f"peak/{name}", self.at([peak.time]), Values(stream.short("rate"), mark))
+        sunk = self._panels.sunk(seen)
+        if sunk is not None:
+            self.send(
+                "peak/sigma", self.at([sunk.time]), Values(stream.short("rate"), np.array([[sunk.value]]))
+            )
         looked_at = self._panels.mark(seen)
         if looked_at is not None:
             values = Values(stream.short("look"), looked_at.values[None])

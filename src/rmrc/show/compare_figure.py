@@ -109,6 +109,9 @@ def _draw_error(axes: Axes, runs: Runs) -> int:
         for style, run in zip(_styles(runs), runs.values(), strict=True):
             off = 1e3 * np.linalg.norm(run["pose_error"][:, turned], axis=1)
             axes.plot(*thinned(run["time"], off), color=style["color"], linewidth=0.7, linestyle=DOTTED)
+            low, high = axes.get_ylim()  # which the logarithmic scale of the positions has set
+            if axes.get_yscale() == "log" and off.max() > high:
+                axes.set_ylim(decades(np.array([low, off.max()])))
     axes.set_ylabel(f"error [{'mm, dotted mrad' if moved and turned else 'mm' if moved else 'mrad'}]")
     return legend(axes, 3)
 

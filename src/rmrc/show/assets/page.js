@@ -58,6 +58,21 @@
     if (i && change.show != null) u.root.querySelectorAll(".u-label")[i].setAttribute("aria-pressed", String(change.show));
   }
 
+  // At most six powers of ten of an axis; where it has fewer than three, their double and fivefold too.
+  function powers(u, i, low, high) {
+    const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9);
+    const step = Math.ceil((last - first + 1) / 6), found = [];
+    const parts = last - first < 2 ? [1, 2, 5] : [1];
+    for (let n = last - first < 2 ? first - 1 : first; n <= last; n += step || 1) {
+      for (const one of parts) found.push(one * 10 ** n);
+    }
+    return found.filter((one) => one >= low * (1 - 1e-9) && one <= high * (1 + 1e-9));
+  }
+
+  function power(value) {
+    return value < 1e-3 || value >= 1e4 ? value.toExponential(0) : String(Number(value.toPrecision(1)));
+  }
+
   function draw(panel, place, first, left, isLast) {
     const axis = {stroke: paint("--ink"), grid: {stroke: paint("--line"), width: 1}, ticks: {stroke: paint("--line")}};
     const steps = uPlot.paths.stepped({align: 1});
@@ -76,7 +91,8 @@
       axes: [{...axis, ...(isLast ? {label: "time [s]", labelSize: 22} : {}), size: 34},
         {...axis, ...(panel.unit ? {label: panel.unit, labelSize: 24, size: left - 24} : {size: left}),
         ...(panel.lanes.length ? {splits: () => panel.lanes.map((_, i) => i), values: () => panel.lanes} :
-          panel.logarithmic ? {} : {values: (u, all) => all.map(shown)})}],
+          panel.logarithmic ? {splits: powers, filter: (u, all) => all, values: (u, all) => all.map(power)} :
+            {values: (u, all) => all.map(shown)})}],
       series: [{label: "time [s]", value: (u, v) => shown(v)}, ...series],
       hooks: {draw: [lines(panel)], setSeries: [pressed], setScale: [(u, key) => { if (key === "x") zoomAll(u); }]},
     }, [first, ...panel.series.map((one) => values(one.values))], place);
