@@ -121,13 +121,15 @@ class Arm:
             poses = self.mocap_now
             data.mocap_pos[:], data.mocap_quat[:] = poses[:, :3], poses[:, 3:]
 
-    @property
+    @cached_property
     def mocap_now(self) -> Array:
         """Poses of the mocap bodies, (nmocap, 7)."""
         return self.mocap_at("home") if self.mocap is None else self.mocap
 
     def mocap_at(self, start: str | Sequence[float]) -> Array:
         """Return the poses of the mocap bodies, (nmocap, 7), for a start of `held`."""
+        if not self.model.nmocap:
+            return np.empty((0, 7))
         data, key = mujoco.MjData(self.model), self._key_of(start)
         if key is not None:
             mujoco.mj_resetDataKeyframe(self.model, data, key)
@@ -149,7 +151,7 @@ class Arm:
         if frees_others == self.frees_others and np.array_equal(rest, self._rest) and mocap is self.mocap:
             return self
         arm = replace(self, rest=rest, frees_others=frees_others, mocap=mocap)
-        shared = ("wiring", "axis_names", "others", "drives", "_bare_spec", "_untextured")
+        shared = ("wiring", "axis_names", "others", "drives", "idle", "_bare_spec", "_untextured")
         vars(arm).update({name: vars(self)[name] for name in shared if name in vars(self)})
         return arm
 
@@ -368,7 +370,7 @@ class Arm:
                 "model",
             )
 
-    @property
+    @cached_property
     def idle(self) -> tuple[str, ...]:
         """Names of the joints that move the controlled site and are not actuated."""
         known = {*self.joints, *(one.name for one in self.followers)}

@@ -42,7 +42,7 @@ class Chain:
         """Return the displacement of each axis from its zero position, (ℓ,), for positions (n,)."""
         return np.asarray(self.ratio * np.asarray(q, dtype=np.float64)[self.leader])
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """Largest distance of the site from the point on the first axis [m]; 0 where an axis slides.
 

@@ -220,8 +220,7 @@ def _entry_apart(function: Callable[..., object]) -> Any:
 
 def _address(function: Callable[..., object], given: Mapping[str, Any]) -> int:
     """Return the address of a function's machine code for the arguments of an entry, by name."""
-    typeof: Any = numba.typeof
-    kinds = {name: typeof(one) for name, one in given.items()}
+    kinds = {name: _typeof(one) for name, one in given.items()}
     world, tick = (kind.dtype for kind in list(kinds.values())[:2])
     signature, taken = inspect.signature(function), [world]
     for name, one in list(signature.parameters.items())[1:]:
@@ -355,9 +354,8 @@ def machine_code(function: Function, *arguments: object) -> Function:
     key = (function, *map(_kind, arguments))
     if key not in _codes:
         dispatcher: Any = function
-        typeof: Any = numba.typeof
         with _briskly():
-            _codes[key] = dispatcher.compile(tuple(typeof(argument) for argument in arguments))
+            _codes[key] = dispatcher.compile(tuple(map(_typeof, arguments)))
     return cast(Function, _codes[key])
 
 
@@ -372,8 +370,7 @@ def address(function: Callable[..., object], *arguments: object, is_c: bool = Fa
     machine_code(function, *arguments)
     key = (function, is_c, *map(_kind, arguments))
     if key not in _places:
-        typeof, dispatcher = cast(Any, numba.typeof), cast(Any, function)
-        made = dispatcher.overloads[tuple(typeof(one) for one in arguments)]
+        made = cast(Any, function).overloads[tuple(map(_typeof, arguments))]
         name = made.fndesc.llvm_cfunc_wrapper_name if is_c else made.fndesc.llvm_func_name
         _places[key] = int(made.library.get_pointer_to_function(name))
     return _places[key]
@@ -382,6 +379,16 @@ def address(function: Callable[..., object], *arguments: object, is_c: bool = Fa
 # Each batch of a sweep asks for it, and numba takes milliseconds to find the type of a record.
 _codes: dict[tuple[object, ...], object] = {}
 _places: dict[tuple[object, ...], int] = {}
+_types: dict[object, Any] = {}
+
+
+def _typeof(argument: object) -> Any:
+    """Return the numba type of an argument."""
+    kind = _kind(argument)
+    if kind not in _types:
+        typeof: Any = numba.typeof
+        _types[kind] = typeof(argument)
+    return _types[kind]
 
 
 def _kind(argument: object) -> object:

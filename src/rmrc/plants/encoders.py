@@ -96,11 +96,11 @@ class Encoders(Stage):
         beyond = self.scenario.plant.joint_offset
         return offset - beyond if np.any(beyond) else offset
 
-    @property
+    @cached_property
     def differentiates(self) -> bool:
         """Whether rates are difference quotients: readings are no longer q plus a constant."""
         encoder = self.scenario.arm.encoder
-        return bool(np.any(encoder.noise) or np.any(encoder.resolution) or encoder.delay)
+        return bool(any(_each(encoder.noise)) or any(_each(encoder.resolution)) or encoder.delay)
 
     @property
     def delay(self) -> float:
@@ -138,20 +138,23 @@ class Encoders(Stage):
         encoder, plant = self.scenario.arm.encoder, self.scenario.plant
         beyond = "plant.joint_offset", plant.joint_offset
         for key, values in (*((f"arm.encoder.{name}", getattr(encoder, name)) for name in _SIZES), beyond):
-            most = float(np.max(np.abs(values)))
+            most = max(map(abs, _each(values)))
             if most > _MOST_OFF:
                 yield key, f"must be within ±{_MOST_OFF:g} rad or m, got {most:g}"
-        steps = np.atleast_1d(encoder.resolution)
-        if np.any(steps[steps > 0.0] < _FINEST):
-            finest = float(steps[steps > 0.0].min())
+        finest = min((step for step in _each(encoder.resolution) if step > 0.0), default=_FINEST)
+        if finest < _FINEST:
             yield "arm.encoder.resolution", f"must be 0 or at least {_FINEST:g} rad or m, got {finest:g}"
-        off = any(np.any(getattr(encoder, name)) for name in _SIZES)
+        off = any(any(_each(getattr(encoder, name))) for name in _SIZES)
         for key, is_used in (
             ("arm.encoder", off or encoder.delay), ("plant.stretch", plant.stretch),
-            ("plant.joint_offset", np.any(plant.joint_offset)),
+            ("plant.joint_offset", any(_each(plant.joint_offset))),
         ):  # fmt: skip
             if is_used:
                 yield from refuse_unseen(self, key)
+
+
+def _each(values: float | tuple[float, ...]) -> tuple[float, ...]:
+    return values if isinstance(values, tuple) else (values,)
 
 
 _SIZES = "offset", "deviation", "noise", "resolution"

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 from rmrc.support.problems import Key, Origin, Problem, join
 
@@ -71,6 +72,7 @@ def in_order(problems: list[Problem]) -> list[Problem]:
     return sorted(problems, key=place)
 
 
+@lru_cache(1024)
 def split(text: str) -> Key:
     """Return the steps of a key.
 

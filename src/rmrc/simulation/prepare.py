@@ -311,6 +311,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
         raise ScenarioError([scenario.problem(key, text)]) from None
     held = arm.held(scenario.arm.start, qpos, own=PLANTS[scenario.plant.kind].own)
     prepared = Prepared(scenario, arm, qpos, held, reference, cache)
+    vars(prepared)["hardware"] = hardware  # its own, found before
     _check_duration(prepared, problems)
     problems.extend(hardware.excesses(prepared.most_ticks))
     problems.raise_any()

@@ -55,7 +55,8 @@ class _Shard:
     wall_time: float = 0.0
 
     def __post_init__(self) -> None:
-        self._tallies = tallies_of(self._abouts())
+        self._facts = [about(one, {}) for one in self.prepared]
+        self._tallies = tallies_of(self._facts)
         self._adder = adder(self._tallies, self.batch.ticks)
         self._adding = threading.Lock()
         self.ended = np.zeros(len(self.members), bool)
@@ -136,7 +137,8 @@ class _Shard:
         """Return a run of a world with its columns and further data."""
         contacts = self.batch.contacts
         return replace(
-            about(self.prepared[w], columns),
+            self._facts[w],
+            columns=columns,
             divergence=divergence,
             wall_time=self.wall_time / len(self.members),
             touching=contacts.first.get(w, ()) if contacts else (),

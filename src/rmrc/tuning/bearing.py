@@ -71,14 +71,23 @@ class Bearing:
         Excessive feedback is replaced by a value between the largest stable and the smallest unstable one,
         which closes in on the limit.
         """
-        own = self.asked.get(setting.structure.inverse, {})
+        return self.all_within([setting], space)[0]
+
+    def all_within(self, settings: Sequence[Setting], space: Space) -> list[Setting]:
+        """Return settings of one inverse, each as `within` does."""
+        if not settings:
+            return []
+        high, less = self._limit(settings[0].structure.inverse)
+        return [one if one.feedback < high else with_feedback(one, less, space) for one in settings]
+
+    def _limit(self, inverse: Hashable) -> tuple[float, float]:
+        """Return the feedback from which on it is replaced for an inverse, and by what."""
+        own = self.asked.get(inverse, {})
         low, high = _edge(self.probed | own if all(own.values()) else own)
         if all(own.values()) and self.edge[1] <= self.edge[0] * NEAR:
             low = high = self._safe
-        if setting.feedback < high:
-            return setting
         less = low if high <= low * (1.0 + NEW) else math.sqrt(low * high) if low else _LESS * high
-        return with_feedback(setting, less, space)
+        return high, less
 
 
 def with_feedback(setting: Setting, feedback: float, space: Space) -> Setting:

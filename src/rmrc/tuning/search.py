@@ -364,7 +364,7 @@ class Search:
         )
         found = points[first] + share * (points[second] - points[first]) + off
         settings = [self._space.at(structure, one) for one in np.clip(found, 0.0, 1.0)]
-        new = dict.fromkeys(self._bearing.within(one, self._space) for one in settings)
+        new = dict.fromkeys(self._bearing.all_within(settings, self._space))
         return [one for one in new if one not in self._tried]
 
     def _worth_refining(self) -> list[Tried]:
