@@ -2,9 +2,9 @@
 
     python tools/explore_film.py [-o docs/figures/explore_drag.gif]
 
-The goal goes from the start to beyond the reach of the arm and back, at 60 Hz as a mouse tells it. The arm
-runs in the time of the film, since a picture takes longer than the time until the next one. It needs the extra
-`dev`, and Chromium.
+The goal goes from the start to beyond the reach of the arm and back, at 60 Hz, like the events of a mouse. The
+arm runs in the time of the film, since a screenshot takes longer than its share of that time. It needs the
+extra `dev`, and Chromium.
 """
 
 import argparse
@@ -42,7 +42,7 @@ def film(page: Page, session: Any) -> list[Image.Image]:
     goals = queue.SimpleQueue[Any]()
 
     def advance(_: float) -> None:
-        """Take the time of the film for that of the clock: pictures take longer than what they show."""
+        """Run the arm in the time of the film, which is slower than the clock."""
         while not goals.empty():
             goal = goals.get()
             session._hand._follow(goal)
