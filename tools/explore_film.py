@@ -2,7 +2,7 @@
 
     python tools/explore_film.py [-o docs/figures/explore_drag.gif]
 
-The goal goes from the start to beyond the reach of the arm and back, at 60 Hz, like the events of a mouse. The
+The goal goes beyond the reach of the arm and back, at 60 Hz, like the events of a mouse. The
 arm runs in the time of the film, since a screenshot takes longer than its share of that time. It needs the
 extra `dev`, and Chromium.
 """
