@@ -1,6 +1,7 @@
-"""The page in a real browser: its plots are the columns to the bit, nothing leaves, and tabs do not disturb each other."""
+"""The page in a real browser: its plots are the columns to the bit, nothing leaves, tabs do not disturb each other."""
 
 from contextlib import contextmanager
+from types import SimpleNamespace
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -22,6 +23,12 @@ RATES = """() => {
   const chart = Object.values(window.__viserTestpoints.uplots)[0].chart;
   return chart.series.map((one, i) => [one.label, Array.from(chart.data[i])]);
 }"""
+# The largest canvas: where the arm is, not the plots.
+CANVAS = """() => {
+  const boxes = [...document.querySelectorAll("canvas")].map((one) => one.getBoundingClientRect());
+  const box = boxes.reduce((a, b) => (a.width * a.height > b.width * b.height ? a : b));
+  return [box.x, box.y, box.width, box.height];
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +49,9 @@ def served(scenario, tmp_path):
 
 
 @contextmanager
-def opened(browser, served):
+def opened(browser, served, width=640, height=400):
     """Yield a page whose plots are there, and the addresses that it asked for."""
-    context = browser.new_context(viewport={"width": 640, "height": 400})
+    context = browser.new_context(viewport={"width": width, "height": height})
     context.set_default_timeout(PATIENCE)
     asked = []
     context.on("request", lambda request: asked.append(request.url))
@@ -56,25 +63,42 @@ def opened(browser, served):
     context.close()
 
 
+def aimed(session):
+    """Return the position of the camera once it is no more where viser puts it."""
+    camera = session._client.camera
+    wait_for(lambda: session.answer is not None and not np.allclose(camera.position, 3.0), 60.0)
+    return np.array(camera.position)
+
+
+def on_screen(page, camera, point):
+    """Return the place of a point in space on the page, as a pinhole has it [px]."""
+    x, y, width, height = page.evaluate(CANVAS)
+    eye, up = np.array(camera.position), np.array(camera.up_direction)
+    ahead = np.array(camera.look_at) - eye
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, up) / np.linalg.norm(np.cross(ahead, up))
+    there = np.asarray(point) - eye
+    scale = 0.5 * height / (np.tan(0.5 * camera.fov) * (there @ ahead))
+    return (
+        x + 0.5 * width + scale * (there @ right),
+        y + 0.5 * height - scale * (there @ np.cross(right, ahead)),
+    )
+
+
 def test_the_plots_are_the_columns_to_the_bit_and_nothing_leaves(browser, served, scenario):
     with opened(browser, served) as (page, asked):
         slider = page.get_by_role("slider").nth(1)
         (session,) = served.sessions.values()
-        page.wait_for_timeout(1000)
-        seen = np.array(session._client.camera.position)
+        seen = aimed(session)
         slider.focus()
         page.keyboard.press("ArrowRight", delay=200)
         wait_for(lambda: session.answer is not None and LAMBDA in session.answer.values, 60.0)
-        page.wait_for_timeout(1000)
-        assert np.allclose(
-            session._client.camera.position, seen, atol=1e-6
-        )  # the arrow keys of a slider turn no view
+        page.wait_for_function(f"count => ({RATES})().length > count", arg=7)
+        # the arrow keys of a slider turn no view
+        assert np.allclose(session._client.camera.position, seen, atol=1e-3)
         value = session.answer.values[LAMBDA]
         assert float(slider.get_attribute("aria-valuenow")) == pytest.approx(value)
         alone = rmrc.run(scenario("target.path=[{line: {by: [0.3, 0.2]}}]", f"{LAMBDA}={value}"))
-        page.wait_for_function(
-            f"count => ({RATES})().length > count", arg=7
-        )  # the setting before came beside it
         curves = dict(page.evaluate(RATES))
         assert np.array_equal(curves["t [s]"], alone["time"])
         for j, name in enumerate(alone.joints):
@@ -86,6 +110,42 @@ def test_the_plots_are_the_columns_to_the_bit_and_nothing_leaves(browser, served
         page.wait_for_selector("text=test.explore.npz")
         assert {urlsplit(url).hostname for url in asked} - {None} == {"127.0.0.1"}
         assert "share" not in page.inner_text("body").lower()
+
+
+def test_the_mouse_pulls_the_arm_the_arrow_keys_nudge_it_and_nothing_leaves(browser, served):
+    with opened(browser, served, 1280, 720) as (page, asked):
+        (session,) = served.sessions.values()
+        aimed(session)
+        session._mode.value = "drag"
+        session._choose_mode(SimpleNamespace(client=object()))
+        wait_for(lambda: session.drag is not None or "ff2d2d" in session._said.content, 300.0)
+        drag, gizmo, camera = session.drag, session._hand._gizmo, session._client.camera
+        page.get_by_role("button", name="+x", exact=True).wait_for()
+        # pull the arrow along x by a fifth of its length
+        start = drag.goal.copy()
+        along = np.array([gizmo.scale, 0.0, 0.0])
+        wait_for(lambda: np.allclose(gizmo.position, start[:3]))
+        from_, to = (on_screen(page, camera, start[:3] + part * along) for part in (0.7, 0.9))
+        page.mouse.move(*from_)
+        page.mouse.down()
+        page.mouse.move(*to, steps=5)
+        wait_for(lambda: drag.goal[0] > start[0] + 0.15 * gizmo.scale, 60.0)
+        page.mouse.up()
+        assert drag.goal[0] < start[0] + 0.25 * gizmo.scale
+        assert drag.goal[1:] == pytest.approx(start[1:], abs=1e-9)  # along the arrow alone
+        wait_for(lambda: np.allclose(drag.pose[:2], drag.goal[:2], atol=1e-3), 60.0)
+        # one press of a key is one nudge
+        before = drag.goal.copy()
+        page.keyboard.press("ArrowUp")
+        wait_for(lambda: drag.goal[1] != before[1])
+        page.keyboard.press("ArrowLeft")
+        wait_for(lambda: drag.goal[0] != before[0])
+        step = session._hand._unit
+        assert drag.goal[:2] - before[:2] == pytest.approx([-step, step])
+        wait_for(lambda: np.allclose(drag.pose[:2], drag.goal[:2], atol=1e-3), 60.0)
+        run = drag.recent().run
+        assert (np.abs(run["qdot_cmd"]) <= np.array(run.rate_limit) * (1.0 + 1e-12)).all()
+        assert {urlsplit(url).hostname for url in asked} - {None} == {"127.0.0.1"}
 
 
 @pytest.mark.long

@@ -2,6 +2,7 @@
 
 import gc
 import http.client
+import os
 import random
 import re
 import shutil
@@ -321,14 +322,15 @@ def test_an_error_in_drag_mode_ends_that_session_alone(served, monkeypatch):
 
 @pytest.mark.long
 def test_many_random_moves_neither_leak_memory_nor_stop_the_answers(served):
-    # an hour of a reader who moves something every two seconds, in both modes
+    # MOVES=1800 are an hour of a reader who moves something every two seconds, in both modes
+    moves, parts = int(os.environ.get("MOVES", "320")), 8
     chance, session = random.Random(0), dragging(served, 14)
     sliders = [
         one for one in session.controls if one.step and "delay" not in one.key and "lag" not in one.key
     ]
     sizes = []
-    for i in range(2000):
-        if i % 250 == 0 and i:
+    for i in range(moves):
+        if i % (moves // parts) == 0 and i:
             session._mode.value = "run" if session._drags else "drag"
             session._choose_mode(SimpleNamespace(client=object()))
         if chance.random() < 0.5 and session.drag is not None:
@@ -337,10 +339,10 @@ def test_many_random_moves_neither_leak_memory_nor_stop_the_answers(served):
             one = chance.choice(sliders)
             changed(session, one.key, round(chance.uniform(one.low, one.high), 9))
         wait_for(lambda: not session._is_asked, 60.0)
-        if i % 250 == 249:
+        if i % (moves // parts) == moves // parts - 1:
             gc.collect()
             sizes.append(memory())
-    assert max(sizes[3:]) <= 1.05 * sizes[2]  # both modes are warm after 750 moves
+    assert max(sizes[3:]) <= 1.05 * sizes[2]  # both modes are warm after three parts
     assert session._thread.is_alive()
     assert served.failures == []
 

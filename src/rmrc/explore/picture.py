@@ -1,6 +1,6 @@
 """The arm in the page's 3-D view, its path, trail and ellipsoids, and another run as a ghost."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rmrc.arm import Shape
 from rmrc.explore.answer import Answer
 from rmrc.film.camera import ANGLE, fitted
-from rmrc.recording.scene import Scene
+from rmrc.recording.scene import Frames, Scene
 from rmrc.show.palette import GOLD, GREEN, HUES, MAGENTA, RED, mix
 from rmrc.support.spatial import quat_to_matrix
 
@@ -39,6 +39,18 @@ def rgb(color: int) -> tuple[int, int, int]:
     return (color >> 24) & 255, (color >> 16) & 255, (color >> 8) & 255
 
 
+def _ends(frames: Frames, marks: Collection[str]) -> Iterator[Array]:
+    """Yield the ends of the arrows, and of the half axes of the ellipsoids, (p, 3) [m]."""
+    ways = [frames.dying_move, frames.dying_turn] if "lost" in marks else []
+    axes = quat_to_matrix(frames.axes)
+    for name in sorted({"velocity", "force"}.intersection(marks)):
+        half = getattr(frames, name)
+        ways += [half[:, i, None] * axes[:, :, i] for i in range(3)]
+    for way in ways:
+        yield frames.tip + way
+        yield frames.tip - way
+
+
 @dataclass(frozen=True)
 class View:
     """The position and the aim of the camera.
@@ -56,12 +68,13 @@ class View:
     fov: float
 
 
-def view(answer: Answer, aspect: float, room: float = ROOM) -> View:
+def view(answer: Answer, aspect: float, marks: Collection[str] = (), room: float = ROOM) -> View:
     """Return a view of a whole run.
 
     Args:
         answer: The run.
         aspect: Width over height of the picture.
+        marks: The marks of `Picture` that it shows.
         room: Room around arm and path, as a part of the reach.
     """
     scene, frames = answer.scene, answer.frames
@@ -69,7 +82,7 @@ def view(answer: Answer, aspect: float, room: float = ROOM) -> View:
         [scene.outermost(frames), scene.path[:: max(1, len(scene.path) // 50)], frames.bodies[0, 1:, :3]]
     )
     around = room * scene.reach * np.vstack([np.eye(3), -np.eye(3)])
-    points = (seen[:, None] + around).reshape(-1, 3)
+    points = np.vstack([(seen[:, None] + around).reshape(-1, 3), *_ends(frames, marks)])
     camera = fitted(points, scene.normal, aspect)
     up = camera.axes[1] if scene.normal == 2 else np.array([0.0, 0.0, 1.0])
     return View(camera.position, camera.position - camera.distance * camera.axes[2], up, float(ANGLE))

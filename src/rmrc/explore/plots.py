@@ -147,7 +147,7 @@ def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
     plain = {"grid": {"show": False}, "ticks": {"show": False}} if panel.is_logarithmic else {}
     axes: tuple[dict[str, Any], ...] = (
         {"space": 60, "size": 26},
-        {"size": 46, **plain},
+        {"size": 46, "space": 24, **plain},
     )
     title = f"{panel.title.partition('; dotted')[0]} {panel.unit[panel.unit.find('[') :]}"
     return Plot(title, tuple(data), tuple(series), {"x": {"time": False}, "y": scale}, axes)

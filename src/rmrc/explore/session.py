@@ -23,11 +23,15 @@ from rmrc.support.errors import RmrcError
 from rmrc.support.invocation import command
 
 MARKS = {"velocity": "velocity ellipsoid", "force": "force ellipsoid", "lost": "lost direction"}
-# An arrow key moves the focused slider; viser would also turn the view.
+# An arrow key moves the focused slider; viser would also turn the view. A plot that is made before it has a
+# width never labels its time axis: it is told to. The page may make this element again: once is enough.
 KEYS = (
-    '<img hidden alt="" src="data:," onerror="document.body.addEventListener(\'keydown\','
+    '<img hidden alt="" src="data:," onerror="if(!window.rmrc){window.rmrc=1;'
+    "document.body.addEventListener('keydown',"
     "e=>{if(e.target.getAttribute('role')==='slider')e.stopPropagation()});"
-    f'{NUDGES}">'
+    "setInterval(()=>{for(const{chart:c}of Object.values(window.__viserTestpoints?.uplots??{}))"
+    "if(c.width>0&&!c.axes[0]._found?.[1])c.redraw(false,true)},500);"
+    f'{NUDGES}}}">'
 )
 BEFORE, WRITTEN, NOTHING = "the setting before", "as written", "nothing"
 RUN, DRAG = "run", "drag"
@@ -170,6 +174,8 @@ class Session:
         with self._lock:
             self._is_asked, values = False, dict(self._values)
         before, self._hand.is_restarted = None if self._hand.is_restarted else self.drag, False
+        if self.drag is None:
+            self._say("the arm gets ready; the first time may take half a minute")
         try:
             self.drag = Drag(explored.prepared(values, PERIOD), values, self.answer, before)
         except RmrcError as error:
@@ -489,7 +495,7 @@ class Session:
     def _aim(self, answer: Answer, room: float) -> None:
         camera = self._client.camera
         width = camera.image_width - SETTINGS - PLOTS
-        seen = view(answer, max(ASPECT, width / max(camera.image_height, 1)), room)
+        seen = view(answer, max(ASPECT, width / max(camera.image_height, 1)), self._picture.marks, room)
         camera.up_direction, camera.fov = seen.up, seen.fov
         camera.position, camera.look_at = seen.position, seen.look_at
 
