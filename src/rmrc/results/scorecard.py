@@ -243,7 +243,7 @@ def _figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorec
     )  # fmt: skip
     columns = (column for part in parts for column in part)
     names, values, units, meanings = zip(*columns, strict=True)
-    make: Any = partial(tuple.__new__, Figure)  # a sweep makes many; `_make` takes five times as long
+    make: Any = partial(tuple.__new__, Figure)  # a sweep makes many, and `_make` checks each
     return [
         Scorecard(
             run.name,

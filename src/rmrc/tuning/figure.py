@@ -69,7 +69,7 @@ def _front(
             label=f"{mark.name}: {plain(mark.words)}",
         )  # fmt: skip
     _frame(axes, points, marks, limits)
-    entitle(figure, f"{plain(name)}: settings that keep the limits on every perturbed scenario")
+    entitle(figure, f"{plain(name)}: settings within all limits")
     explain(figure, loc="outside right upper")
     return figure
 
