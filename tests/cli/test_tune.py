@@ -46,7 +46,7 @@ def test_it_prints_the_front_a_block_to_paste_and_what_that_costs(rmrc, tmp_path
     )
     text = " ".join(lines)
     assert (
-        "the scenario and 1 copy of it: joints start within 1 deg; target within 0.001 m along each axis"
+        "the scenario and 1 perturbed scenario: joints start within 1 deg; target within 0.001 m along each axis"
         in text
     )
     assert "rates at most 5 rad/s, measured, and 1% for overshoot" in lines

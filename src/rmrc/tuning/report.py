@@ -59,7 +59,7 @@ def facts(work: Tuning, found: Tuned) -> list[tuple[str, str]]:
     whose = "the setting as written"
     if found.own.worst.completed < 1.0:
         whose += ", or of the path if that does not complete it"
-    off = f"and {copies} cop{'y' if copies == 1 else 'ies'} of it: {work.spread_in_words}"
+    off = f"and {copies} perturbed scenario{'s' * (copies != 1)}: {work.spread_in_words}"
     lines = [
         ("tried on", f"the scenario {off if copies else 'alone'}"),
         ("robot", _robot(work)),
