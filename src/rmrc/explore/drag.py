@@ -1,4 +1,4 @@
-"""An arm that is led by hand: the law of a scenario in real time, behind a goal that its reader moves."""
+"""Drag mode: the law of a scenario follows, in real time, a goal that the user moves."""
 
 import math
 import time
@@ -18,22 +18,22 @@ from rmrc.support.spatial import exp_rotation, pose_error, quat_multiply
 
 Array = NDArray[np.float64]
 
-# Period of the control [s]: 250 Hz, if the scenario is faster and its plant can be told so.
+# Period of the control [s]: 250 Hz, if the scenario is faster and its plant accepts it.
 PERIOD = 0.004
 # The ticks of this time [s] are kept and drawn; this many instants of them are in the trail.
 RECENT, TRAIL = 10.0, 60
 # The reference has a speed of this times its distance from the goal [1/s], near the goal.
 PURSUIT = 10.0
-# Simulated time that a slow machine makes up for, at most [s]; it drops the rest.
+# Largest delay that a slow machine catches up [s]; it drops the rest.
 LATE = 0.1
-# Rates below this are none [rad/s or m/s].
+# Smaller rates count as rest [rad/s or m/s].
 STILL = 1e-5
-# The real-time factor is of about this time [s].
+# The real-time factor is an average over about this time [s].
 PACE = 1.0
 
 
 class Reference:
-    """A reference that follows a goal within limits of speed and acceleration, wherever the goal jumps.
+    """A reference that follows a goal within limits of speed and acceleration, even if the goal jumps.
 
     Attributes:
         pose: [p, quat w x y z], (7,) [m, 1].
@@ -57,7 +57,7 @@ class Reference:
         Args:
             goal: Pose, (7,) [m, 1].
             period: Time [s].
-            pace: Part of its way that it goes: what the law leaves of it.
+            pace: Share of the step that it moves: the path rate of the law.
         """
         error = pose_error(goal, self.pose)
         for rows, speed, acceleration in self._limits:
@@ -75,12 +75,12 @@ class Reference:
 
 
 class Drag:
-    """An arm, its plant and its law, which run while its reader moves a goal; for one thread at a time.
+    """An arm with its plant and its law, which run while the user moves a goal; for one thread at a time.
 
     Attributes:
         prepared: The scenario; its path has no effect.
         values: Its changed keys, with their values.
-        goal: Pose that the reference follows, (7,) [m, 1]; the reader's thread replaces it.
+        goal: Pose that the reference follows, (7,) [m, 1]; another thread may replace it.
         joints: Positions that the joints go to instead, (n,) [rad or m]; None: the goal counts.
         factor: Simulated over real time; 1: the machine keeps up.
         trouble: Why the arm stands still; "": it moves.
@@ -89,16 +89,16 @@ class Drag:
     def __init__(
         self, prepared: Prepared, values: Values, like: Answer, before: "Drag | None" = None
     ) -> None:
-        """Stand at the start, or go on from where an arm is under other settings.
+        """Start at the start of the scenario, or continue from an arm under other settings.
 
         Args:
-            prepared: The scenario, whose `control.period` is that of the loop.
+            prepared: The scenario; its `control.period` is the period of the loop.
             values: Its changed keys, with their values.
             like: An answer whose arm looks the same.
-            before: The arm before this one, which has the same joints and goes no further.
+            before: The previous arm, with the same joints; it must not run again.
 
         Raises:
-            QuestionError: The arm cannot be led.
+            QuestionError: The arm has a joint without an actuator on its chain.
         """
         arm, scenario = prepared.arm, prepared.scenario
         if arm.idle:
@@ -125,19 +125,19 @@ class Drag:
 
     @property
     def q(self) -> Array:
-        """Joint positions as the law is told them, (n,) [rad or m]."""
+        """Joint positions that the law believes, (n,) [rad or m]."""
         return self._live.q
 
     @property
     def pose(self) -> Array:
-        """Pose of the end effector as the law sees it, (7,) [m, 1]."""
+        """Pose of the end effector that the law believes, (7,) [m, 1]."""
         return np.array(self._law.command.pose)
 
     def jog(self, joint: int, position: float) -> None:
-        """Send one joint to a position, within all limits; the others stay where they are or go.
+        """Send one joint to a position, within all limits; the others keep their targets, or stay.
 
         Args:
-            joint: Its number.
+            joint: Index of the joint.
             position: The position [rad or m].
         """
         wanted = np.array(self.q if self.joints is None else self.joints)
@@ -145,11 +145,11 @@ class Drag:
         self.joints, self._still = wanted, 0.0
 
     def lead(self, goal: Array) -> None:
-        """Have the reference follow a goal, (7,) [m, 1], from where the end effector is now."""
+        """Let the reference follow a goal, (7,) [m, 1], from the present pose of the end effector."""
         self.goal, self.joints, self._still = np.array(goal), None, 0.0
 
     def advance(self, passed: float) -> None:
-        """Run for the real time that passed, or for as much of it as the machine manages in that time.
+        """Simulate the real time that passed, or the part of it that the machine manages in that time.
 
         Args:
             passed: Real time since the last call [s].
@@ -181,7 +181,7 @@ class Drag:
 
     @property
     def is_still(self) -> bool:
-        """Whether nothing has moved for as long as ticks are kept."""
+        """Whether nothing has moved during all kept ticks."""
         return self._still >= RECENT
 
     def now(self) -> Answer:

@@ -17,7 +17,7 @@ from rmrc.support.spatial import AXES, exp_rotation, quat_multiply
 GIZMO, NUDGE, TURN = 0.3, 0.01, math.radians(2.0)
 # The range of a joint without limits [rad or m], and the steps of its slider.
 FREE, STEP = math.pi, 0.001
-# Sliders of more joints wait in a closed folder.
+# With more joints the folder of their sliders starts closed.
 FEW = 3
 # Labels of the rows of nudges; each has room for the buttons of two axes.
 ROWS = ("nudge", "nudge z", "turn", "turn z")
@@ -33,7 +33,7 @@ NUDGES = (
 
 
 class Hand:
-    """What a reader moves the arm with; its events wait for the thread of the session.
+    """Controls that move the arm. Their events wait for the thread of the session.
 
     Args:
         client: The browser, as viser represents it.
@@ -119,7 +119,7 @@ class Hand:
             self._gizmo.wxyz = pose[3:]
 
     def take(self, drag: Drag) -> None:
-        """Do what the reader asked for since the last call."""
+        """Apply the requests since the last call."""
         while self._waits:
             self._waits.popleft()(drag)
 
@@ -133,7 +133,7 @@ class Hand:
             self.tell(drag)
 
     def tell(self, drag: Drag) -> None:
-        """Show where the joints are; the gizmo follows the tip while joints are moved one by one."""
+        """Show the joint positions; the gizmo follows the tip while single joints move."""
         if drag.joints is not None:
             self._follow(drag.pose)
             return

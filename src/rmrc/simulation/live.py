@@ -1,4 +1,4 @@
-"""One world in a loop of one's own: plant and stages of a scenario, and a law that Python calls."""
+"""One world in real time: the plant and the stages of a scenario, around a law that Python calls."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,7 +23,7 @@ from rmrc.simulation.simulation import about
 
 Array = NDArray[np.float64]
 
-# What the law says of a tick, by the names of its record and of `Command`.
+# Results of the law at a tick: names in its record, and in `Command`.
 SAID = {
     "qdot_cmd": "qdot_cmd", "qdot_plain": "qdot_plain", "sigma": "sigma", "gain": "gain",
     "u_min": "lost_direction", "v_min": "lost_motion", "pose_error": "pose_error", "damping": "damping",
@@ -33,7 +33,7 @@ SAID = {
 
 
 class Live:
-    """A world whose law is called between `sense` and `obey`, tick by tick, for as long as one likes.
+    """A world whose caller runs the law between `sense` and `obey`, tick by tick, without an end.
 
     Attributes:
         prepared: The scenario.
@@ -79,9 +79,9 @@ class Live:
         self._refresh()
 
     def take_over(self, other: "Live") -> None:
-        """Go on from where another one is, which has the same arm and period and goes no further.
+        """Continue from the state of another world of the same arm and period, which must not run again.
 
-        A plant of another kind begins with its own memory: commands that have not arrived are lost.
+        A plant of another kind starts with an empty memory: it loses commands that have not arrived.
         """
         self._qpos[:], self._qvel[:] = other._qpos, other._qvel
         if type(self.prepared.plant) is type(other.prepared.plant):
@@ -93,27 +93,27 @@ class Live:
 
     @property
     def q(self) -> Array:
-        """Joint positions as the law is told them, (n,), a view that `sense` writes over."""
+        """Joint positions that the law believes, (n,) [rad or m]: a view that `sense` overwrites."""
         return np.asarray(self._worlds["q"][0, : self._n])
 
     @property
     def qdot(self) -> Array:
-        """Joint rates as the law is told them, (n,), a view that `sense` writes over."""
+        """Joint rates that the law believes, (n,) [rad/s or m/s]: a view that `sense` overwrites."""
         return np.asarray(self._worlds["qdot"][0, : self._n])
 
     def sense(self) -> bool:
-        """Write `q` and `qdot`; say whether all is finite."""
+        """Write `q` and `qdot`; return whether all values are finite."""
         row = self.done % len(self._ticks)
         self._positions[row] = self._qpos[0]
         return bool(self._sense(self.done) == 1)
 
     def obey(self, command: Command, pose_ref: Array, twist_ref: Array) -> bool:
-        """Follow a command for one period; say whether it is finite.
+        """Follow a command for one period; return whether it is finite.
 
         Args:
-            command: Of the law.
-            pose_ref: Pose that was wanted, [p, quat w x y z], (7,) [m, 1].
-            twist_ref: Twist that was wanted, [v; ω], (6,) [m/s, rad/s].
+            command: The command of the law.
+            pose_ref: Pose of the reference, [p, quat w x y z], (7,) [m, 1].
+            twist_ref: Twist of the reference, [v; ω], (6,) [m/s, rad/s].
         """
         out = self._ticks[self.done % len(self._ticks), 0]
         for name, said in SAID.items():
@@ -136,7 +136,7 @@ class Live:
         """Return the last ticks as a run, whose time begins at 0.
 
         Args:
-            count: The number of ticks, at most.
+            count: Largest number of ticks.
         """
         count = min(count, self.done, len(self._ticks))
         rows = np.arange(self.done - count, self.done) % len(self._ticks)
