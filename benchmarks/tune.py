@@ -5,10 +5,10 @@
 
 For each scenario and seed: seconds of CPU of this process, of the search and of the margins at its end, with
 all that is compiled loaded; ticks of worlds, in millions, which do not depend on the machine; settings that
-were looked at on the model, settings that were run on copies, and these runs; the error of the recommended
-setting; and the hypervolume of the front. In the plane of ln(peak rate) and ln(error) that is the area which
-the front dominates, as far as it betters the setting as written in both: 0.7 is half the error at 0.37 times
-the peak rate. In the end min, median and max of each scenario.
+were looked at on the model, settings that were run on the scenarios, and these runs; the error of the
+recommended setting; and the hypervolume of the front. In the plane of ln(peak rate) and ln(error) that is the
+area which the front dominates, as far as it betters the setting as written in both: 0.7 is half the
+error at 0.37 times the peak rate. In the end min, median and max of each scenario.
 """
 
 import argparse

@@ -8,7 +8,7 @@ scenario = rmrc.load("approach_singularity").set({"target.path[0].line.to": [1.9
 tuned = rmrc.tune(
     scenario,
     only={"control.inverse.method": ["damped", "filtered"], "control.at_singularity": ["damp"]},
-    copies=1,
+    perturbed=1,
     runs=60,
 )
 best = tuned.verdict.recommended

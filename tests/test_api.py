@@ -104,7 +104,7 @@ VERBS = {
     "run": "run('line_tracking')",
     "compare": f"compare({BRIEF}, {{'control.feedback': [5, 10]}})",
     "sweep": f"sweep({BRIEF}, {{'control.feedback': [5, 10]}}, threads=2)",
-    "tune": f"tune({BRIEF}, {{'control.inverse.method': ['damped']}}, copies=0, runs=10)",
+    "tune": f"tune({BRIEF}, {{'control.inverse.method': ['damped']}}, perturbed=0, runs=10)",
     "margins": f"margins({BRIEF}, accuracy=0.5)",
     "check": "check('planar_2link')",
     "new": "new('planar_2link')",

@@ -32,7 +32,7 @@ def test_a_picture_is_whole_and_small_enough_for_a_page(path):
 QUICK = ["--set", "plant.kind=ideal", "--set", "control.period=0.005"]
 COARSE = {
     "workspace": ["--cells", "12"],
-    "tune": ["--runs", "10", "--copies", "0", *QUICK],
+    "tune": ["--runs", "10", "--perturbed", "0", *QUICK],
     "margins": ["--accuracy", "0.5", *QUICK],
 }
 

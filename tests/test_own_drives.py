@@ -458,7 +458,7 @@ def test_rows_of_a_sweep_have_what_the_plain_loop_does(written, tmp_path):
 @pytest.mark.usefixtures("unmargined")
 def test_what_tune_promises_of_a_setting_is_what_the_plain_loop_does(written):
     work = Tuning(
-        written, only=["control.inverse.method=damped"], copies=0, runs=12, seed=1, threads=1, ideal=True
+        written, only=["control.inverse.method=damped"], perturbed=0, runs=12, seed=1, threads=1, ideal=True
     )
     found = work.run()
     best = found.verdict.recommended or found.verdict.nearest

@@ -190,7 +190,7 @@ def test_every_verb_does_what_is_declared(toy):
     }
     assert error["soft", 0.05] < error["soft", 0.5]  # the softer, the less it follows
     assert error["damped", 0.05] == error["damped", 0.5]
-    only = ("--only", "control.inverse.method=soft", "--runs", "20", "--copies", "1", "--out", "tune")
+    only = ("--only", "control.inverse.method=soft", "--runs", "20", "--perturbed", "1", "--out", "tune")
     found = toy.rmrc("tune", "toy.yaml", *only)
     assert "method: soft" in found and "softness: " in found
 

@@ -95,7 +95,7 @@ REFUSED = (
     f"sweep {APPROACH} --vary control.feedback=1,2 --cluster nowhere",
     f"tune {APPROACH} --only control.inverse.method=dampd",
     f"tune {APPROACH} --only control.period=0.001",
-    f"tune {APPROACH} --copies=-1",
+    f"tune {APPROACH} --perturbed=-1",
     "statics models/planar_2link.xml --wrench 1 --q 9,9",
     "statics models/planar_2link.xml --wrench 1,2,0 --at nowhere",
     "ik models/planar_2link.xml --to 3,3",

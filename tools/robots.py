@@ -153,7 +153,7 @@ def row(robot: Robot, columns: list[str], limit: float) -> dict[str, str]:
                 chosen = ["--set", f"plant.kind={kind}"] if kind else []
                 cells[column] = call("run", str(scenario), *chosen, "--out", "out", "-q", "--no-record").cell
             elif verb == "tune":
-                few = ["--runs", "24", "--copies", "1", "--threads", "1"]
+                few = ["--runs", "24", "--perturbed", "1", "--threads", "1"]
                 cells[column] = call("tune", str(scenario), *few, "--out", "out", "-q").cell
             elif column not in cells:
                 cells[column] = asked(verb, model, robot, facts, seen, call)

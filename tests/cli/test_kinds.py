@@ -68,7 +68,7 @@ CALLS = {
         "--vary; … compare and sweep; … rmrc run --help",
     ),
     "nothing": (["run"], "'scenario'; … rmrc run --help"),
-    "no number": (["tune", "quick.yaml", "--copies", "x" * 500], "; … rmrc tune --help"),
+    "no number": (["tune", "quick.yaml", "--perturbed", "x" * 500], "; … rmrc tune --help"),
 }  # fmt: skip
 
 

@@ -36,7 +36,7 @@ def lines_of(text):
 
 @pytest.mark.usefixtures("quick")
 def test_it_prints_the_front_a_block_to_paste_and_what_that_costs(rmrc, tmp_path):
-    asked = ["tune", "quick.yaml", "--runs", "60", "--copies", "1", "--offset", "0.001"]
+    asked = ["tune", "quick.yaml", "--runs", "60", "--perturbed", "1", "--offset", "0.001"]
     code, out, err = rmrc(*asked, "--threads", "1")
     assert (code, err) == (0, "")
     lines = lines_of(out)
@@ -76,7 +76,7 @@ def test_it_prints_the_front_a_block_to_paste_and_what_that_costs(rmrc, tmp_path
 
 @pytest.mark.usefixtures("quick", "undrawn", "unmargined")
 def test_threads_change_no_letter_of_it(rmrc):
-    asked = ["tune", "quick.yaml", "--runs", "30", "--copies", "1"]
+    asked = ["tune", "quick.yaml", "--runs", "30", "--perturbed", "1"]
     one, two = (rmrc(*asked, "--threads", count) for count in "12")
     assert one[0] == 0 and one == two
 
@@ -84,7 +84,7 @@ def test_threads_change_no_letter_of_it(rmrc):
 @pytest.mark.usefixtures("quick", "undrawn", "unmargined")
 @pytest.mark.parametrize(
     "words",
-    [("tune", "quick.yaml", "--runs", "4", "--copies", "0"), ("run", "quick.yaml"),
+    [("tune", "quick.yaml", "--runs", "4", "--perturbed", "0"), ("run", "quick.yaml"),
      ("sweep", "quick.yaml", "--vary", "control.feedback=1,2")],
 )  # fmt: skip
 def test_a_folder_in_brackets_is_no_markup(rmrc, tmp_path, words):
@@ -100,11 +100,21 @@ def test_a_folder_in_brackets_is_no_markup(rmrc, tmp_path, words):
 def test_nothing_feasible_is_exit_1_and_says_what_is_missed(rmrc, tmp_path):
     limits = ["--set", "control.limits.rate=0.01", "--set", "control.limits.on_excess=none"]
     limits += ["--only", "control.at_singularity=damp"]
-    code, out, err = rmrc("tune", "quick.yaml", "--runs", "60", "--copies", "0", *limits)
+    code, out, err = rmrc("tune", "quick.yaml", "--runs", "60", "--perturbed", "0", *limits)
     assert code == 1
     assert err == says("rmrc: … nearest … rate of … rad/s … 0.01 …\n")
     assert lines_of(out)[-1] == "wrote recordings/quick.tune.parquet"
     assert [one.name for one in (tmp_path / "recordings").iterdir()] == ["quick.tune.parquet"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_old_name_of_an_option_still_works(rmrc):
+    """`--copies` draws as many perturbed scenarios as `--perturbed`, and a note gives the new name."""
+    short = ("tune", "quick.yaml", "--runs", "12", "--threads", "1")
+    code, table, err = rmrc(*short, "--copies", "1")
+    assert err == "rmrc: note: --copies is called --perturbed now\n"
+    assert (code, table, "") == rmrc(*short, "--perturbed", "1")
+    assert rmrc(*short, "--perturbed", "0")[1] != table  # negative control
 
 
 @pytest.mark.parametrize(
@@ -112,7 +122,7 @@ def test_nothing_feasible_is_exit_1_and_says_what_is_missed(rmrc, tmp_path):
     [
         (["--start", "1 degree"], '--start: … "60 deg" … "1 degree"'),
         (["--payload", "1"], "--payload: … 0 … ideal … plant.kind"),
-        (["--copies", "-1"], "--copies: … 0 … -1"),
+        (["--perturbed", "-1"], "--perturbed: … 0 … -1"),
         (["--only", "control.inverse.method=dampd"],
          f'--only control.inverse.method: … {", ".join(INVERSES.names)} … dampd … "damped"…'),
         (["--set", "control.feedback=-1"], "--set control.feedback: … 0 … -1"),
@@ -130,9 +140,9 @@ def test_bad_input_is_one_line_exit_2_and_nothing_is_run(rmrc, tmp_path, options
 
 @pytest.mark.usefixtures("quick", "undrawn", "unmargined")
 def test_quiet_says_nothing_and_help_tells_every_option(rmrc):
-    assert rmrc("tune", "quick.yaml", "--runs", "20", "--copies", "0", "--quiet") == (0, "", "")
+    assert rmrc("tune", "quick.yaml", "--runs", "20", "--perturbed", "0", "--quiet") == (0, "", "")
     code, out, _ = rmrc("tune", "--help")
-    options = ("--only", "--copies", "--start", "--offset", "--payload", "--delay", "--lag", "--noise",
+    options = ("--only", "--perturbed", "--start", "--offset", "--payload", "--delay", "--lag", "--noise",
                "--calibration", "--ideal", "--slower", "--runs", "--seed", "--set", "--out", "--threads", "--quiet")  # fmt: skip
     assert code == 0
     assert [option for option in options if option not in out] == []

@@ -35,7 +35,7 @@ PRINTING = {
     "workspace": ["workspace", TWO, "--cells", "20"],
     "workspace --over": ["workspace", TWO, "--over", "shoulder,elbow", "--cells", "20"],
     "sweep": ["sweep", "quick.yaml", "--vary", "control.feedback=5,10", "--vary", "plant.payload=0,1"],
-    "tune": ["tune", "quick.yaml", "--runs", "30", "--copies", "0", "--set", "plant.kind=ideal", "--set", "control.period=0.01"],
+    "tune": ["tune", "quick.yaml", "--runs", "30", "--perturbed", "0", "--set", "plant.kind=ideal", "--set", "control.period=0.01"],
     "margins": ["margins", "quick.yaml", "--accuracy", "0.5", "--set", "plant.kind=ideal", "--set", "control.period=0.01"],
     "schema": ["schema"],
 }  # fmt: skip

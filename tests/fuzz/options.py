@@ -513,7 +513,7 @@ def _tune(chance):
     argv += [
         "--runs",
         chance.pick(("0", "-1", "x", "1.5", "")) if wrong and chance.odds(0.7) else "2",
-        "--copies",
+        "--perturbed",
         chance.pick(("0", "0", "1", "-1", "x")),
     ]
     if chance.odds(0.3) or wrong:

@@ -66,7 +66,7 @@ def generate(chance):
         "recorded": ("run",),
         "compare": ("compare", "--no-record", "--vary", "control.feedback=1,2"),
         "sweep": ("sweep", "--threads", "1", "--samples", "2", "--repeat", "1"),
-        "tune": ("tune", "--runs", "3", "--copies", "0", "--threads", "1"),
+        "tune": ("tune", "--runs", "3", "--perturbed", "0", "--threads", "1"),
     }[verb]
     return Case((*argv, f"../{PATH}", *fast), {PATH: data})
 

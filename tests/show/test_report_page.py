@@ -68,7 +68,7 @@ def left(tmp_path_factory):
         rmrc.run(BLOW_UP, out=folder, record=False)
         rmrc.compare(BLOW_UP, {"control.inverse.method": ["inverse", "damped"]}, out=folder, record=False)
         rmrc.sweep(short, {"control.feedback": [5.0, 10.0, 20.0]}, out=folder, threads=1)
-        rmrc.tune(short, runs=12, copies=0, ideal=True, out=folder, threads=1)
+        rmrc.tune(short, runs=12, perturbed=0, ideal=True, out=folder, threads=1)
     return folder
 
 

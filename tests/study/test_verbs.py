@@ -172,7 +172,7 @@ def test_what_is_wrong_is_told_before_anything_moves(short, case):
     lambda one, out: rmrc.run(one, out=out),
     lambda one, out: rmrc.compare(one, {"control.feedback": [5, 20]}, out=out),
     lambda one, out: rmrc.sweep(one, {"control.feedback": [5, 20]}, out=out),
-    lambda one, out: rmrc.tune(one, {"control.inverse.method": ["damped"]}, copies=0, runs=10, out=out),
+    lambda one, out: rmrc.tune(one, {"control.inverse.method": ["damped"]}, perturbed=0, runs=10, out=out),
 ])  # fmt: skip
 def test_a_folder_that_cannot_be_made_is_told_before_anything_moves(short, tmp_path, call):
     (tmp_path / "file").touch()
@@ -218,7 +218,7 @@ def test_tune_answers_with_a_section_and_writes_if_it_is_asked_to(short, tmp_pat
         "control.inverse.damping.schedule": ["constant"],
         "control.feedback": [10, 20.0],
     }
-    found = rmrc.tune(short, only, copies=0, runs=10, ideal=True, out=tmp_path / "out")
+    found = rmrc.tune(short, only, perturbed=0, runs=10, ideal=True, out=tmp_path / "out")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "short.tune.parquet",
         "short.tune.png",
@@ -228,7 +228,7 @@ def test_tune_answers_with_a_section_and_writes_if_it_is_asked_to(short, tmp_pat
     again = rmrc.tune(
         short,
         [f"{key}={','.join(map(str, values))}" for key, values in only.items()],
-        copies=0,
+        perturbed=0,
         runs=10,
         ideal=True,
     )

@@ -103,7 +103,7 @@ def test_near_a_singularity_what_is_recommended_keeps_every_limit_and_is_plain_o
     name,
 ):
     path = ROOT / f"scenarios/{name}.yaml"
-    best = Tuning(path, robot={"delay": "8ms"}, copies=1, runs=RUNS).run().verdict.recommended
+    best = Tuning(path, robot={"delay": "8ms"}, perturbed=1, runs=RUNS).run().verdict.recommended
     worlds, ((card, *others),) = cards_of(name, [best.setting.values, *grid()], (0.008,))
     assert keeps(worlds[0], card)
     late = changes_of({**best.setting.values, "plant.delay": 0.008})

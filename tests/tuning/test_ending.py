@@ -96,14 +96,14 @@ def test_the_bar_is_its_definition():
 
 @pytest.fixture
 def unmodeled(monkeypatch):
-    """Leave a search without a model, so that all its looks are at copies."""
+    """Leave a search without a model, so that all its looks are on the scenarios."""
     monkeypatch.setattr("rmrc.tuning.tune.Tuning._model", lambda *_: None)
 
 
 @pytest.mark.usefixtures("unmodeled")
 def test_what_was_ended_could_not_count(path):
     # By runs to the end, without a rule: what was ended breaks a limit, or is beaten by what was found.
-    found = Tuning(path, ideal=True, copies=1, runs=200, threads=2).run()
+    found = Tuning(path, ideal=True, perturbed=1, runs=200, threads=2).run()
     points = [one.worst.point for one in found.feasible]
     ended = [one for one in found.tried if one.worst.ended]
     assert len(ended) > 30
@@ -111,7 +111,7 @@ def test_what_was_ended_could_not_count(path):
     some = ended[::4]
     where = [next(copy for copy, out in one.outcomes.items() if out.ended) for one in some]
     worlds = [
-        study.prepare((*one.setting.changes, *found.copies[copy].changes))
+        study.prepare((*one.setting.changes, *found.scenarios[copy].changes))
         for one, copy in zip(some, where, strict=True)
     ]
     simulation = Simulation(worlds, keep_columns=False)
@@ -137,7 +137,7 @@ def test_what_was_ended_could_not_count(path):
 def test_a_search_that_ends_runs_finds_what_one_that_does_not_finds(path, monkeypatch):
     only = ["control.inverse.method=damped", "control.inverse.damping.schedule=constant,smallest_singular_value",
             "control.at_singularity=damp"]  # fmt: skip
-    search = functools.partial(Tuning, path, only=only, ideal=True, copies=1, runs=240, threads=2)
+    search = functools.partial(Tuning, path, only=only, ideal=True, perturbed=1, runs=240, threads=2)
     early = search().run()
     monkeypatch.setattr(Ending, "__call__", lambda _, indices, __: np.zeros(len(indices), bool))
     patient = search().run()

@@ -1,4 +1,4 @@
-"""Robots that are told, published or assumed: what their copies have, what is asked of them, what is said."""
+"""Robots that are told, published or assumed: what their scenarios have, what is asked of them, what is said."""
 
 import dataclasses
 import math
@@ -14,7 +14,7 @@ from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
 from rmrc.textbook.stability import edge_gain
 from rmrc.tuning import report
-from rmrc.tuning.copies import LOOPS
+from rmrc.tuning.perturbed import LOOPS
 from rmrc.tuning.robot import DELAY, GAIN_MARGIN, LAG, NOISE, read_range
 from rmrc.tuning.space import FEEDBACK, Setting, Structure
 from rmrc.tuning.trials import Trials
@@ -82,11 +82,13 @@ def test_the_ideal_loop_takes_no_robot_beside(path):
 
 
 def changed(work):
-    return [{".".join(map(str, change.key)): change.value for change in copy.changes} for copy in work.copies]
+    return [
+        {".".join(map(str, change.key)): change.value for change in copy.changes} for copy in work.scenarios
+    ]
 
 
 def test_copies_are_on_the_slowest_the_quickest_and_drawn_loops(path):
-    work = Tuning(path, robot={"delay": "6ms..12ms", "lag": 0.01, "noise": (0.0, 1e-4)}, copies=6)
+    work = Tuning(path, robot={"delay": "6ms..12ms", "lag": 0.01, "noise": (0.0, 1e-4)}, perturbed=6)
     delays = [one["plant.delay"] for one in changed(work)]
     assert (delays[0], delays[1], delays[2], delays[4], delays[6]) == (0.012, 0.006, 0.012, 0.012, 0.012)
     assert all(0.006 < delays[i] < 0.012 for i in (3, 5))
@@ -102,7 +104,7 @@ def test_copies_are_on_the_slowest_the_quickest_and_drawn_loops(path):
 
 
 def test_a_calibration_is_off_in_links_and_zeros_to_either_side(path):
-    work = Tuning(path, robot={"delay": 0.008, "calibration": 0.002}, copies=8)
+    work = Tuning(path, robot={"delay": 0.008, "calibration": 0.002}, perturbed=8)
     assert "plant.stretch" not in changed(work)[0]
     factors = np.array([[*one["plant.stretch"].values()] for one in changed(work)[1:]])
     zeros = np.array([one["plant.joint_offset"] for one in changed(work)[1:]])
@@ -142,7 +144,7 @@ def test_what_nobody_tells_is_assumed_and_what_anybody_tells_is_not(path):
 
 def test_a_profile_tells_of_the_loop():
     scenario = ROOT / "scenarios/ur5e_wrist.yaml"
-    robot = Tuning(scenario, ["control.limits.profile=ur5e", "control.period=0.002"], copies=0).robot
+    robot = Tuning(scenario, ["control.limits.profile=ur5e", "control.period=0.002"], perturbed=0).robot
     assert robot.delay == tuple(load_profile("ur5e").loop.delay.value)
     assert (robot.profile, robot.is_assumed) == ("ur5e", False)
 
@@ -157,32 +159,34 @@ def test_what_the_scenario_cannot_have_is_not_assumed_and_told(path):
 @pytest.mark.long
 def test_feedback_is_tried_up_to_the_edge_of_the_loop(path):
     fine = ["control.period=0.001", "plant.timestep=0.001"]
-    found = Tuning(path, fine, robot={"delay": "6ms..12ms", "lag": "5ms"}, copies=0, runs=12, only=FEW).run()
+    found = Tuning(
+        path, fine, robot={"delay": "6ms..12ms", "lag": "5ms"}, perturbed=0, runs=12, only=FEW
+    ).run()
     assert found.bounds[FEEDBACK][1] == pytest.approx(edge_gain(0.001, 0.012, 0.005) / GAIN_MARGIN)
-    bare = Tuning(path, fine, robot={"delay": "12ms"}, gain_margin=1.0, copies=0, runs=12, only=FEW).run()
+    bare = Tuning(path, fine, robot={"delay": "12ms"}, gain_margin=1.0, perturbed=0, runs=12, only=FEW).run()
     assert bare.bounds[FEEDBACK][1] == pytest.approx(edge_gain(0.001, 0.012))
-    assumed = Tuning(path, fine, copies=0, runs=12, only=FEW).run()
+    assumed = Tuning(path, fine, perturbed=0, runs=12, only=FEW).run()
     assert assumed.bounds[FEEDBACK][1] == pytest.approx(edge_gain(0.001, DELAY, LAG) / GAIN_MARGIN)
     # without a loop it is five periods for 1/e, which the servos bear
-    assert Tuning(path, ideal=True, copies=0, runs=12, only=FEW).run().bounds[FEEDBACK][1] == 0.2 / 0.004
+    assert Tuning(path, ideal=True, perturbed=0, runs=12, only=FEW).run().bounds[FEEDBACK][1] == 0.2 / 0.004
 
 
 @pytest.mark.long
 def test_what_is_recommended_for_an_assumed_robot_bears_its_margin(path):
     # by the test of stability alone, for each that is feasible, and for some that are not
     fine = ["control.period=0.001", "plant.timestep=0.001"]
-    work = Tuning(path, fine, copies=1, runs=160, only=FEW, threads=1)
+    work = Tuning(path, fine, perturbed=1, runs=160, only=FEW, threads=1)
     found = work.run()
     study = Study(work.scenario)
 
     def bear(some):
-        return bears(study, [(*one.setting.changes, *work.copies[0].changes) for one in some], GAIN_MARGIN)
+        return bears(study, [(*one.setting.changes, *work.scenarios[0].changes) for one in some], GAIN_MARGIN)
 
     assert found.feasible
     assert all(bear(found.feasible[::4]))
     assert found.margins["recommended"].gain.value > 0.97 * GAIN_MARGIN  # its edge is found within 5 %
     told = Tuning(
-        path, fine, robot={"delay": (0.0, DELAY), "lag": (0.0, LAG)}, gain_margin=1.0, copies=1, runs=160,
+        path, fine, robot={"delay": (0.0, DELAY), "lag": (0.0, LAG)}, gain_margin=1.0, perturbed=1, runs=160,
         only=FEW,
     ).run()  # fmt: skip
     best = told.verdict.recommended
@@ -198,7 +202,7 @@ def test_what_is_recommended_for_an_assumed_robot_bears_its_margin(path):
 def test_a_number_at_its_search_bound_is_told(path):
     # the less damping the better, as no rate limit acts: the best is the least that is tried
     found = Tuning(
-        path, ["control.limits.rate=20"], robot={"delay": "8ms"}, copies=0, runs=80, only=FEW
+        path, ["control.limits.rate=20"], robot={"delay": "8ms"}, perturbed=0, runs=80, only=FEW
     ).run()
     best = found.verdict.recommended
     values = best.setting.values
@@ -209,7 +213,7 @@ def test_a_number_at_its_search_bound_is_told(path):
 
 
 def test_the_worst_of_the_loops_counts(path):
-    found = Tuning(path, robot={"delay": "2ms..12ms"}, copies=2, runs=60, only=FEW).run()
+    found = Tuning(path, robot={"delay": "2ms..12ms"}, perturbed=2, runs=60, only=FEW).run()
     best = found.verdict.recommended
     assert found.margins["recommended"].is_stable
     assert sorted(best.outcomes) == [0, 1, 2]
@@ -226,12 +230,12 @@ def test_the_scenario_itself_is_run_on_loops_from_the_quickest_up_to_the_slowest
     assert delays == pytest.approx(np.linspace(0.006, 0.012, LOOPS + 1))
     assert lags == pytest.approx(np.linspace(0.0, 0.006, LOOPS + 1))
     assert Tuning(path, robot={"delay": "8ms"}).loops == Tuning(path, ideal=True).loops == ()
-    assert Tuning(path, robot={"delay": "6ms..12ms"}, copies=0).loops == ()  # the scenario alone, as asked
+    assert Tuning(path, robot={"delay": "6ms..12ms"}, perturbed=0).loops == ()  # the scenario alone, as asked
 
 
 def test_what_breaks_a_limit_on_a_loop_between_is_not_recommended(path, monkeypatch):
     # no copy shows it: what the search comes to first may rest at a singularity and leave it on another branch
-    work = {"robot": {"delay": "2ms..12ms"}, "copies": 1, "runs": 60, "only": FEW, "threads": 1}
+    work = {"robot": {"delay": "2ms..12ms"}, "perturbed": 1, "runs": 60, "only": FEW, "threads": 1}
     first = Tuning(path, **work).run().verdict
     between, asked = Trials.between, []
 
@@ -255,11 +259,11 @@ def test_what_breaks_a_limit_on_a_loop_between_is_not_recommended(path, monkeypa
 def test_a_stop_at_full_reach_that_copies_bear_saturates_drives_on_loops_between():
     # the elbow rests 1 mrad from straight: which way it turns as it leaves, and how hard, is a matter of less
     work = Tuning(ROOT / "scenarios/approach_singularity.yaml", robot={"delay": "6ms..12ms"})
-    trials = Trials(Study(work.scenario), work.copies, 1, threading.Event(), None, loops=work.loops)
+    trials = Trials(Study(work.scenario), work.scenarios, 1, threading.Event(), None, loops=work.loops)
     stops = Setting(Structure("damped", "rate_bound", "stop"), (2.38, 5.07, 0.0231))
     tame = Setting(Structure("damped", "constant", "damp"), (0.05, 5.0))
-    trials.allow([10.0] * len(work.copies))
-    assert all(out.excess <= 0.0 for out in trials.run([(stops, copy) for copy in range(trials.copies)]))
+    trials.allow([10.0] * len(work.scenarios))
+    assert all(out.excess <= 0.0 for out in trials.run([(stops, copy) for copy in range(trials.scenarios)]))
     broken, kept = trials.between([stops, tame])
     assert broken.excess > 0.0 and "is at its limit for" in broken.missed
     assert kept.excess <= 0.0  # negative control

@@ -25,7 +25,7 @@ from rmrc.tuning import figure as tuning_figure
 from rmrc.tuning import report
 from rmrc.tuning import tables as tuning_table
 from rmrc.tuning.bearing import Bearing
-from rmrc.tuning.copies import Spread
+from rmrc.tuning.perturbed import Spread
 from rmrc.tuning.search import Search
 from rmrc.tuning.space import (
     FEEDBACK,
@@ -95,34 +95,34 @@ def measured(run, length=1.0):
 
 
 def test_what_is_pasted_is_what_was_run_and_the_worst_copy_counts(path, tmp_path):
-    work = Tuning(path, copies=3, seed=5, runs=90, threads=1)
+    work = Tuning(path, perturbed=3, seed=5, runs=90, threads=1)
     found = work.run()
     best = found.verdict.recommended
-    assert len(found.copies) == 4
+    assert len(found.scenarios) == 4
     # the block takes the place of the section
     before, _, after = TEXT.partition("control:")
     pasted = tmp_path / "pasted.yaml"
     pasted.write_text(before + found.block + "target:" + after.partition("\ntarget:")[2])
-    each = [measured(runs_of(pasted, texts(copy))) for copy in found.copies]
+    each = [measured(runs_of(pasted, texts(copy))) for copy in found.scenarios]
     # norms of numpy and of the scorecard differ by rounding; rates do not
     assert best.worst.error == pytest.approx(max(error for error, _, _ in each), rel=1e-14)
     assert best.worst.peak_rate == max(rate for _, rate, _ in each)
     assert best.worst.time == max(time for _, _, time in each)
-    assert len({error for error, _, _ in each}) == 4  # negative control: copies differ
-    cards = [scorecard(runs_of(pasted, texts(copy))) for copy in found.copies]
+    assert len({error for error, _, _ in each}) == 4  # negative control: the scenarios differ
+    cards = [scorecard(runs_of(pasted, texts(copy))) for copy in found.scenarios]
     assert best.worst.error == max(card["position_error.max"].value for card in cards)
     # the numbers have the digits that are printed
     assert all(number == float(f"{number:.3g}") for one in found.tried for number in one.setting.numbers)
-    # and so for every setting that was tried on all copies
+    # and so for every setting that was tried on all scenarios
     for one in found.feasible[::15]:
-        cards = [scorecard(runs_of(path, (*texts(one.setting), *texts(copy)))) for copy in found.copies]
+        cards = [scorecard(runs_of(path, (*texts(one.setting), *texts(copy)))) for copy in found.scenarios]
         assert [one.outcomes[i].error for i in range(4)] == [
             card["position_error.max"].value for card in cards
         ]
 
 
 def test_the_files_hold_what_was_found_and_can_be_run(path, tmp_path):
-    work = Tuning(path, copies=1, runs=50, threads=2)
+    work = Tuning(path, perturbed=1, runs=50, threads=2)
     found = work.run()
     files = work.write(found, tmp_path / "deep/out")
     assert [file.name for file in files] == ["quick.tune.yaml", "quick.tune.png", "quick.tune.parquet"]
@@ -133,7 +133,7 @@ def test_the_files_hold_what_was_found_and_can_be_run(path, tmp_path):
     assert files[1].read_bytes()[:4] == b"\x89PNG"
     rows = pq.read_table(files[2]).to_pylist()
     assert [row["index"] for row in rows] == list(range(len(found.tried)))
-    assert sum(row["copies"] for row in rows) == found.runs <= 50
+    assert sum(row["scenarios"] for row in rows) == found.runs <= 50
     (recommended,) = [row for row in rows if row["role"] and "recommended" in row["role"]]
     assert (recommended["error"], recommended["feasible"]) == (best.worst.error, True)
     assert recommended["control.inverse.method"] == best.setting.structure.method
@@ -142,12 +142,12 @@ def test_the_files_hold_what_was_found_and_can_be_run(path, tmp_path):
 
 
 def test_threads_change_nothing_and_another_seed_does(path):
-    one, two = (Tuning(path, copies=2, runs=60, threads=threads).run() for threads in (1, 2))
+    one, two = (Tuning(path, perturbed=2, runs=60, threads=threads).run() for threads in (1, 2))
     assert [(a.setting, a.outcomes) for a in one.tried] == [(a.setting, a.outcomes) for a in two.tried]
     assert one.block == two.block
-    other = Tuning(path, copies=2, runs=60, threads=2, seed=1).run()
+    other = Tuning(path, perturbed=2, runs=60, threads=2, seed=1).run()
     assert [a.setting for a in one.tried] != [a.setting for a in other.tried]
-    assert one.copies[1:] != other.copies[1:]
+    assert one.scenarios[1:] != other.scenarios[1:]
 
 
 def test_the_optimum_of_damping_and_feedback_is_that_of_a_fine_grid(path):
@@ -155,7 +155,7 @@ def test_the_optimum_of_damping_and_feedback_is_that_of_a_fine_grid(path):
     only = ["control.inverse.method=damped", "control.inverse.damping.schedule=constant",
             "control.at_singularity=damp"]  # fmt: skip
     limit = ["control.limits.rate=0.7"]
-    found = Tuning(path, limit, only=only, copies=0, runs=300, threads=2).run()
+    found = Tuning(path, limit, only=only, perturbed=0, runs=300, threads=2).run()
     best = found.verdict.recommended
     study = Study(draft_of(path, limit))
     grid = [
@@ -181,7 +181,7 @@ def test_the_optimum_of_damping_and_feedback_is_that_of_a_fine_grid(path):
 
 
 def test_a_search_of_a_scenario_object_is_that_of_its_file(path):
-    only = {"only": ["control.at_singularity=damp"], "copies": 1, "runs": 60}
+    only = {"only": ["control.at_singularity=damp"], "perturbed": 1, "runs": 60}
     by_file, by_object = Tuning(path, **only).run(), Tuning(load(path), **only).run()
     assert [(one.setting, one.outcomes) for one in by_file.tried] == [
         (one.setting, one.outcomes) for one in by_object.tried
@@ -191,7 +191,7 @@ def test_a_search_of_a_scenario_object_is_that_of_its_file(path):
 
 def test_the_best_within_limits_is_tried_where_a_limit_acts_and_where_it_is_asked_for(path):
     def tried(*only):
-        found = Tuning(path, only=only, copies=0, runs=70).run()
+        found = Tuning(path, only=only, perturbed=0, runs=70).run()
         return {one.setting.structure.on_excess for one in found.tried if one is not found.own}
 
     assert tried() == {""}
@@ -206,7 +206,7 @@ def test_the_best_within_limits_is_tried_where_a_limit_acts_and_where_it_is_aske
 
 def test_only_what_is_allowed_is_chosen_and_the_setting_as_written_is_compared(path):
     only = ["control.inverse.method=jparse", "control.feedback=4,8", "control.at_singularity=damp"]
-    found = Tuning(path, only=only, copies=0, runs=60).run()
+    found = Tuning(path, only=only, perturbed=0, runs=60).run()
     others = [one for one in found.tried if one is not found.own]
     assert {one.setting.structure for one in others} == {Structure("jparse", "", "damp")}
     assert {one.setting.numbers[1] for one in others} == {4.0, 8.0}
@@ -218,7 +218,7 @@ def test_only_what_is_allowed_is_chosen_and_the_setting_as_written_is_compared(p
 
 def test_limits_that_nothing_keeps_are_named(path):
     only = ["control.at_singularity=damp"]
-    found = Tuning(path, ["control.limits.rate=0.01"], only=only, copies=1, runs=80).run()
+    found = Tuning(path, ["control.limits.rate=0.01"], only=only, perturbed=1, runs=80).run()
     assert (found.feasible, found.block, found.verdict.front) == ((), "", ())
     nearest = found.verdict.nearest
     peak = nearest.worst.excess
@@ -228,8 +228,8 @@ def test_limits_that_nothing_keeps_are_named(path):
 
 
 def test_accelerations_are_held_against_their_limit(path):
-    free = Tuning(path, copies=0, runs=60).run()
-    bound = Tuning(path, ["control.limits.acceleration=1.5"], copies=0, runs=60).run()
+    free = Tuning(path, perturbed=0, runs=60).run()
+    bound = Tuning(path, ["control.limits.acceleration=1.5"], perturbed=0, runs=60).run()
     for found, limit in ((free, math.inf), (bound, 1.5)):
         for one in found.tried[::9]:
             run = runs_of(
@@ -259,26 +259,26 @@ plant: {{kind: ideal}}
 """
     path = tmp_path / "slide.yaml"
     path.write_text(text)
-    work = Tuning(path, ["control.limits.rate=null"], copies=2, runs=120, threads=1)
+    work = Tuning(path, ["control.limits.rate=null"], perturbed=2, runs=120, threads=1)
     found = work.run()
     for one in [found.own, *found.feasible[::9]]:
-        each = [measured(runs_of(path, (*texts(one.setting), *texts(copy))), 0.5) for copy in found.copies]
+        each = [measured(runs_of(path, (*texts(one.setting), *texts(copy))), 0.5) for copy in found.scenarios]
         for i, name in enumerate(("error", "peak_rate", "time")):
             assert getattr(one.worst, name) == pytest.approx(max(one[i] for one in each), rel=1e-12)
-    starts = np.array([load(path, texts(copy)).arm.start for copy in found.copies[1:]])
+    starts = np.array([load(path, texts(copy)).arm.start for copy in found.scenarios[1:]])
     nominal = np.radians([0, 90, np.degrees(0.7), -80, 40, 0])
     off = np.abs(starts - nominal) / [1, 1, 0.5, 1, 1, 1]
     assert 0 < off.max() <= np.radians(1.0)
     # no axis of the task has an absolute point
-    assert all(not any("target.offset" in text for text in texts(copy)) for copy in found.copies)
+    assert all(not any("target.offset" in text for text in texts(copy)) for copy in found.scenarios)
 
 
 def test_copies_start_within_the_limits_of_the_joints(tmp_path):
     path = tmp_path / "quick.yaml"
     # the elbow of this arm ends at -160 deg
     path.write_text(TEXT.replace("-60 deg", "-159.9 deg").replace("to: [1.93, 0.0]", "by: [0.01, 0.0]"))
-    work = Tuning(path, copies=8, runs=100)
-    elbows = [load(path, texts(copy)).arm.start[1] for copy in work.copies]
+    work = Tuning(path, perturbed=8, runs=100)
+    elbows = [load(path, texts(copy)).arm.start[1] for copy in work.scenarios]
     assert min(elbows) == pytest.approx(math.radians(-160), abs=1e-6)
     assert len(set(elbows)) > 4
 
@@ -299,7 +299,7 @@ def test_joints_that_are_not_driven_stay_where_the_scenario_has_them(tmp_path):
         Tuning(path, ["arm.start=away"])
     assert str(caught.value).splitlines() == [says('--start: … 0 … arm.start "away" … not actuated … home')]
     assert Tuning(path, ["arm.start=away"], spread=Spread(0.0)).spread_in_words
-    for copy in Tuning(path, ["arm.start=home"]).copies:
+    for copy in Tuning(path, ["arm.start=home"]).scenarios:
         assert prepare(load(path, ["arm.start=home", *texts(copy)])).qpos[0] == 0.0
 
 
@@ -312,7 +312,7 @@ def test_a_name_keeps_its_length_and_limits_of_slides_are_drawn_over_the_length(
         "control.limits.rate=[2, 3]",
     ]
     work = Tuning(
-        path, [f"name={'x' * 100}", "target.path=[{line: {by: [0.1, 0.0]}}]", *rail], copies=0, runs=12
+        path, [f"name={'x' * 100}", "target.path=[{line: {by: [0.1, 0.0]}}]", *rail], perturbed=0, runs=12
     )
     file, *_ = work.write(work.run(), tmp_path)
     assert load(file).name == "x" * 94 + "-tuned"
@@ -321,7 +321,7 @@ def test_a_name_keeps_its_length_and_limits_of_slides_are_drawn_over_the_length(
 
 
 def test_an_arm_that_holds_still_has_a_picture_without_warnings(path, tmp_path):
-    work = Tuning(path, ["target.path=[{hold: {for: 0.1}}]"], copies=0, runs=12)
+    work = Tuning(path, ["target.path=[{hold: {for: 0.1}}]"], perturbed=0, runs=12)
     found = work.run()
     assert found.own.worst.point[:2] == (0.0, 0.0)
     assert len(work.write(found, tmp_path)) == 3  # warnings are errors here
@@ -333,7 +333,7 @@ def test_an_arm_that_holds_still_has_a_picture_without_warnings(path, tmp_path):
 
 
 def test_times_are_those_of_the_path_where_the_setting_as_written_does_not_complete_it(path):
-    work = Tuning(path, copies=0, runs=12)
+    work = Tuning(path, perturbed=0, runs=12)
     found = work.run()
     assert (
         dict(report.facts(work, found))["time"]
@@ -400,7 +400,7 @@ def test_the_models_of_a_sweep_are_found_from_elsewhere(tmp_path, vary):
     path = tmp_path / "arms.yaml"
     text = f"{TEXT}sweep: {{vary: {{{vary}}}}}\n".replace(str(model), "MODEL")
     path.write_text(text.replace("MODEL", os.path.relpath(model, tmp_path)))
-    work = Tuning(path, copies=0, runs=12)
+    work = Tuning(path, perturbed=0, runs=12)
     file, *_ = work.write(work.run(), tmp_path / "else/where")
     assert load(file).arm.model == model
     assert draft_of(file).models == [os.path.relpath(model, tmp_path / "else/where")]
@@ -408,22 +408,22 @@ def test_the_models_of_a_sweep_are_found_from_elsewhere(tmp_path, vary):
 
 def test_what_is_drawn_is_within_its_bounds_and_moves_the_target(path):
     spread = Spread(0.0, 0.01, 0.0)
-    copies = Tuning(path, copies=4, spread=spread).copies
-    offsets = np.array([load(path, texts(copy)).target.offset for copy in copies])
+    scenarios = Tuning(path, perturbed=4, spread=spread).scenarios
+    offsets = np.array([load(path, texts(copy)).target.offset for copy in scenarios])
     assert np.abs(offsets).max() <= 0.01
     assert (offsets[1:, :2] != 0).all()
     assert (offsets[:, 2] == 0).all()  # z is no axis of the task
     loaded = Tuning(path, ["plant.kind=servo", "control.period=0.002", "plant.timestep=0.002", "plant.payload=3"],
-                    spread=Spread(0.0, 0.0, 2.0), copies=4).copies  # fmt: skip
+                    spread=Spread(0.0, 0.0, 2.0), perturbed=4).scenarios  # fmt: skip
     assert "payload up to 2 kg more" in Tuning(path, ["plant.kind=servo", "control.period=0.002", "plant.timestep=0.002"],
                                                spread=Spread(payload=2.0)).spread_in_words  # fmt: skip
     # a line to a point does not count where only the hand's angle does
     turning = Tuning(path, ["task.axes=[rz]"])
-    assert all("target.offset" not in text for copy in turning.copies for text in texts(copy))
+    assert all("target.offset" not in text for copy in turning.scenarios for text in texts(copy))
     assert turning.spread_in_words == (
         "joints start within 1 deg; no target offset, because the task has no absolute point"
     )
-    further = Tuning(path, ["target.offset=[0.5, 0.25]"], copies=2, spread=spread).copies[1:]
+    further = Tuning(path, ["target.offset=[0.5, 0.25]"], perturbed=2, spread=spread).scenarios[1:]
     offsets = [load(path, texts(copy)).target.offset for copy in further]
     assert (np.abs(np.array(offsets) - [0.5, 0.25, 0.0]).max(axis=0) <= [0.01, 0.01, 0.0]).all()
     masses = [float(texts(copy)[0].removeprefix("plant.payload=")) for copy in loaded[1:]]
@@ -435,8 +435,8 @@ def test_what_is_drawn_is_within_its_bounds_and_moves_the_target(path):
     ("options", "lines"),
     [
         ({"spread": Spread(payload=1.0)}, ["--payload: … 0 … ideal … plant.kind"]),
-        ({"copies": -1, "slower": 0.9, "runs": 1, "seed": -2, "threads": -1, "spread": Spread(-1.0, math.nan, -1.0)}, [
-            "--copies: … 0 … -1", "--seed: … 0 … -2", "--start: … 0 … -1", "--offset: … 0 … nan",
+        ({"perturbed": -1, "slower": 0.9, "runs": 1, "seed": -2, "threads": -1, "spread": Spread(-1.0, math.nan, -1.0)}, [
+            "--perturbed: … 0 … -1", "--seed: … 0 … -2", "--start: … 0 … -1", "--offset: … 0 … nan",
             "--payload: … 0 … -1", "--slower: … 1 … 0.9", "--threads: … 1 … -1"]),
         ({"runs": 9}, ["--runs: … 10 … 9"]),
         ({"only": ["control.feedback"]},
@@ -466,7 +466,7 @@ def test_what_the_scenario_cannot_have_is_left_out_and_told(path):
 
 def test_a_copy_that_cannot_be_is_told_by_its_name(path):
     with pytest.raises(ScenarioError) as caught:  # a target that is a million kilometers off
-        Tuning(path, copies=2, spread=Spread(0.0, 1e9, 0.0))
+        Tuning(path, perturbed=2, spread=Spread(0.0, 1e9, 0.0))
     wanted = "perturbed scenario {} (target.offset=[…]): {}:…: target.path: … s … 0.02 s … 10000000; … target.limits or control.period …"
     assert str(caught.value).splitlines() == [says(wanted.format(i, path)) for i in (1, 2)]
 
@@ -620,13 +620,13 @@ def test_what_an_inverse_bore_it_need_not_be_asked_with_less():
 
 
 def test_what_is_recommended_was_asked_itself_whether_it_bears_its_margin(path):
-    found = AnyTuning(path, copies=1, runs=60).run()
+    found = AnyTuning(path, perturbed=1, runs=60).run()
     named = [one for one in (found.verdict.recommended, found.verdict.second) if one]
     assert named and all(one.bears is not None and not one.is_implied for one in named)
 
 
 def test_how_long_a_search_may_take_is_told_before_it_begins(path):
-    work = Tuning(path, copies=1, runs=60, threads=1)
+    work = Tuning(path, perturbed=1, runs=60, threads=1)
     assert work.longest(3.0, 2000) == 6000.0
     assert _estimate(work, 3.0, 2000).startswith("a run takes 3 s: 2000 runs take at most 100 minutes")
     assert "--runs 200 take at most 10 minutes; Ctrl-C" in _estimate(work, 3.0, 2000)
@@ -636,7 +636,7 @@ def test_how_long_a_search_may_take_is_told_before_it_begins(path):
 
 
 def test_the_setting_as_written_is_told_to_be_what_it_is(path):
-    found = Tuning(path, copies=0, runs=40).run()
+    found = Tuning(path, perturbed=0, runs=40).run()
     own = tried(Structure("jparse", "", "damp"), 4.0, 2.0)
     half = tried(Structure("filtered", "", "damp"), 2.0, 1.0)
 
@@ -678,7 +678,7 @@ def test_the_setting_as_written_is_told_to_be_what_it_is(path):
 
 
 def test_the_search_is_a_name_of_the_package(path):
-    assert package.tune(path, copies=0, runs=40).feasible
+    assert package.tune(path, perturbed=0, runs=40).feasible
 
 
 def nearer():
@@ -701,11 +701,11 @@ def test_the_shipped_default_of_approach_singularity_is_dominated_by_few_runs():
     path = nearer()
     only = ["control.inverse.method=damped", "control.inverse.damping.schedule=smallest_singular_value",
             "control.at_singularity=damp"]  # fmt: skip
-    found = Tuning(path, only=only, copies=1, runs=16).run()
+    found = Tuning(path, only=only, perturbed=1, runs=16).run()
     better = found.verdict.better
     # by single runs, as anybody would
     for copy, own, mended in zip(
-        found.copies, found.own.outcomes.values(), map(better.outcomes.get, range(2)), strict=True
+        found.scenarios, found.own.outcomes.values(), map(better.outcomes.get, range(2)), strict=True
     ):
         for outcome, setting in ((own, ()), (mended, texts(better.setting))):
             card = scorecard(runs_of(path, (*setting, *texts(copy))))

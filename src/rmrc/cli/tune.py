@@ -25,7 +25,8 @@ Only = Annotated[
     list[str] | None,
     typer.Option(metavar="KEY=V1,V2,...", help="Restrict a tunable key to these values; repeatable."),
 ]
-Copies = Annotated[int, typer.Option(help="Number of perturbed scenarios; 0: none.")]
+Perturbed = Annotated[int, typer.Option(help="Number of perturbed scenarios; 0: none.")]
+Copies = Annotated[int | None, typer.Option(help="The old name of --perturbed.", hidden=True)]
 Start = Annotated[
     str,
     typer.Option(help="Largest start offset of a joint in a perturbed scenario; slides: times task.length."),
@@ -83,7 +84,8 @@ _LONG = 180.0
 def tune(
     scenario: ScenarioFile,
     only: Only = None,
-    copies: Copies = 4,
+    perturbed: Perturbed = 4,
+    copies: Copies = None,
     start: Start = "1 deg",
     offset: Offset = 0.002,
     payload: Payload = 0.0,
@@ -111,10 +113,13 @@ def tune(
     limits.
     """
     from rmrc.scenario import angle
-    from rmrc.tuning.copies import Spread
+    from rmrc.tuning.perturbed import Spread
     from rmrc.tuning.tune import Tuning
 
     drawable(picture)
+    if copies is not None:
+        complain("note: --copies is called --perturbed now")
+        perturbed = copies
     try:
         off = angle(start)
     except ValueError as error:
@@ -122,7 +127,7 @@ def tune(
     spread = Spread(off, offset, payload)
     with interruption("interrupted before the first result"):
         work = Tuning(
-            scenario, set_ or (), only=only or (), copies=copies, seed=seed, spread=spread,
+            scenario, set_ or (), only=only or (), perturbed=perturbed, seed=seed, spread=spread,
             robot={"delay": delay, "lag": lag, "noise": noise, "calibration": calibration},
             ideal=ideal, gain_margin=gain_margin, slower=slower, runs=runs, threads=threads,
         )  # fmt: skip

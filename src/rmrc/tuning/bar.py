@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rmrc.tuning.front import Point, front
 
-# Errors within this share of the smallest one count as equal, because other copies make more of a difference.
+# Errors within this share of the smallest one count as equal, as other scenarios differ by more.
 ALIKE = 0.02
 # Peak rates and times within this share are the same to the displayed digits.
 SAME = 1e-3

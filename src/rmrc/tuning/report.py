@@ -55,13 +55,13 @@ def title(work: Tuning, found: Tuned) -> str:
 
 def facts(work: Tuning, found: Tuned) -> list[tuple[str, str]]:
     """Return the limits and the trials."""
-    limits, copies = found.limits, len(found.copies) - 1
+    limits, perturbed = found.limits, len(found.scenarios) - 1
     whose = "the setting as written"
     if found.own.worst.completed < 1.0:
         whose += ", or of the path if that does not complete it"
-    off = f"and {copies} perturbed scenario{'s' * (copies != 1)}: {work.spread_in_words}"
+    off = f"and {perturbed} perturbed scenario{'s' * (perturbed != 1)}: {work.spread_in_words}"
     lines = [
-        ("tried on", f"the scenario {off if copies else 'alone'}"),
+        ("tried on", f"the scenario {off if perturbed else 'alone'}"),
         ("robot", _robot(work)),
         ("rates", _allowed(limits.rate, "rate", limits, "/s")),
         ("accelerations", _allowed(limits.acceleration, "acceleration", limits, "/s²")),

@@ -81,7 +81,7 @@ class Robot:
         return replace(self, **nothing)
 
     def values(self, nominal: Prepared, shares: Mapping[str, float]) -> dict[str, object]:
-        """Return the keys of a copy, and their values.
+        """Return the keys of a perturbed scenario, and their values.
 
         Args:
             nominal: The scenario.
@@ -94,7 +94,7 @@ class Robot:
         return found
 
     def misfit(self, nominal: Prepared, shares: NDArray[np.float64]) -> dict[str, object]:
-        """Return the calibration keys of a copy, and their values.
+        """Return the calibration keys of a perturbed scenario, and their values.
 
         Args:
             nominal: The scenario.

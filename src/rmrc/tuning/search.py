@@ -1,14 +1,14 @@
 """Choose the next settings: tried on a cheap model, on the hardest perturbed scenario, then on all.
 
-The scenario's own setting comes first, on all copies, and shows which of them is the hardest. All structures
-are examined on the model, and neighbors of the best of them; the best there continue on the copies. From then
-on a Gaussian process of each structure predicts the results of its neighbors from its runs on copies, and the
+The setting as written comes first, on all scenarios, and shows which of them is the hardest. All structures
+are examined on the model, and neighbors of the best of them; the best there go on to the scenarios. From then
+on a Gaussian process of each structure predicts the results of its neighbors from its runs there, and the
 neighbors with the largest predicted gain of the front are run. Neighbors of a structure with few runs are
 tried on the model first: their results there, and the results of their parents on both, predict their results
-on the copies. Without a cheap model, the copies are used instead.
+on the scenarios. Without a cheap model, the scenarios are used instead.
 
-A run on the hardest copy ends once it can no longer count: see `rmrc.tuning.bar`. The remaining settings are
-run on the next copy, and tried with more feedback. Only settings that count in the end are run on all the
+A run on the hardest scenario ends once it can no longer count: see `rmrc.tuning.bar`. The other settings are
+run on the next scenario, and tried with more feedback. Only settings that count in the end are run on all the
 others: the worst of more runs is never better, so nothing else can count. If the robot is a range, a
 recommended setting is then run on more loops, evenly from the fastest to the slowest, and is left out if it
 breaks a limit there: arms that rest at a singularity on almost equal loops may leave it on two branches.
@@ -35,12 +35,12 @@ from rmrc.tuning.verdict import Verdict, judge
 
 # Shares of the runs for a look at all structures, and for the neighbors of the best of them on a model.
 _LOOK, _NEARER = 0.25, 0.2
-# Of the remaining runs, the share for the hardest copy at once.
+# Of the remaining runs, the share for the hardest scenario at once.
 _CONFIRM = 0.25
 # Settings that are tried at a time: enough for a batch on each of some cores, and few enough for their
-# results to end later ones. Then on the model, before at most this many are run on the copies.
+# results to end later ones. Then on the model, before at most this many are run on the scenarios.
 _ROUND, _NEXT_ROUND, _CHOSEN = 64, 32, 12
-# Of a front on the model, so many go on to the copies.
+# Of a front on the model, so many go on to the scenarios.
 _FRONT = 32
 # Number of predicted neighbors of a structure; they count as better than expected by this many standard
 # deviations. Those that add less than this share to the area of the front are not run.
@@ -48,14 +48,14 @@ _GUESSES, _HOPE, _GAIN = 200, 0.5, 2e-3
 # Number of further neighbors that may have the least error of all, and of neighbors that are tried for a
 # structure with too few runs for a prediction.
 _LEAST_ERROR, _CHILDREN = 2, 4
-# A setting that adds less than this share of its area to the front is not run on all copies. The area extends
+# A setting that adds less than this share of its area to the front is not run on all of them. The area goes
 # this far beyond the largest rate and error of the front, so that its ends count.
 _WORTH, _BEYOND = 1e-3, 0.01
 # Smaller rates and errors count as this one.
 _NOTHING = 1e-12
-# Number of copies on which settings are compared: the hardest. Those that count in the end run on the others.
+# Settings are compared on so many scenarios, the hardest. Those that count in the end run on the others.
 _HARDEST = 2
-# The best setting so far is run on all copies once its error is below this share of the previous best.
+# The best setting so far is run on all scenarios once its error is below this share of the previous best.
 _BETTER = 0.9
 # Steps in the unit cube, whose sides are two or three decades: the first, the first of settings already
 # refined on a model, the last, and the factors by which they shrink after a round with a new result, and
@@ -64,7 +64,7 @@ _FIRST_STEP, _NEXT_STEP, _LAST_STEP = 0.25, 0.15, 0.003
 _SHRINK, _NEXT_SHRINK = (0.7, 0.5), (0.7, 0.5)
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
 _RIVALS = 4
-# Where nothing keeps the limits, so many of a round that are nearest to it are run on the other copies.
+# Where nothing keeps the limits, so many of a round that are nearest to it are run on the other scenarios.
 _NEAREST = 2
 # Shares of the largest feedback of which it is asked first whether a loop tolerates it, within what share of
 # the runs that are left.
@@ -94,7 +94,7 @@ class Search:
 
     @property
     def tried(self) -> list[Tried]:
-        """All settings that have a run on a copy."""
+        """All settings that have a run on a scenario."""
         return list(self._tried.values())
 
     @property
@@ -109,12 +109,12 @@ class Search:
 
     @property
     def feasible(self) -> list[Tried]:
-        """Those that keep all limits on all copies, and to what the search is restricted to."""
+        """Those that keep all limits on all scenarios, and to what the search is restricted to."""
         return [one for one in self._sound if self._is_whole(one)]
 
     @property
     def _sound(self) -> list[Tried]:
-        """Those that may be feasible, by their runs on the hardest copies at least."""
+        """Those that may be feasible, by their runs on the hardest scenarios at least."""
         return [one for one in self._known() if one.keeps_limits and self._space.allows(one.setting)]
 
     def begin(self, own: Setting, slower: float) -> bool:
@@ -126,21 +126,21 @@ class Search:
                 the duration of the path.
         """
         trials, done = self._trials, list[Outcome]()
-        for _ in range(1 if trials.model is None else 2):  # the model last, once the hardest copy is known
-            copies = range(len(done), len(trials.planned) if done else trials.copies)
-            outcomes = trials.run([(own, copy) for copy in copies])
-            self._left -= len(copies)
+        for _ in range(1 if trials.model is None else 2):  # the model last, once the hardest is known
+            scenarios = range(len(done), len(trials.planned) if done else trials.scenarios)
+            outcomes = trials.run([(own, case) for case in scenarios])
+            self._left -= len(scenarios)
             done += [one for one in outcomes if one is not None]
-            if len(done) < copies.stop:
+            if len(done) < scenarios.stop:
                 return False
-            trials.aim(max(range(trials.copies), key=lambda copy: done[copy].error))
+            trials.aim(max(range(trials.scenarios), key=lambda case: done[case].error))
         trials.allow(
             [
                 slower * (one.time if one.completed == 1.0 else plan)
                 for one, plan in zip(done, trials.planned, strict=True)
             ]
         )
-        self._own = self._tried[own] = Tried(own, dict(enumerate(done[: trials.copies])))
+        self._own = self._tried[own] = Tried(own, dict(enumerate(done[: trials.scenarios])))
         if trials.model is not None:
             self._seen[own] = Tried(own, {trials.model: done[trials.model]})
         return self._bear([self._own])
@@ -159,17 +159,17 @@ class Search:
         self._refine()
 
     def _known(self) -> list[Tried]:
-        """Return settings run to the end on the hardest copies, and with more feedback if requested."""
+        """Return settings run to the end on the hardest scenarios, and with more feedback if requested."""
         return [
             one
             for one in self._tried.values()
-            if len(one.outcomes) >= min(_HARDEST, self._trials.copies) and not one.worst.ended
+            if len(one.outcomes) >= min(_HARDEST, self._trials.scenarios) and not one.worst.ended
             and (one.bears is not None or self._trials.margin == 1.0 or one.worst.excess > 0.0)
         ]  # fmt: skip
 
     def _is_whole(self, one: Tried) -> bool:
-        """Return whether a setting was run on all copies."""
-        return len(one.outcomes) == self._trials.copies
+        """Return whether a setting was run on all scenarios."""
+        return len(one.outcomes) == self._trials.scenarios
 
     def _able_on_model(self) -> list[Tried]:
         """Return possible settings that keep limits on the model, by rising error."""
@@ -181,13 +181,13 @@ class Search:
 
     @property
     def _room(self) -> int:
-        """How many runs of copies are left beside those that are owed."""
+        """How many runs of scenarios are left beside those that are owed."""
         return max(0, int(self._left) - self._owed)
 
     @property
     def _owed(self) -> int:
         """How many runs `_settle` would make now."""
-        return max(0, self._trials.copies - _HARDEST) * len(self._unsettled())
+        return max(0, self._trials.scenarios - _HARDEST) * len(self._unsettled())
 
     # Stages ---------------------------------------------------------------------------------
 
@@ -210,7 +210,7 @@ class Search:
                     return  # where nothing is new, the space is finite
 
     def _refine_model(self) -> None:
-        """Try neighbors on the model, before anything is known of the copies."""
+        """Try neighbors on the model, before anything is known of the scenarios."""
         until = self._left - int(_NEARER * self._budget) * self._trials.weight
         for step, round_ in self._steps(_FIRST_STEP, _SHRINK, until, self._able_on_model):
             able = self._able_on_model()
@@ -220,7 +220,7 @@ class Search:
             self._see((child for child, _ in children), able, until)
 
     def _confirm(self) -> None:
-        """Try on the copies what did best on the model: of its front, and the best of some inverses."""
+        """Try on the scenarios what did best on the model: of its front, and the best of some inverses."""
         able = [one for one in self._able_on_model() if not one.setting.is_written]
         bar, preferred = self._bar(able), best(able)
         if bar is None or preferred is None:
@@ -295,7 +295,7 @@ class Search:
         return [one.setting for one in _spread(counts, min(_CHOSEN, len(counts)))]
 
     def _learned(self, step: float, seed: tuple[int, ...]) -> tuple[list[Setting], list[Tried]]:
-        """Return neighbors that may count by the runs on copies, and parents with too few such runs."""
+        """Return neighbors that may count by the runs on scenarios, and parents with too few such runs."""
         sound, random = self._sound, np.random.default_rng(seed)
         if not sound:
             return [], []
@@ -368,7 +368,7 @@ class Search:
         return [one for one in new if one not in self._tried]
 
     def _worth_refining(self) -> list[Tried]:
-        """Return the settings to refine on the copies; if none is feasible, the nearest."""
+        """Return the settings to refine on the scenarios; if none is feasible, the nearest."""
         sound = self._sound
         if sound:
             return self._parents(sound)
@@ -402,11 +402,11 @@ class Search:
         self._seen |= {one.setting: one for one in found}
 
     def _round(self, settings: Iterable[Setting]) -> None:
-        """Run settings that are new on the hardest copy, then on the next and with more feedback."""
+        """Run settings that are new on the hardest scenario, then on the next and with more feedback."""
         written = {(one.structure, one.numbers) for one in self._tried}
         new = [one for one in dict.fromkeys(settings) if (one.structure, one.numbers) not in written]
         first, *others = self._hardest()
-        left = self._trials.copies - 1 + 2 * (self._trials.margin > 1.0)  # runs that follow where it counts
+        left = self._trials.scenarios - 1 + 2 * (self._trials.margin > 1.0)  # runs that follow if it counts
         most = self._room // (2 if left else 1)
         found = self._run([Tried(one, {}) for one in new[:most]], [first], self._sound)
         self._tried |= {one.setting: one for one in found}
@@ -416,7 +416,7 @@ class Search:
         self._bear(self._promising(found))
 
     def _unsettled(self) -> list[Tried]:
-        """Return settings that count by the hardest copies but lack others, the most important first."""
+        """Return settings that count by the hardest scenarios but lack others, the most important first."""
         sound = self._sound
         preferred = best(sound)
         if preferred is None:
@@ -450,7 +450,7 @@ class Search:
         return float(rate), float(error)
 
     def _settle(self) -> None:
-        """Run settings that count by the hardest copies on all, until none is left."""
+        """Run settings that count by the hardest scenarios on all, until none is left."""
         while (some := self._unsettled()) and not self._trials.is_stopped:
             before = self._left
             self._complete(some)
@@ -458,45 +458,45 @@ class Search:
                 return
 
     def _settle_best(self) -> None:
-        """Run the best setting so far on all copies, where it is far better than those run there."""
+        """Run the best setting so far on all scenarios, where it is far better than those run there."""
         known, whole = best(self._sound), best(self.feasible)
         if known and (not whole or known.worst.error < _BETTER * whole.worst.error):
             self._complete([known])
 
     def _complete(self, some: Sequence[Tried]) -> None:
-        """Run settings on the copies that are left of each, as far as there is room."""
-        missing = [[c for c in range(self._trials.copies) if c not in one.outcomes] for one in some]
-        fitting = np.cumsum([len(copies) for copies in missing]) <= self._left
+        """Run settings on the scenarios that are left of each, as far as there is room."""
+        missing = [[c for c in range(self._trials.scenarios) if c not in one.outcomes] for one in some]
+        fitting = np.cumsum([len(scenarios) for scenarios in missing]) <= self._left
         fitting[0] |= not self.feasible  # an answer counts more than a few runs
         jobs = [
-            (one, copy)
-            for one, copies, fits in zip(some, missing, fitting, strict=True)
+            (one, case)
+            for one, scenarios, fits in zip(some, missing, fitting, strict=True)
             if fits
-            for copy in copies
+            for case in scenarios
         ]
         self._left -= len(jobs)
-        outcomes = self._trials.run([(one.setting, copy) for one, copy in jobs])
-        for (one, copy), out in zip(jobs, outcomes, strict=True):
+        outcomes = self._trials.run([(one.setting, case) for one, case in jobs])
+        for (one, case), out in zip(jobs, outcomes, strict=True):
             if out is not None:
-                one.outcomes[copy] = out
+                one.outcomes[case] = out
 
     def _hardest(self) -> list[int]:
-        """Return the copies, that first on which the setting as written has its largest error."""
-        errors = [self._own.outcomes[copy].error for copy in range(self._trials.copies)]
+        """Return the scenarios, that first on which the setting as written has its largest error."""
+        errors = [self._own.outcomes[case].error for case in range(self._trials.scenarios)]
         first = int(np.argmax(errors))
-        return [first, *(copy for copy in range(self._trials.copies) if copy != first)]
+        return [first, *(case for case in range(self._trials.scenarios) if case != first)]
 
-    def _run(self, some: Sequence[Tried], copies: Sequence[int], known: Sequence[Tried]) -> list[Tried]:
-        """Run settings on copies as far as they count beside others; return the uninterrupted ones."""
+    def _run(self, some: Sequence[Tried], scenarios: Sequence[int], known: Sequence[Tried]) -> list[Tried]:
+        """Run settings on scenarios as far as they count beside others; return the uninterrupted ones."""
         rivals = _rivals(known)
-        jobs = [(one, copy) for copy in copies for one in some]
+        jobs = [(one, case) for case in scenarios for one in some]
         of_each = [rivals.get(one.setting.structure.inverse, math.inf) for one, _ in jobs]
-        self._left -= len(jobs) * (self._trials.weight if copies == [self._trials.model] else 1.0)
-        outcomes = self._trials.run([(one.setting, copy) for one, copy in jobs], self._bar(known), of_each)
-        for (one, copy), out in zip(jobs, outcomes, strict=True):
+        self._left -= len(jobs) * (self._trials.weight if scenarios == [self._trials.model] else 1.0)
+        outcomes = self._trials.run([(one.setting, case) for one, case in jobs], self._bar(known), of_each)
+        for (one, case), out in zip(jobs, outcomes, strict=True):
             if out is not None:
-                one.outcomes[copy] = out
-        return [one for one in some if one.outcomes.keys() >= set(copies)]
+                one.outcomes[case] = out
+        return [one for one in some if one.outcomes.keys() >= set(scenarios)]
 
     def _bear(self, some: Iterable[Tried]) -> bool:
         """Try settings with more feedback, if requested; return whether it was done.
@@ -573,7 +573,7 @@ class Search:
         known, points = self._sound, [one.worst.point for one in able]
         bar, rivals = self._bar(known), _rivals(known)
         if bar is None:
-            # if none is feasible, a setting nearer than before is run on all copies
+            # if none is feasible, a setting nearer than before is run on all scenarios
             least = min((one.worst.excess for one in self._known()), default=math.inf)
             near = sorted(
                 (one for one in found if one.worst.excess < least), key=lambda one: one.worst.excess

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 _Array = NDArray[np.float64]
 
 # Lengths along an edge of the cube over which figures change, and what share of their variance is noise, as
-# where another copy becomes the worst.
+# where another scenario becomes the worst.
 _LENGTHS, _NOISE = (0.1, 0.2, 0.4, 0.8, 1.6), 1e-3
 # Settings that are learned from at most, the last ones: the time for more grows with their cube.
 _MOST = 80

@@ -85,12 +85,12 @@ def worst(outcomes: Sequence[Outcome]) -> Outcome:
 
 
 def scaled(one: Outcome, by: Outcome, to: Outcome) -> Outcome:
-    """Return the expected outcome of a setting on all copies, if it keeps the limits there.
+    """Return the expected outcome of a setting on all scenarios, if it keeps the limits there.
 
     Args:
         one: Its outcome on a model.
         by: That of a neighbor on the model.
-        to: That of the neighbor on all copies.
+        to: That of the neighbor on all scenarios.
     """
     figures = (a * (c / b if b else 1.0) for a, b, c in zip(one[:4], by[:4], to[:4], strict=True))
     error, peak_rate, time, roughness = figures
@@ -262,12 +262,12 @@ class _Outcomes:
 
 
 class Trials:
-    """Runs settings on copies; the results depend on neither the threads nor the batches."""
+    """Runs settings on scenarios; the results depend on neither the threads nor the batches."""
 
     def __init__(
         self,
         study: Study,
-        copies: Sequence[Variant],
+        scenarios: Sequence[Variant],
         threads: int,
         stop: threading.Event,
         on_runs: OnRuns | None,
@@ -277,31 +277,31 @@ class Trials:
     ) -> None:
         """Keep the common data of all trials.
 
-        `planned` has the durations of the copies' paths [s]. For the model, `tick` is its period [s], and
+        `planned` has the durations of the scenarios' paths [s]. For the model, `tick` is its period [s], and
         `weight` the cost of its runs.
 
         Args:
             study: Study of the scenario.
-            copies: The scenario itself first; all can be prepared.
+            scenarios: The scenario itself first; all can be prepared.
             threads: Number of batches that are run at a time.
             stop: Event that ends the runs.
             on_runs: Called with the number of finished runs of each batch.
             margin: Factor on its feedback that a setting must tolerate on the scenario itself; 1: none.
-            model: A cheap scenario similar to the hardest copy; None: there is none.
+            model: A cheap scenario similar to the hardest scenario; None: there is none.
             loops: The scenario itself on loops beside the slowest.
         """
         self._study, self._threads, self._stop, self._on_runs = study, threads, stop, on_runs
         self.loops = tuple(loops)
-        self.copies, self.margin, self.model = len(copies), margin, len(copies) if model else None
-        self._copies = copies = (*copies, *([model] if model else ()))
+        self.scenarios, self.margin, self.model = len(scenarios), margin, len(scenarios) if model else None
+        self._scenarios = scenarios = (*scenarios, *([model] if model else ()))
         nominal = study.prepare()
         self.limits, self._control = Limits.of(nominal), nominal.scenario.control
-        references = [study.prepare(copy.changes).reference for copy in self._copies]
+        references = [study.prepare(case.changes).reference for case in self._scenarios]
         self.planned = [one.period * one.ticks for one in references]
         self.tick = references[-1].period
         self.weight = min(1.0, references[-1].ticks / nominal.reference.ticks) if model else 1.0
         self._of_model: Study | None = None
-        self._longest = [math.inf] * len(self._copies)
+        self._longest = [math.inf] * len(self._scenarios)
         self._ticks = nominal.reference.ticks
         self.done, self._spent = 0, 0.0
 
@@ -310,34 +310,34 @@ class Trials:
         """Whether the runs were ended from outside."""
         return self._stop.is_set()
 
-    def aim(self, copy: int) -> None:
-        """Give the model the start and the target of a copy."""
+    def aim(self, case: int) -> None:
+        """Give the model the start and the target of a scenario."""
         if self.model is None:
             return
-        model, there = self._copies[self.model], self._copies[copy].changes
+        model, there = self._scenarios[self.model], self._scenarios[case].changes
         placed = [one for one in there if ".".join(map(str, one.key)) in ("arm.start", "target.offset")]
         changes = (*model.changes, *placed)
         self._of_model = self._study.of(changes)  # so that common parts are checked once
         reference = self._of_model.prepare().reference
-        self._copies = (*self._copies[:-1], model._replace(changes=changes))
+        self._scenarios = (*self._scenarios[:-1], model._replace(changes=changes))
         self.planned[self.model] = reference.period * reference.ticks
 
     def allow(self, times: Sequence[float]) -> None:
-        """Set the largest duration of each copy's runs from now on [s]."""
+        """Set the largest duration of each scenario's runs from now on [s]."""
         self._longest = list(times)
 
     def run(
         self, jobs: Sequence[tuple[Setting, int]], bar: Bar | None = None, rivals: Sequence[float] = ()
     ) -> list[Outcome | None]:
-        """Return the outcomes of settings on copies, None for interrupted ones.
+        """Return the outcomes of settings on scenarios, None for interrupted ones.
 
         Args:
-            jobs: Setting, and index of the copy.
+            jobs: Setting, and index of the scenario.
             bar: Ends runs that cannot count; None: all run to their end.
             rivals: Least known error of each job's inverse.
         """
-        longest = [self._longest[copy] for _, copy in jobs]
-        is_model = all(copy == self.model for _, copy in jobs)
+        longest = [self._longest[case] for _, case in jobs]
+        is_model = all(case == self.model for _, case in jobs)
         study = self._of_model if is_model and self._of_model else self._study
         changes = [self._changes(*job, study) for job in jobs]
         ending = Ending(bar, self.limits, np.array(rivals)) if bar else None
@@ -373,7 +373,7 @@ class Trials:
     def bear(self, settings: Sequence[Setting]) -> list[Outcome | None]:
         """Return the excess of settings with the margin on their feedback; None for interrupted ones."""
         fed_back = [one for one in dict.fromkeys(settings) if one.feedback > 0.0]  # others have no loop
-        changes = [(*one.changes, *self._copies[0].changes) for one in fed_back]  # that is the slowest loop
+        changes = [(*one.changes, *self._scenarios[0].changes) for one in fed_back]  # the slowest loop
         known = bears(self._study, changes, self.margin, threads=self._threads, stop=self._stop)
         self._count(2 * len(fed_back))
         missed = f"with {self.margin:g} times its feedback its loop is unstable on the slowest robot"
@@ -393,11 +393,11 @@ class Trials:
         if self._on_runs is not None:
             self._on_runs(int(self._spent) - told)
 
-    def _changes(self, setting: Setting, copy: int, study: Study) -> tuple[Change, ...]:
+    def _changes(self, setting: Setting, case: int, study: Study) -> tuple[Change, ...]:
         """Return the changes for a run of a study, which ends when it has taken longer than allowed."""
-        changes = (*setting.changes, *(() if study is self._of_model else self._copies[copy].changes))
-        if not POLICIES[setting.structure.at_singularity].slows or self._longest[copy] == math.inf:
+        changes = (*setting.changes, *(() if study is self._of_model else self._scenarios[case].changes))
+        if not POLICIES[setting.structure.at_singularity].slows or self._longest[case] == math.inf:
             return changes
-        share = self._longest[copy] / self.planned[copy]
+        share = self._longest[case] / self.planned[case]
         longest = min(max(share, 1.0), self._control.slow.longest)
         return (*changes, *changes_of({"control.slow.longest": longest}))

@@ -22,7 +22,7 @@ class Tried:
 
     Attributes:
         setting: The setting.
-        outcomes: By the numbers of the copies, 0 for the scenario itself.
+        outcomes: By the numbers of the scenarios, 0 for the scenario itself.
         bears: Outcome with more feedback: None if unknown.
         is_implied: Whether only another setting implies that outcome.
         between: The worst outcome of the scenario itself on more loops: None if unknown.

@@ -23,8 +23,8 @@ from rmrc.support.errors import ScenarioError
 from rmrc.support.files import written_whole
 from rmrc.support.interruption import interruptible
 from rmrc.support.problems import Origin, Problem
-from rmrc.tuning.copies import Spread, draw_copies, has_points, loops_between
 from rmrc.tuning.only import Only, read_only
+from rmrc.tuning.perturbed import Spread, draw_scenarios, has_points, loops_between
 from rmrc.tuning.robot import GAIN_MARGIN, Given, Robot, robot_of
 from rmrc.tuning.search import Search
 from rmrc.tuning.space import (
@@ -60,18 +60,18 @@ class Tuned:
     """The result of a search.
 
     Attributes:
-        own: The setting as written, on all copies.
+        own: The setting as written, on all scenarios.
         tried: All settings.
-        feasible: Settings that keep the limits on all copies.
+        feasible: Settings that keep the limits on all scenarios.
         verdict: The best of them.
         control: The recommended control section, ready for YAML; None if no setting is feasible.
-        copies: The scenario itself, and the perturbed scenarios.
+        scenarios: The scenario itself, and the perturbed scenarios.
         limits: The limits.
         bounds: Smallest and largest value of each tried number, unless `--only` lists its values.
         margins: Margins of the recommended and the second best setting, by role, on the slowest loop.
         looks: Number of settings examined on a model.
         tick: Tick of that model [s].
-        runs: Number of runs on copies.
+        runs: Number of runs on scenarios.
         interrupted: Whether Ctrl-C ended it.
     """
 
@@ -80,7 +80,7 @@ class Tuned:
     feasible: tuple[Tried, ...]
     verdict: Verdict
     control: Mapping[str, Any] | None
-    copies: tuple[Variant, ...]
+    scenarios: tuple[Variant, ...]
     limits: Limits
     bounds: Mapping[str, tuple[float, float]]
     margins: Mapping[str, Margins]
@@ -110,7 +110,7 @@ class Tuning:
 
     Attributes:
         scenario: The scenario with the overrides.
-        copies: The scenario itself, and the copies.
+        scenarios: The scenario itself, and the perturbed scenarios.
         loops: The scenario on further loops for the final checks; none without perturbed scenarios.
         left_out: Why some structures are impossible here.
         slower: Factor on the duration as written that another setting may take.
@@ -124,7 +124,7 @@ class Tuning:
         overrides: Sequence[str] = (),
         *,
         only: Only = (),
-        copies: int = 4,
+        perturbed: int = 4,
         seed: int = 0,
         spread: Spread | None = None,
         robot: Mapping[str, Given] = MappingProxyType({}),
@@ -140,8 +140,8 @@ class Tuning:
             source: The scenario, or its file.
             overrides: `KEY=VALUE` texts.
             only: Values to which keys are restricted.
-            copies: Number of perturbed scenarios.
-            seed: Seed of the copies and of the search.
+            perturbed: Number of perturbed scenarios.
+            seed: Seed of the perturbed scenarios and of the search.
             spread: Sizes of the perturbations; None: the defaults.
             robot: Ranges by name, `delay`, `lag` and `noise` of its loop, and its `calibration`.
             ideal: Whether to keep the loop of the scenario, and assume nothing.
@@ -156,7 +156,7 @@ class Tuning:
         """
         spread = spread or Spread()
         self.margin = gain_margin if gain_margin is not None else 1.0 if ideal else GAIN_MARGIN
-        _check(copies, seed, spread, self.margin, slower, runs, threads)
+        _check(perturbed, seed, spread, self.margin, slower, runs, threads)
         self._seed, self.slower, self._runs = seed, slower, runs
         self._spread = spread
         self._threads = threads or os.cpu_count() or 1
@@ -172,14 +172,14 @@ class Tuning:
         self._structures, self.left_out = self._possible(words)
         self._asks_for_excess = ON_EXCESS in words
         self.robot = self._bearable(robot_of(self.scenario, robot, ideal=ideal))
-        self.copies = draw_copies(self._nominal, copies, seed, spread, self.robot)
-        self.loops = loops_between(self._nominal, self.robot) if copies else ()
-        self._refuse_excess(self._study.prepare_all(self.copies, ""))
+        self.scenarios = draw_scenarios(self._nominal, perturbed, seed, spread, self.robot)
+        self.loops = loops_between(self._nominal, self.robot) if perturbed else ()
+        self._refuse_excess(self._study.prepare_all(self.scenarios, ""))
 
     @property
     def least_runs(self) -> int:
-        """The fewest runs of a search: twice as many as there are copies."""
-        return 2 * len(self.copies)
+        """The fewest runs of a search: twice as many as there are scenarios."""
+        return 2 * len(self.scenarios)
 
     @property
     def spread_in_words(self) -> str:
@@ -237,7 +237,7 @@ class Tuning:
             limits = bounds(self._nominal, nominal.run, self.robot, self.margin)
             model = self._model(limits[FEEDBACK][1])
             trials = Trials(
-                self._study, self.copies, self._threads, stop, on_runs, self.margin, model, self.loops
+                self._study, self.scenarios, self._threads, stop, on_runs, self.margin, model, self.loops
             )
             matters = self._asks_for_excess or meets_limits(nominal.run)
             structures = tuple(one for one in self._structures if matters or not one.on_excess)
@@ -254,7 +254,7 @@ class Tuning:
             interrupted = stop.is_set()
         free = {key: one for key, one in limits.items() if key not in self._only}
         return Tuned(
-            tried[0], tried, feasible, verdict, control, self.copies, trials.limits, free, bears,
+            tried[0], tried, feasible, verdict, control, self.scenarios, trials.limits, free, bears,
             search.looks, trials.tick, trials.done, interrupted,
         )  # fmt: skip
 
@@ -268,7 +268,7 @@ class Tuning:
         """
         chosen = {"recommended": verdict.recommended, "second best": verdict.second}
         loops = {
-            name: (*one.setting.changes, *self.copies[0].changes)
+            name: (*one.setting.changes, *self.scenarios[0].changes)
             for name, one in chosen.items()
             if one is not None and one.feedback > 0.0
         }
@@ -409,26 +409,26 @@ class Tuning:
                 return model
         return None
 
-    def _refuse_excess(self, copies: Sequence[Prepared]) -> None:
-        """Refuse a search that does not fit into memory: the run as written, and batches of the copies."""
+    def _refuse_excess(self, scenarios: Sequence[Prepared]) -> None:
+        """Refuse a search that does not fit into memory: the run as written, and batches of the scenarios."""
         refuse_excess([self._nominal])
-        batches = footprint(copies, keep_columns=False).times(self._threads)
+        batches = footprint(scenarios, keep_columns=False).times(self._threads)
         excess = (batches + footprint([self._nominal])).excess
         if excess:
             wrong = (
-                f"has {self._nominal.reference.ticks} ticks, which on {len(copies)} copies and "
-                f"{self._threads} threads need {excess}; shorten it, or lower --copies or --threads"
+                f"has {self._nominal.reference.ticks} ticks, which on {len(scenarios)} scenarios and "
+                f"{self._threads} threads need {excess}; shorten it, or lower --perturbed or --threads"
             )
             raise ScenarioError([self.scenario.problem("target.path", wrong)])
 
 
 def _check(
-    copies: int, seed: int, spread: Spread, margin: float, slower: float, runs: int, threads: int | None
+    perturbed: int, seed: int, spread: Spread, margin: float, slower: float, runs: int, threads: int | None
 ) -> None:
     least = {
-        "copies": (copies, 0), "seed": (seed, 0), "start": (spread.start, 0), "offset": (spread.offset, 0),
-        "payload": (spread.payload, 0), "gain-margin": (margin, 1), "slower": (slower, 1),
-        "runs": (runs, 2 * (copies + 1)), "threads": (threads or 1, 1),
+        "perturbed": (perturbed, 0), "seed": (seed, 0), "start": (spread.start, 0),
+        "offset": (spread.offset, 0), "payload": (spread.payload, 0), "gain-margin": (margin, 1),
+        "slower": (slower, 1), "runs": (runs, 2 * (perturbed + 1)), "threads": (threads or 1, 1),
     }  # fmt: skip
     problems = [
         Problem((), f"must be finite and >= {low}, got {value:g}", Origin(f"--{name}"))
@@ -456,7 +456,7 @@ def _columns() -> list[Column]:
         *words,
         *numbers,
         Column("role", "text", "", "as written, recommended or second best; null for the others"),
-        Column("copies", "count", "1", "number of perturbed scenarios run, including the scenario itself"),
+        Column("scenarios", "count", "1", "number of scenarios run: the scenario itself and perturbed ones"),
         Column("error", "number", "m", "largest error of all its runs; angles times task.length"),
         Column(
             "peak_rate",
@@ -484,12 +484,12 @@ def _columns() -> list[Column]:
 
 
 def _row(one: Tried, tuned: Tuned) -> dict[str, Any]:
-    out, whole = one.worst, len(one.outcomes) == len(tuned.copies)
+    out, whole = one.worst, len(one.outcomes) == len(tuned.scenarios)
     return {
         "index": next(i for i, other in enumerate(tuned.tried) if other is one),
         **one.setting.values,
         "role": tuned.role(one) or None,
-        "copies": len(one.outcomes),
+        "scenarios": len(one.outcomes),
         "error": out.error,
         "peak_rate": out.peak_rate,
         "time": out.time,

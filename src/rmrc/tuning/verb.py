@@ -6,8 +6,8 @@ from pathlib import Path
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Source
 from rmrc.study.study import OnRuns
-from rmrc.tuning.copies import Spread
 from rmrc.tuning.only import Only
+from rmrc.tuning.perturbed import Spread
 from rmrc.tuning.report import told
 from rmrc.tuning.robot import Given
 from rmrc.tuning.tune import Tuned, Tuning
@@ -17,7 +17,7 @@ def tune(
     scenario: Source,
     only: Only | None = None,
     *,
-    copies: int = 4,
+    perturbed: int = 4,
     start: float = Spread.start,
     offset: float = Spread.offset,
     payload: float = Spread.payload,
@@ -42,7 +42,7 @@ def tune(
         scenario: The scenario, its file, or the name of a shipped one.
         only: Values to which keys are restricted, such as `{"control.inverse.method": ["damped",
             "filtered"]}`.
-        copies: Number of perturbed scenarios; the worst of all counts.
+        perturbed: Number of perturbed scenarios; the worst of all counts.
         start: Perturbation of the joints' start, to either side [rad]; slides: times `task.length` [m].
         offset: Offset of the target along each axis, to either side [m].
         payload: Largest additional payload of a perturbed scenario [kg].
@@ -57,7 +57,7 @@ def tune(
             no margin is required; None: 2, or 1 with `ideal`.
         slower: Factor on the duration with the scenario's own setting that another may take.
         runs: Largest number of runs, without the final checks; runs on the model count by their ticks.
-        seed: Seed of the copies and of the search.
+        seed: Seed of the perturbed scenarios and of the search.
         out: Folder for NAME.tune.yaml, .png and .parquet; created if missing. None: writes nothing.
         threads: Number of threads, one batch each; None: one per core.
         on_runs: Called with the number of finished runs of each batch.
@@ -73,7 +73,7 @@ def tune(
     """
     spread = Spread(start, offset, payload)
     work = Tuning(
-        scenario, only=only or (), copies=copies, seed=seed, spread=spread,
+        scenario, only=only or (), perturbed=perturbed, seed=seed, spread=spread,
         robot={"delay": delay, "lag": lag, "noise": noise, "calibration": calibration}, ideal=ideal,
         gain_margin=gain_margin, slower=slower, runs=runs, threads=threads,
     )  # fmt: skip

@@ -33,7 +33,7 @@ def judge(feasible: Sequence[Tried], tried: Sequence[Tried], own: Tried) -> Verd
     """Return the verdict.
 
     Args:
-        feasible: Settings that keep the limits on all copies.
+        feasible: Settings that keep the limits on all scenarios.
         tried: All tried settings, at least one.
         own: The setting as written.
     """

@@ -30,7 +30,7 @@ class Spread:
     payload: float = 0.0
 
 
-def draw_copies(
+def draw_scenarios(
     nominal: Prepared, count: int, seed: int, spread: Spread, robot: Robot
 ) -> tuple[Variant, ...]:
     """Return the scenario itself and perturbed scenarios, drawn from the Sobol sequence.
@@ -40,7 +40,7 @@ def draw_copies(
 
     Args:
         nominal: The scenario.
-        count: Number of copies.
+        count: Number of perturbed scenarios.
         seed: Seed of the sequence.
         spread: Sizes of the perturbations; a start stays within the joints' position limits, and an offset is
             drawn only if the path has an absolute point for it to move.
@@ -62,7 +62,7 @@ def draw_copies(
     drawn = joints + len(axes) + len(loops) + bool(spread.payload)
     if drawn > MOST_DRAWN:
         raise ScenarioError.about(
-            "--copies", f"at most {MOST_DRAWN} numbers can be drawn, got {drawn}; use --start 0"
+            "--perturbed", f"at most {MOST_DRAWN} numbers can be drawn, got {drawn}; use --start 0"
         )
     # positions place the joints that are not actuated as in `home`, which must be where the keyframe has them
     placed = arm.at(arm.configuration("home")).configuration(nominal.qpos[arm.wiring.qpos])
@@ -73,7 +73,7 @@ def draw_copies(
             "elsewhere than home",
         )
     itself = changes_of(robot.values(nominal, {}))
-    copies = [Variant(f"the scenario itself{_told(itself)}", itself)]
+    scenarios = [Variant(f"the scenario itself{_told(itself)}", itself)]
     for index in range(count if drawn or robot.calibration else 0):
         point = sobol_point(index, drawn, seed)
         loop = np.ones(len(loops)) if index % 2 else point[loops] if index else np.zeros(len(loops))
@@ -95,8 +95,8 @@ def draw_copies(
             values["plant.payload"] = scenario.plant.payload + spread.payload * float(point[-1])
         values |= robot.misfit(nominal, np.random.default_rng((seed, index)).uniform(-1.0, 1.0, 2 * arm.n))
         changes = changes_of(values, "--vary")
-        copies.append(Variant(f"perturbed scenario {index + 1}{_told(changes)}", changes))
-    return tuple(copies)
+        scenarios.append(Variant(f"perturbed scenario {index + 1}{_told(changes)}", changes))
+    return tuple(scenarios)
 
 
 def loops_between(nominal: Prepared, robot: Robot) -> tuple[Variant, ...]:
