@@ -115,12 +115,13 @@ def test_a_terminal_of_next_to_no_columns_is_no_bug(rmrc, monkeypatch, width):
 
 
 def sources(verb):
-    """Yield the help of each parameter of a verb as its source has it."""
+    """Yield the help of each parameter of a verb as its source has it; old names of options are hidden."""
     function = next(one.callback for one in cli.app.registered_commands if one.callback.__name__ == verb)
     for name, hint in typing.get_type_hints(function, include_extras=True).items():
         if name != "return":
             (parameter,) = hint.__metadata__
-            yield parameter.help
+            if not parameter.hidden:
+                yield parameter.help
 
 
 @pytest.mark.parametrize("width", [60, 80, 200])
