@@ -27,7 +27,7 @@ from rmrc.law.kinematics import chain_jacobian, follow_chain
 from rmrc.law.law import take_error
 from rmrc.law.record import tick_type
 from rmrc.plants import native
-from rmrc.plants.blocks import BEFORE
+from rmrc.plants.around import BEFORE
 from rmrc.plants.chance import normals
 from rmrc.results.columns import COLUMNS
 from rmrc.scenario import loads
