@@ -6,13 +6,18 @@ The floor is MuJoCo's own C loop: the same batch, from the same state, fed with 
 closed loop sent, so that both step the same motion. The closed loop adds the law (decomposition, scheduled
 damping, null space, rate limits) and every column of every tick. Machines
 are noisy: what is compared takes turns, time is that of the thread and not of the clock, and each ratio is
-given as min, median and max over the rounds, beside that of the least times of all rounds.
+given as min, median and max over the rounds, beside that of the least times of all rounds. The memory of the
+columns is used once before the clock starts, as the system takes a varying time to give it. The least such
+time has a row of its own.
 """
 
 import itertools
 import json
+import mmap
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from functools import partial
 
 import numpy as np
@@ -27,7 +32,7 @@ from rmrc.law.kinematics import chain_jacobian, follow_chain
 from rmrc.law.law import take_error
 from rmrc.law.record import tick_type
 from rmrc.plants import native
-from rmrc.plants.blocks import BEFORE
+from rmrc.plants.around import BEFORE
 from rmrc.plants.chance import normals
 from rmrc.results.columns import COLUMNS
 from rmrc.scenario import loads
@@ -63,8 +68,9 @@ def world(arm: str, *overrides: str) -> Prepared:
 
 
 def closed_loop(prepared: list[Prepared], threads: int = 1) -> tuple[float, Simulation]:
-    """Return seconds of stepping, compiling and wiring excluded, and the simulation."""
+    """Return seconds of stepping, without wiring and the first use of memory, and the simulation."""
     simulation = Simulation(prepared, threads)
+    touch(simulation)
     clock = time.thread_time if threads == 1 else time.perf_counter
     started = clock()
     simulation.step()
@@ -85,13 +91,17 @@ def controls_of(prepared: Prepared, rates: np.ndarray) -> np.ndarray:
 
 def floor(prepared: Prepared, controls: np.ndarray) -> float:
     """Return seconds of stepping the same motions open loop, in C; controls are (worlds, ticks, nu)."""
-    model = prepared.plant.model([prepared.plant])
-    batch = Batch(model, len(controls), 1, persistent=True)
-    batch.bind("qpos")[:] = prepared.qpos
-    batch.forward()
+    batch = _at_start(prepared, len(controls))
     started = time.thread_time()
     batch.rollout(controls.shape[1], controls, record=())
     return time.thread_time() - started
+
+
+def _at_start(prepared: Prepared, worlds: int) -> Batch:
+    batch = Batch(prepared.plant.model([prepared.plant]), worlds, 1, persistent=True)
+    batch.bind("qpos")[:] = prepared.qpos
+    batch.forward()
+    return batch
 
 
 def over_floor(prepared: list[Prepared], rounds: int) -> dict[str, float]:
@@ -119,37 +129,84 @@ def arm_rows(rounds: int) -> dict[str, dict[str, float]]:
 SHORT = "target.path=[{line: {by: [0.05, 0.05, %s]}}]"
 
 
+# Pieces of a run that take turns, so that a slow moment of the machine is one of all; and how often a run of
+# some worlds is repeated in a round.
+PIECES = 4
+REPEATED = {1: 12, 64: 2}
+
+
 def block_rows(rounds: int) -> dict[str, dict[str, float]]:
-    """Return blocks of ticks and single ticks over the floor; all three take turns."""
+    """Return blocks of ticks and single ticks over the floor, piece by piece in turn."""
     rows: dict[str, dict[str, float]] = {}
     for arm, worlds in itertools.product(ARMS, (1, 64)):
         prepared = [world(arm, SHORT % (0.05 if arm == "stanford" else 0))] * worlds
         runs = closed_loop(prepared)[1].runs()
         controls = controls_of(prepared[0], np.array([run["qdot_cmd"] for run in runs]))
-        found: dict[str, list[tuple[float, float]]] = {"single ticks": [], "blocks": []}
-        for _ in range(rounds):
-            of_floor, *others = zip(
-                *(_turn(prepared, controls) for _ in range(12 // worlds or 1)), strict=True
-            )
-            for name, times in zip(found, others, strict=True):
-                found[name].append((min(times), min(of_floor)))
-        for name, pairs in found.items():
-            row = rows[f"{name} / C floor, {arm}, {worlds} world{'s' * (worlds > 1)}"] = spread(pairs)
-            row["floor_us"] = min(least for _, least in pairs) / controls[..., 0].size * 1e6
+        # (rounds, repetitions, ways, pieces)
+        times = np.array(
+            [[_in_turn(prepared, controls) for _ in range(REPEATED[worlds])] for _ in range(rounds)]
+        )
+        least, of_all = times.sum(axis=3).min(axis=1), times.min(axis=(0, 1)).sum(axis=1)
+        named = f"{arm}, {worlds} world{'s' * (worlds > 1)}"
+        for name, one, other in (
+            ("single ticks / C floor", 2, 0), ("blocks / C floor", 3, 0),
+            ("blocks / C floor without its timers", 3, 1),
+        ):  # fmt: skip
+            row = rows[f"{name}, {named}"] = spread([(a[one], a[other]) for a in least])
+            row["minima"] = of_all[one] / of_all[other]
+            row["floor_us"] = of_all[other] / controls[..., 0].size * 1e6
     return rows
 
 
-def _turn(prepared: list[Prepared], controls: np.ndarray) -> tuple[float, float, float]:
-    return floor(prepared[0], controls), in_single_ticks(prepared), closed_loop(prepared)[0]
+def _in_turn(prepared: list[Prepared], controls: np.ndarray) -> list[list[float]]:
+    """Return seconds of each piece of the floor, the same without timers, single ticks, and blocks."""
+    ends = np.linspace(0, controls.shape[1], PIECES + 1).astype(int)
+    batches, steppers = [_at_start(prepared[0], len(prepared)) for _ in range(2)], []
+    for serves in (lambda _: False, native.serves):
+        with _served(serves):
+            simulation = Simulation(prepared)
+        steppers.append(simulation._shards[0].batch)
+        touch(simulation)
+    times: list[list[float]] = [[], [], [], []]
+    for first, last in itertools.pairwise(ends):
+        part = controls[:, first:last].copy()
+        for way, (batch, clock) in enumerate(zip(batches, (nullcontext, native.untimed), strict=True)):
+            with clock():
+                started = time.thread_time()
+                batch.rollout(last - first, part, record=())
+                times[way].append(time.thread_time() - started)
+        for way, stepper in enumerate(steppers, 2):
+            started = time.thread_time()
+            while stepper.done < last and stepper.advance(last - stepper.done):
+                pass
+            times[way].append(time.thread_time() - started)
+    return times
 
 
-def in_single_ticks(prepared: list[Prepared]) -> float:
-    """Return seconds of stepping where each tick is a call of its own, as for arms that may touch."""
-    serves, native.serves = native.serves, lambda _: False
+def touch(simulation: Simulation) -> None:
+    """Write once to every page of the columns, so that the system has given them."""
+    for shard in simulation._shards:
+        shard.batch.ticks.reshape(-1).view(np.uint8)[::4096] = 0
+
+
+def first_use(size: int) -> float:
+    """Return the seconds that the system takes to give memory of a size [B] in the way of numpy."""
+    memory = mmap.mmap(-1, size)
+    if hasattr(mmap, "MADV_HUGEPAGE"):
+        memory.madvise(mmap.MADV_HUGEPAGE)
+    pages, started = np.frombuffer(memory, np.uint8)[::4096], time.thread_time()
+    pages[:] = 0
+    return time.thread_time() - started
+
+
+@contextmanager
+def _served(serves: Callable[[object], bool]) -> Iterator[None]:
+    """Have blocks, or not: without them each tick is a call of its own, as for arms that may touch."""
+    before, native.serves = native.serves, serves
     try:
-        return closed_loop(prepared)[0]
+        yield
     finally:
-        native.serves = serves
+        native.serves = before
 
 
 def robot_rows(rounds: int) -> dict[str, dict[str, float]]:
@@ -275,28 +332,46 @@ def numpy_rows(rounds: int) -> dict[str, dict[str, float]]:
     }
 
 
-def pieces(arm: str) -> dict[str, float]:
+def pieces(arm: str, times: int = 20) -> dict[str, float]:
     """Microseconds of each part of one control tick of one world: where the ratio comes from.
 
-    The parts are timed on their own, hot in the caches, so that their sum is a little below the loop.
+    Parts take turns, and of each the least time counts. Alone they differ from what they take in the loop.
     """
     prepared = world(arm)
-    seconds, simulation = closed_loop([prepared])
+    simulation = closed_loop([prepared])[1]
     (run,) = simulation.runs()
-    floor_us = min(floor(prepared, run["qdot_cmd"][None].copy()) for _ in range(5)) / len(run) * 1e6
-    tick_us = min(ticks_alone(prepared, len(run) - 1) for _ in range(5)) / (len(run) - 1) * 1e6
-    loop = min(seconds, *(closed_loop([prepared])[0] for _ in range(5))) / len(run) * 1e6
+    controls, count = run["qdot_cmd"][None].copy(), len(run) - 1
+
+    def untimed() -> float:
+        with native.untimed():
+            return floor(prepared, controls)
+
+    least = np.full(5, np.inf)
+    for _ in range(times):
+        now = (
+            floor(prepared, controls), untimed(), ticks_alone(prepared, count, False),
+            ticks_alone(prepared, count, True), closed_loop([prepared])[0],
+        )  # fmt: skip
+        least = np.minimum(least, np.array(now) / count * 1e6)
+    physics, bare, ticks, kept, loop = least.tolist()
+    columns = 64 * simulation._shards[0].batch.ticks.nbytes
     return {
-        "physics in C (the floor)": floor_us,
-        "ticks of an arm that stands still, with columns": tick_us,
-        "that it moves, and law and physics in turn": loop - floor_us - tick_us,
+        "physics in C (the floor)": physics,
+        "without MuJoCo's timers": bare - physics,
+        "ticks of an arm that stands still": ticks,
+        "that their columns leave the caches": kept - ticks,
+        "that it moves, and law and physics in turn": loop - bare - kept,
         "closed loop": loop,
-    }
+        "memory of the columns of 64 worlds, when first used":
+            min(first_use(columns) for _ in range(5)) / (64 * count) * 1e6,
+    }  # fmt: skip
 
 
-def ticks_alone(prepared: Prepared, count: int) -> float:
-    """Seconds of some ticks with nothing of MuJoCo's between them."""
-    blocks = Simulation([prepared])._shards[0].batch._blocks
+def ticks_alone(prepared: Prepared, count: int, keeps: bool) -> float:
+    """Seconds of ticks with nothing of MuJoCo's between them, in rows for all of them or in a few."""
+    simulation = Simulation([prepared], keep_columns=keeps)
+    blocks = simulation._shards[0].batch._blocks
+    touch(simulation)
     blocks._fill({BEFORE: native.function_at("mju_isBad")})  # does nothing
     started = time.thread_time()
     blocks.run(np.array([0]), 0, count, steps=False)

@@ -234,6 +234,44 @@ def test_data_of_others_are_stepped_by_the_engine_alone_while_blocks_run(scenari
     assert found == stepped(lambda n: n == len(found))
 
 
+def clock():
+    return ctypes.c_void_p.in_dll(native.library(), "mjcb_time").value
+
+
+def test_the_clock_of_the_engine_is_off_only_while_worlds_step(scenario, monkeypatch):
+    model = mujoco.MjModel.from_xml_path(str(ROOT / "models/planar_2link.xml"))
+    data, installed, seen = mujoco.MjData(model), clock(), []
+    stepped = Native.apply
+    monkeypatch.setattr(Native, "apply", lambda *given: (seen.append(clock()), stepped(*given)))
+    Simulation([prepare(scenario(SHORT))] * 2, threads=2).step()
+    assert installed and seen and set(seen) == {None} and clock() == installed
+
+    def fails(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Native, "apply", fails)
+    with pytest.raises(KeyboardInterrupt):
+        Simulation([prepare(scenario(SHORT))]).step()
+    assert clock() == installed
+    mujoco.mj_step(model, data)
+    assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].number == 1
+
+
+def test_a_clock_of_the_users_stays_on_and_the_bits_are_the_same(scenario):
+    (want,), calls = Simulation([prepare(scenario(SHORT))]).run(), []
+    mujoco.set_mjcb_time(lambda: float(calls.append(1) or len(calls)))
+    try:
+        (run,) = Simulation([prepare(scenario(SHORT))]).run()
+        assert len(calls) > len(run)  # each step asks it more than once
+        with native.untimed():
+            mujoco.set_mjcb_time(None)
+            installed = clock()
+        assert clock() == installed
+    finally:
+        mujoco.set_mjcb_time(None)
+    assert_same_bits([run], [want])
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("path", sorted((ROOT / "scenarios").glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_shipped_scenario_has_the_same_bits_in_blocks(monkeypatch, path):

@@ -134,10 +134,10 @@ def tallies_by_us(name, q, commands):
         [PERIOD] * count,
         profiles=[profile] * count,
     )
-    ticks = np.zeros(q.shape[:2], tick_type(q.shape[2]))
+    ticks = np.zeros((count, len(q)), tick_type(q.shape[2]))
     n = q.shape[2]
-    ticks["q"][..., :n], ticks["qdot_cmd"][..., :n] = q, commands
-    ticks["time"] = np.arange(len(q))[:, None] * PERIOD
+    ticks["q"].swapaxes(0, 1)[..., :n], ticks["qdot_cmd"].swapaxes(0, 1)[..., :n] = q, commands
+    ticks["time"] = np.arange(len(q)) * PERIOD
     adder(tallies, ticks)(np.full(count, len(q)))
     return tallies
 
@@ -237,8 +237,8 @@ def test_chatter_is_what_numpy_counts_in_random_columns(seed, period, size):
         np.cumsum(10.0**size * rng.normal(size=(300, 4)) * (rng.random((300, 4)) < 0.2), axis=0) * period
     )
     tallies = begin(4, [("x",)], [1.0], [()], [period])
-    ticks = np.zeros((300, 1), tick_type(4))
-    ticks["qdot_cmd"][:, 0, :4] = commands
+    ticks = np.zeros((1, 300), tick_type(4))
+    ticks["qdot_cmd"][0, :, :4] = commands
     adder(tallies, ticks)(np.array([300]))
     np.testing.assert_array_equal(
         tallies["chatter"][0, :4], chatter_by_numpy(commands, period, CHATTER_FLOOR)

@@ -19,7 +19,7 @@ SCALE = np.sqrt(WEIGHTS) / [LENGTH, LENGTH, 1.0]
 
 def random_ticks(rng, ticks, special=0.0):
     """Return records of random numbers; a share of the entries is NaN, infinite, or equal to others."""
-    records = np.zeros((ticks, 1), tick_type(N))
+    records = np.zeros((1, ticks), tick_type(N))
     for name in records.dtype.names:
         field = records[name]
         if name == "status":
@@ -28,19 +28,19 @@ def random_ticks(rng, ticks, special=0.0):
         field[...] = rng.normal(size=field.shape)
         chosen = rng.random(field.shape) < special
         field[chosen] = rng.choice([math.nan, math.inf, -math.inf, 3.0, -3.0, 0.0, -0.0], chosen.sum())
-    records["time"][:, 0] = np.arange(ticks) * PERIOD
+    records["time"][0] = np.arange(ticks) * PERIOD
     return records
 
 
 def tally_of(records, rows=None, pieces=()):
     """Return the tally of records that are handed over in pieces, through a ring of some rows."""
     tally = begin(N, [AXES], [LENGTH], [WEIGHTS], [PERIOD])
-    ring = np.zeros((rows or len(records), 1), records.dtype)
+    ring = np.zeros((1, rows or records.size), records.dtype)
     add, done = adder(tally, ring), 0
-    for piece in [*pieces, *[len(ring)] * len(records)]:
-        count = min(piece, len(ring), len(records) - done)
+    for piece in [*pieces, *[ring.size] * records.size]:
+        count = min(piece, ring.size, records.size - done)
         for t in range(done, done + count):
-            ring[t % len(ring)] = records[t]
+            ring[:, t % ring.size] = records[:, t]
         done += count
         add(np.array([done]))
     return tally[0]
@@ -55,10 +55,10 @@ def test_pieces_of_any_size_through_rings_of_any_size_give_the_same_bits(seed, t
 def test_worlds_beside_it_do_not_matter():
     records = [random_ticks(np.random.default_rng(seed), 50, 0.05) for seed in range(5)]
     tallies = begin(N, [AXES] * 5, [LENGTH] * 5, [WEIGHTS] * 5, [PERIOD] * 5)
-    adder(tallies, np.concatenate(records, axis=1))(np.array([50, 0, 13, 50, 1]))
+    adder(tallies, np.concatenate(records))(np.array([50, 0, 13, 50, 1]))
     for tally, own, end in zip(tallies, records, [50, 0, 13, 50, 1], strict=True):
         if end:
-            assert tally.tobytes() == tally_of(own[:end]).tobytes()
+            assert tally.tobytes() == tally_of(own[:, :end]).tobytes()
     assert tallies[1]["ticks"] == 0 and np.isnan(tallies[1]["peak"]).all()
 
 
@@ -69,7 +69,7 @@ def from_rest(column):
 
 def columns_by_numpy(records):
     """Return magnitudes and values by name, computed from whole columns."""
-    one = records[:, 0]
+    one = records[0]
     e, u = one["pose_error"][:, ROWS], one["u_min"][:, ROWS]
     along = u * np.sum(u * SCALE * e, axis=1, keepdims=True) / SCALE
     across = e - along
@@ -98,7 +98,7 @@ def columns_by_numpy(records):
 @pytest.mark.parametrize("seed", range(3))
 def test_sums_and_extremes_are_those_that_numpy_finds_in_whole_columns(seed, special):
     records = random_ticks(np.random.default_rng(seed), 400, special)
-    time, tally = records["time"][:, 0], tally_of(records)
+    time, tally = records["time"][0], tally_of(records)
     with np.errstate(invalid="ignore"):
         joints, errors, extremes = columns_by_numpy(records)
     assert list(joints) == list(JOINTS) and list(errors) == list(ERRORS) and list(extremes) == list(EXTREMES)
@@ -117,7 +117,7 @@ def test_sums_and_extremes_are_those_that_numpy_finds_in_whole_columns(seed, spe
     for row, value in enumerate(extremes.values()):
         assert_array_equal(tally["extreme"][row], value.max())
         assert tally["extreme_time"][row] == time[value.argmax()]
-    status = records["status"][:, 0]
+    status = records["status"][0]
     wanted = [np.count_nonzero(status & one if one else status == 0) for one in (Status.OK, *IN_RUNS)]
     assert tally["status"].tolist() == wanted
     met = [status & one if one else status == 0 for one in (Status.OK, *IN_RUNS)]

@@ -88,7 +88,7 @@ class Contacts:
             wiring: Wiring of the arm in it.
             batch: MuJoCo's part.
             worlds: World records, (w,).
-            ticks: Tick records, (rows, w); the status of ticks with a contact is written.
+            ticks: Tick records, (w, rows); the status of ticks with a contact is written.
         """
         self.first: dict[int, Pair] = {}
         self.resting: dict[int, list[Pair]] = {}
@@ -127,9 +127,9 @@ class Contacts:
             self._touching = sorted(touching.union(w for w in looked if self._touches(w, t)))
             self._last[:] = self._counts
             self._is_busy = bool(self._touching or self._more)
-        row = self._status[t % len(self._status)]
+        row = t % self._status.shape[1]
         for w in self._touching:
-            row[w] |= CONTACT
+            self._status[w, row] |= CONTACT
 
     def _touches(self, w: int, t: int) -> bool:
         """Examine the contacts of a world; return whether any of them counts."""

@@ -34,9 +34,9 @@ def sense_half(
 
     `world.q` and `world.qdot` are the readings, `out.q` and `out.qdot` the truth.
     """
-    fine, row = 0, t % ticks.shape[0]
+    fine, row = 0, t % ticks.shape[1]
     for w in range(worlds.shape[0]):
-        world, out = worlds[w], ticks[row, w]
+        world, out = worlds[w], ticks[w, row]
         sense(world, out, state[w], force[w])
         read_joints(world, out, ticks, w, t, site_xpos[w], site_xquat[w])
         if bad_joint(world, warning[w]) == -2:
@@ -60,9 +60,9 @@ def obey_half(
     t: int,
 ) -> int:
     """Send `out.qdot_cmd` of tick t to the plants; return the number of worlds whose command is finite."""
-    fine, row = 0, t % ticks.shape[0]
+    fine, row = 0, t % ticks.shape[1]
     for w in range(worlds.shape[0]):
-        world, out = worlds[w], ticks[row, w]
+        world, out = worlds[w], ticks[w, row]
         out.status |= read_loads(world, out, qfrc_gravcomp[w])
         if bad_command(world, out) < 0:
             fine += 1

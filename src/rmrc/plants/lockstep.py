@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rmrc.law.addresses import fetch
 from rmrc.law.jerk import keep_changes
-from rmrc.law.jit import Array, Record, apart, compiled, entry
+from rmrc.law.jit import Array, Record, apart, compiled, entry, inlined
 from rmrc.law.kinematics import (
     chain_jacobian,
     follow_chain,
@@ -21,6 +21,7 @@ from rmrc.law.kinematics import (
 from rmrc.law.law import control, take_error
 from rmrc.law.priority import second_error
 from rmrc.law.record import Field
+from rmrc.plants.around import begin_tick, end_tick
 from rmrc.plants.kinds import obey, sense
 from rmrc.plants.stages import sensed, sent
 from rmrc.scenario.choices import Status
@@ -72,15 +73,16 @@ def tick(
     xaxis: Array,
     force: Array,
     qfrc_gravcomp: Array,
+    about: int,
     t: int,
 ) -> int:
-    """Control all worlds for one tick; return how many of them are to be stepped.
+    """Control all worlds for one tick, or one world for a block of ticks; return how many are to be stepped.
 
     The arguments are few, because each one costs as much per call as a joint costs the law.
 
     Args:
         worlds: World records, (w,).
-        ticks: Tick records, (rows, w): tick t is written to row t modulo rows.
+        ticks: Tick records, (w, rows): tick t is written to row t modulo rows.
         reference: Pose and twist of each reference at each tick, (r, ticks, 13).
         state: MuJoCo's state rows, (w, nstate); controls and wrenches are written.
         warning: MuJoCo's warning counters, (w, 7, 2).
@@ -90,40 +92,55 @@ def tick(
         xaxis: Joint axes.
         force: Forces of the last step.
         qfrc_gravcomp: Gravity compensation of all degrees of freedom, or (w, 0) without any.
-        t: Number of the tick.
+        about: Address of the words about a block (`rmrc.plants.around`); 0: MuJoCo steps elsewhere.
+        t: Number of the tick, or of the first one.
     """
-    running, row = 0, t % ticks.shape[0]
+    running = 0
     for w in range(worlds.shape[0]):
-        world, out = worlds[w], ticks[row, w]
-        if world.diverged >= 0 or t >= world.ticks:
-            continue
-        sense(world, out, state[w], force[w])
-        is_misled = read_joints(world, out, ticks, w, t, site_xpos[w], site_xquat[w])
-        world.diverged_joint = bad_joint(world, warning[w])
-        if world.diverged_joint >= -1:
-            world.diverged = t
-            continue
-        if not is_misled:
-            geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w], world.J)
-        if world.m_2 > 0:
-            measure_second(world, is_misled, site_xpos[w], site_xquat[w], xanchor[w], xaxis[w])
-        out.time = t * world.period
-        read_reference(world, out, reference[world.reference])
-        control(world, out)
-        out.status |= read_loads(world, out, qfrc_gravcomp[w])
-        if is_misled:
-            take_true_errors(world, out, site_xpos[w], site_xquat[w])
-        world.diverged_joint = bad_command(world, out)
-        if world.diverged_joint >= 0:
-            world.diverged = t
-            continue
-        send(world, out, ticks, w, t)
-        obey(world, out, state[w])
-        proceed(world, t)
-        if t + 1 < world.ticks:
-            running += 1
-            fetch(ticks[(t + 1) % ticks.shape[0], w])  # it arrives during the step of MuJoCo
+        world, going, t_w = worlds[w], True, t
+        while going:
+            if about != 0:
+                begin_tick(about, t_w)
+            out = ticks[w, t_w % ticks.shape[1]]
+            going = world.diverged < 0 and t_w < world.ticks
+            if going:
+                sense(world, out, state[w], force[w])
+                is_misled = read_joints(world, out, ticks, w, t_w, site_xpos[w], site_xquat[w])
+                world.diverged_joint = bad_joint(world, warning[w])
+                going = world.diverged_joint < -1
+                if going:
+                    if not is_misled:
+                        geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w], world.J)
+                    if world.m_2 > 0:
+                        measure_second(world, is_misled, site_xpos[w], site_xquat[w], xanchor[w], xaxis[w])
+                    out.time = t_w * world.period
+                    read_reference(world, out, reference[world.reference])
+                    control(world, out)
+                    out.status |= read_loads(world, out, qfrc_gravcomp[w])
+                    if is_misled:
+                        take_true_errors(world, out, site_xpos[w], site_xquat[w])
+                    world.diverged_joint = bad_command(world, out)
+                    going = world.diverged_joint < 0
+                if going:
+                    going = act(world, out, ticks, w, t_w, state[w])
+                else:
+                    world.diverged = t_w
+            running += going
+            going = about != 0 and end_tick(about, t_w, going)
+            t_w += 1
     return running
+
+
+@inlined
+def act(world: Record, out: Record, ticks: Record, w: int, t: int, state: Array) -> bool:
+    """Send the command to the plant, and advance along the path; return whether a tick follows."""
+    send(world, out, ticks, w, t)
+    obey(world, out, state)
+    proceed(world, t)
+    follows = t + 1 < world.ticks
+    if follows:
+        fetch(ticks[w, (t + 1) % ticks.shape[1]])  # it arrives during the step of MuJoCo
+    return bool(follows)
 
 
 @compiled

@@ -16,7 +16,7 @@ STAGES: tuple[type[Stage], ...] = (Encoders, Integral, Transport, Lag, Resonance
 
 def _chain(slot: str) -> Callable[..., bool]:
     used = {f"world.{stage.uses}": stage.change for stage in STAGES if stage.slot == slot}
-    return chain(slot, "world, out, ticks, w, t", used, "world, out, ticks[:, w], t")
+    return chain(slot, "world, out, ticks, w, t", used, "world, out, ticks[w], t")
 
 
 sensed, sent = _chain("sensed"), _chain("sent")

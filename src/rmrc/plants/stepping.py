@@ -42,7 +42,7 @@ def has_others(wiring: Wiring, nq: int) -> bool:
 
 def _keep_and(control: Callable[[int], int], positions: Array, kept: Array, t: int) -> int:
     """Keep the positions of all joints, and do the tick."""
-    kept[t % len(kept)] = positions
+    kept[:, t % kept.shape[1]] = positions
     return control(t)
 
 
@@ -70,8 +70,8 @@ class Stepper:
 
     Attributes:
         worlds: Their records, (w,).
-        ticks: The latest tick records, (rows, w): tick t is in row t modulo rows.
-        positions: All of qpos for these ticks, (rows, w, nq); None where qpos is q in its order.
+        ticks: The latest tick records, (w, rows): tick t is in row t modulo rows.
+        positions: All of qpos for these ticks, (w, rows, nq); None where qpos is q in its order.
         contacts: Contacts of the arm; None where it can touch nothing.
         done: Number of finished ticks.
     """
@@ -95,7 +95,7 @@ class Stepper:
             held: Controls and activations of the actuators that the model has before those of the plant,
                 (w, …) each.
             reference: Pose and twist of each reference at each tick, (r, ticks, 13).
-            ticks: Target of the tick records, (rows, w); with fewer rows than ticks, rows are used again.
+            ticks: Target of the tick records, (w, rows); with fewer rows than ticks, rows are used again.
             batches: Source of MuJoCo's part.
         """
         self.worlds = worlds
@@ -138,7 +138,7 @@ class Stepper:
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)
         seen = [batch.bind(field) for field in fields]
         seen.append(batch.bind("qfrc_gravcomp") if is_compensated else _nothing(len(worlds)))
-        arrays: tuple[Any, ...] = (worlds, ticks, reference, batch.state, batch.warning, *seen)
+        arrays: tuple[Any, ...] = (worlds, ticks, reference, batch.state, batch.warning, *seen, 0)
         self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0), *arrays)
         if touches:
             self.contacts = Contacts(model, wiring, batch, worlds, ticks)
@@ -151,7 +151,7 @@ class Stepper:
 
     def whole(self, w: int, row: int, q: Array) -> Array:
         """Return qpos of world w, (T, nq), from a row of `ticks` on, where the arm is at q, (T, n)."""
-        return q if self.positions is None else self.positions[row : row + len(q), w]
+        return q if self.positions is None else self.positions[w, row : row + len(q)]
 
     def advance(self, count: int, is_stopped: Callable[[], bool] = lambda: False) -> int:
         """Run at most the next `count` ticks; return how many worlds still run.
@@ -172,12 +172,12 @@ class Stepper:
             return len(self._running(self.done - 1))
         steps = max(1, self._substeps)
         in_parts = steps > self._pace.steps
-        first, before = self.done % len(self.ticks), self.done
-        count = min(count, len(self.ticks) - first, self._longest - before)
+        rows, before = self.ticks.shape[1], self.done
+        count = min(count, rows - before % rows, self._longest - before)
         count = min(count, max(1, self._pace.steps // steps))
-        self.ticks["time"][first : first + count] = -1.0  # not yet written
         started, do = time.perf_counter(), self._do_block if self._blocks else self._do_ticks
-        running = do(before + count, in_parts, is_stopped)
+        with native.untimed():
+            running = do(before + count, in_parts, is_stopped)
         if not in_parts:
             self._pace.took(time.perf_counter() - started, (self.done - before) * steps)
         return running if self.done < self._longest else 0
@@ -194,7 +194,9 @@ class Stepper:
         except SimulationError as error:
             self._stop(error, blocks.finished(error.ids))
         finally:
-            self._note(max(before, int(blocks.finished(ids).max()) - 1))
+            ends = blocks.finished(ids)
+            ends -= self.worlds["diverged"][ids] == ends - 1  # the tick that finds it is not recorded
+            self.done = max(before, int(ends.max()))
         running = self._running(self.done - 1)
         if in_parts and len(running):
             self._step_on(_Left(running, self._substeps, self.done), is_stopped)
@@ -204,7 +206,8 @@ class Stepper:
     def _do_ticks(self, last: int, in_parts: bool, is_stopped: Callable[[], bool]) -> int:
         """Run ticks up to the one before `last`, each in its own calls; return how many worlds still run."""
         control, proceed = self._tick, self._proceed(None, in_parts, is_stopped)
-        running, expected, t = 0, len(self.worlds), self.done
+        running, expected, t, rows = 0, len(self.worlds), self.done, self.ticks.shape[1]
+        self.ticks["time"][:, t % rows : t % rows + last - t] = -1.0  # not yet written
         try:
             for t in range(self.done, last):  # `finally` reads t
                 running = control(t)
@@ -223,7 +226,7 @@ class Stepper:
 
     def _note(self, t: int) -> None:
         """Note that tick t was the last; an interrupt may have come before its row was written."""
-        self.done = t + bool((self.ticks["time"][t % len(self.ticks)] >= 0.0).any())
+        self.done = t + bool((self.ticks["time"][:, t % self.ticks.shape[1]] >= 0.0).any())
 
     def _proceed(
         self, ids: NDArray[np.intp] | None, in_parts: bool, is_stopped: Callable[[], bool]

@@ -162,13 +162,13 @@ def scorecard(run: Recorded) -> Scorecard:
     same bits.
     """
     tally = tallies_of([run])
-    rows = np.zeros((_ROWS, 1), tick_type(len(run.joints)))
+    rows = np.zeros((1, _ROWS), tick_type(len(run.joints)))
     add = adder(tally, rows)
     for first in range(0, len(run), _ROWS):
         last = min(first + _ROWS, len(run))
         for name in filter(COLUMNS.__contains__, rows.dtype.names or ()):
             column = run[name][first:last]
-            field = rows[name][: last - first, 0]
+            field = rows[name][0, : last - first]
             field[(..., slice(column.shape[1])) if column.ndim == 2 else ...] = column
         add(np.array([last]))
     return figures([run], tally)[0]

@@ -182,7 +182,7 @@ def adder(tallies: NDArray[np.void], ticks: NDArray[np.void]) -> Callable[[NDArr
 
     Args:
         tallies: One per world, (w,); written.
-        ticks: Tick records, (rows, w): tick t is in row t modulo rows.
+        ticks: Tick records, (w, rows): tick t is in row t modulo rows.
     """
     return partial(machine_code(add, tallies, ticks, np.zeros(len(tallies), np.int64)), tallies, ticks)
 
@@ -195,7 +195,7 @@ def add(tallies: Record, ticks: Record, ends: NDArray[np.int64]) -> None:
     """Add ticks to tallies, see `adder`."""
     for w in range(tallies.shape[0]):
         for t in range(tallies[w].ticks, ends[w]):
-            _add_tick(tallies[w], ticks[t % ticks.shape[0], w])
+            _add_tick(tallies[w], ticks[w, t % ticks.shape[1]])
 
 
 @compiled

@@ -54,8 +54,8 @@ class Live:
         self.prepared, self.done, self._n = prepared, 0, n
         self._worlds = world_records([prepared], [0])
         self._k = int(self._worlds["k"][0])
-        self._ticks = np.zeros((max(kept, prepared.hardware.span + 2), 1), tick_type(n))
-        self._positions = np.empty((len(self._ticks), model.nq))
+        self._ticks = np.zeros((1, max(kept, prepared.hardware.span + 2)), tick_type(n))
+        self._positions = np.empty((self._ticks.shape[1], model.nq))
         batch = batches.take(model, [plant.difference(model, wiring)])
         held = tuple(one[None] for one in prepared.held)
         begin(batch, [plant], prepared.qpos[None], (held[0], held[1]))
@@ -103,7 +103,7 @@ class Live:
 
     def sense(self) -> bool:
         """Write `q` and `qdot`; return whether all values are finite."""
-        row = self.done % len(self._ticks)
+        row = self.done % len(self._positions)
         self._positions[row] = self._qpos[0]
         return bool(self._sense(self.done) == 1)
 
@@ -115,7 +115,7 @@ class Live:
             pose_ref: Pose of the reference, [p, quat w x y z], (7,) [m, 1].
             twist_ref: Twist of the reference, [v; ω], (6,) [m/s, rad/s].
         """
-        out = self._ticks[self.done % len(self._ticks), 0]
+        out = self._ticks[0, self.done % len(self._positions)]
         for name, said in SAID.items():
             values = getattr(command, said)
             if isinstance(values, np.ndarray):
@@ -138,9 +138,9 @@ class Live:
         Args:
             count: Largest number of ticks.
         """
-        count = min(count, self.done, len(self._ticks))
-        rows = np.arange(self.done - count, self.done) % len(self._ticks)
-        ticks, period = self._ticks[rows, 0], self.prepared.scenario.control.period
+        count = min(count, self.done, len(self._positions))
+        rows = np.arange(self.done - count, self.done) % len(self._positions)
+        ticks, period = self._ticks[0, rows], self.prepared.scenario.control.period
         width = {"n": self._n, "k": self._k}
         columns: dict[str, NDArray[np.generic]] = {
             name: ticks[name][:, : width[one.width]] if one.width in width else ticks[name]

@@ -101,7 +101,7 @@ class _Shard:
         # where rows are used again, a block ends with the last of them
         while running and batch.done < last and row != 0 and time.perf_counter() < end and not is_stopped():
             running = batch.advance(last - batch.done, is_stopped)
-            row = batch.done % len(batch.ticks)
+            row = batch.done % batch.ticks.shape[1]
         return running
 
     def run(self, w: int, first: int, last: int, names: Collection[str] | None = None) -> Run:
@@ -109,8 +109,8 @@ class _Shard:
         world = self.batch.worlds[w]
         diverged = int(world["diverged"])
         count = max(0, min(last, int(self._ends()[w])) - first)
-        begin = first % len(self.batch.ticks)
-        rows = self.batch.ticks[begin:, w][:count]
+        begin = first % self.batch.ticks.shape[1]
+        rows = self.batch.ticks[w, begin:][:count]
         width = {"n": int(world["n"]), "k": int(world["k"])}
         qpos = self.batch.whole(w, begin, rows["q"][:, : width["n"]])
         if not self.keeps and names is None:
@@ -372,7 +372,7 @@ def _shard(
         np.array([one.qpos for one in chosen]),
         (np.array([one.held[0] for one in chosen]), np.array([one.held[1] for one in chosen])),
         wanted,
-        np.empty((rows_of(chosen, *held), len(chosen)), tick_type(chosen[0].arm.n)),
+        np.empty((len(chosen), rows_of(chosen, *held)), tick_type(chosen[0].arm.n)),
         batches,
     )
     return _Shard(members, chosen, batch, held[0])
