@@ -29,7 +29,7 @@ def shorter(number) -> float:
 
 @pytest.mark.parametrize(("name", "want"), [("double", 10.0), ("idle", 0.0), ("square", 25.0)])
 def test_the_function_of_the_name_is_called(name, want):
-    chosen = jit._compile()(dispatch(TOYS, like=double))
+    chosen = jit._compile(dispatch(TOYS, like=double))
     world = np.zeros(1, RECORD)
     world["toy_kind"] = TOYS.code(name)
     assert chosen(world[0], 5.0) == want

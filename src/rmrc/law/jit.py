@@ -9,7 +9,7 @@ import hashlib
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
@@ -33,10 +33,14 @@ Function = TypeVar("Function", bound=Callable[..., object])
 # `nogil` lets threads run worlds side by side. With `error_model="numpy"` 1/0 is infinite and raises nothing,
 # because the law itself decides what a zero means. No `fastmath`: the bits of a world must not depend on how
 # many others are computed beside it.
-_compile = partial(numba.njit, nogil=True, error_model="numpy", pipeline_class=WholeCompiler)
+_flags: dict[str, Any] = {"nogil": True, "error_model": "numpy", "pipeline_class": WholeCompiler}
+# Names in functions that make arrays. Only these functions count references to arrays. The others use arrays
+# of their caller, which outlive the call; counting would cost them 0.1 to 0.25 us a tick. Numba refuses to
+# compile a function that makes an array in another way.
+_MAKERS = frozenset({"diag", "empty", "ones", "zeros", "_carray", "words_at"})
 # Functions that only compiled code calls need no wrappers for Python and C, a quarter of the compile time.
 _inner = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-_compile_inner = partial(_compile, pipeline_class=PartCompiler, **_inner)
+_part: dict[str, Any] = {"pipeline_class": PartCompiler, **_inner}
 
 
 # Names of the compiled parts beside the control law, for messages.
@@ -63,9 +67,15 @@ class _Compiling(event.Listener):
 event.register("numba:compile", _Compiling())  # type: ignore[no-untyped-call]
 
 
+def _compile(function: Callable[..., object], **options: Any) -> Any:
+    """Return a dispatcher for a function, with the flags of all and some of its own."""
+    makes_arrays = not _MAKERS.isdisjoint(function.__code__.co_names)
+    return numba.njit(**_flags | {"_nrt": makes_arrays} | options)(function)
+
+
 def compiled(function: Function) -> Function:
     """Compile a function that other compiled functions call."""
-    return cast(Function, _compile_inner()(function))
+    return cast(Function, _compile(function, **_part))
 
 
 def inlined(function: Function) -> Function:
@@ -73,7 +83,7 @@ def inlined(function: Function) -> Function:
 
     Otherwise each level of calls would optimize all levels below once more, which takes most of the time.
     """
-    return cast(Function, _compile_inner(inline="always")(function))
+    return cast(Function, _compile(function, inline="always", **_part))
 
 
 class _Apart(NamedTuple):
@@ -323,17 +333,17 @@ def _kept(function: Callable[..., object], options: Mapping[str, bool]) -> Any:
     """Return a dispatcher that keeps its code where numba can, or else in a folder of the user's own."""
     try:
         with known_home():
-            return _compile(cache=True, **options)(function)
+            return _compile(function, cache=True, **options)
     except RuntimeError:  # there is no place for it
         pass
     folder, settings = own_folder(), cast(Any, config)
     if folder is None:
         notice("machine code cannot be kept: not with the package, in HOME or among temporary files")
-        return _compile(**options)(function)
+        return _compile(function, **options)
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(folder)
     try:
-        dispatcher = _compile(cache=True, **options)(function)
+        dispatcher = _compile(function, cache=True, **options)
     finally:
         settings.CACHE_DIR = before
     notice(f"machine code is kept in {folder}, as neither the package nor HOME can be written")

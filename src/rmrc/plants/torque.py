@@ -81,15 +81,18 @@ def computed_torque(
                     inertia = _carried(i, mass[w], mass_entries, mass_factors)
                 state[w, world.ctrl_column[i]] += _resisted(world, i, inertia)
         if len(free) > 0:
-            force = qfrc_passive[w] - qfrc_bias[w]
-            give_way(world, state[w], force, mass[w], mass_entries, mass_factors, free, free_damping)
+            give_way(
+                world, state[w], qfrc_passive[w], qfrc_bias[w], mass[w], mass_entries, mass_factors, free,
+                free_damping,
+            )  # fmt: skip
 
 
 @compiled
 def give_way(
     world: Record,
     state: Array,
-    force: Array,
+    passive: Array,
+    bias: Array,
     mass: Array,
     entries: NDArray[np.int64],
     factors: Array,
@@ -105,7 +108,7 @@ def give_way(
             inertias[j - n, i - n] = inertias[i - n, j - n]
         elif max(i, j) >= n:
             coupling[max(i, j) - n, min(i, j)] += inertia
-    answer = force[free]
+    answer = passive[free] - bias[free]
     for u in range(len(free)):
         for j in range(n):
             answer[u] -= coupling[u, j] * world.qddot[j]
