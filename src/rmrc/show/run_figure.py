@@ -26,6 +26,7 @@ from rmrc.show.panels import (
     arranged,
     decades,
     draw_spans,
+    draw_wanted,
     error_units,
     frame_path,
     grouped,
@@ -81,7 +82,7 @@ def _draw_path(axes: Axes, run: Run) -> int:
             *outline[:, [first, second]].T, facecolor=f"{green}30", edgecolor=green, linewidth=0.7,
             label=None if i else f"velocity ellips{'oid, shadow' if is_shadow else 'e'}, {time:g} s",
         )  # fmt: skip
-    axes.plot(wanted[:, first], wanted[:, second], "--", color=GRAY, linewidth=1.4, label="wanted")
+    draw_wanted(axes, wanted, first, second)
     axes.plot(taken[:, first], taken[:, second], color=blue, linewidth=1.1, label="actual")
     closest = int(np.argmin(run["sigma"][:, -1]))
     axes.plot(*taken[0, [first, second]], "o", color=blue, markersize=4, label="start")
