@@ -317,8 +317,8 @@ def split_error(run: Run, moved: Sequence[int]) -> tuple[Array, Array]:
 def off(run: Run) -> dict[str, tuple[Array, int]]:
     """Return the parts of the tracking error by their names, with units, (T,) each, and which curve each is.
 
-    A path along the axes of the arm or of the site has no direction in which its error could be split. The path
-    of a tip that only turns has none either.
+    A path along the axes of the arm or of the site has no direction in which its error could be split. The
+    path of a tip that only turns has none either.
     """
     moved, turned = error_rows(run)
     found: dict[str, tuple[Array, int]] = {}
