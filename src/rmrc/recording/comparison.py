@@ -195,7 +195,9 @@ class Overlay:
         )
         range_ = self._layout.range_of_sight([arm.seen for arm in self._arms])
         framed = np.vstack([part for arm in self._arms for part in (arm.scene.points, arm.reached)])
-        taken = np.vstack([arm.covered for arm in self._arms])
+        marks = [(arm.scene, arm.seen.mark) for arm in self._arms if arm.seen.mark]
+        hands = [scene.hand(mark.instant) for scene, mark in marks]
+        taken = np.vstack([*(arm.covered for arm in self._arms), *hands])
         for i, arm in enumerate(self._arms):
             arm.write_ending(span, range_, framed, taken, is_first=i == 0)
         self._out.lay_out(layout)

@@ -26,12 +26,12 @@ VIEW_HEIGHT = 0.92
 # Positions in the static line of the target path.
 PATH_POINTS = 300
 
-# How far from the tip its label is at least, as a part of the reach.
-CALLOUT = 0.25
+# How far from the tip the edge of its label is at least, as a part of the reach.
+CALLOUT = 0.2
 # Cells of the height of the picture, for the search of a place for the label; half the height of the label
 # and half the width of a letter, in heights of the picture in a window of 1280 × 720.
-# The viewer writes it below its point, and it is this far from the tip at least.
-CELLS, HALF_LINE, HALF_LETTER, BELOW, APART = 48, 0.03, 0.009, 0.03, 0.14
+# The viewer writes it below its point, and its edge is this far from the tip at least.
+CELLS, HALF_LINE, HALF_LETTER, BELOW, APART = 48, 0.03, 0.009, 0.03, 0.1
 
 # How opaque the arm is that the law takes for the true one.
 PALE = 0.3
@@ -218,7 +218,8 @@ def aside(
     (own,), (away,) = cells(tip[None])
     cell = height * away / CELLS
     # the nearest beyond the ellipsoids around the tip, else the farthest of those that there are
-    far = np.linalg.norm(places - own, axis=1) - max(CALLOUT * scene.reach / cell, APART * CELLS)
+    gap = np.linalg.norm(np.maximum(np.abs(places - own) - half, 0.0), axis=1)
+    far = gap - max(CALLOUT * scene.reach / cell, APART * CELLS)
     place = places[np.where(far >= 0.0, far, 2 * CELLS - far).argmin()] + [0.0, BELOW * CELLS]
     return np.asarray(tip + cell * (place - own) @ axes[:2])
 

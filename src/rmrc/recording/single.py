@@ -275,7 +275,8 @@ class _Story(Track):
             self.out.send("now", self.at([looked_at.time]), rr.TextDocument.columns(text=now))
             tip = looked_at.instant["pose"][0, :3]
             framed = np.vstack([self.scene.points, *reached])
-            end = aside(tip, looked_at.text, self.scene, framed, self.covered)
+            taken = np.vstack([self.covered, self.scene.hand(looked_at.instant)])
+            end = aside(tip, looked_at.text, self.scene, framed, taken)
             for rest, what in callout(tip, looked_at.text, self.scene, end).items():
                 self.out.log(f"tip/look{rest}", *what)
         self.out.lay_out(layout)

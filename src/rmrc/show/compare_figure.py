@@ -78,7 +78,7 @@ def _draw_rates(axes: Axes, runs: Runs) -> int:
     ]
     bound = 1.0 if is_share else bounds.pop() if len(bounds) == 1 else math.inf
     _draw_curves(axes, runs, curves, bound)
-    unit = "share of the limit" if is_share else f"{rate_unit(next(iter(runs.values())))}/s"
+    unit = "share of the limit" if is_share else rate_unit(next(iter(runs.values())))
     axes.set_ylabel(rf"largest $|\dot q|$ [{unit}]")
     return legend(axes, 3)
 

@@ -239,9 +239,9 @@ def on_paper(color: int) -> str:
 
 
 def rate_unit(run: Run) -> str:
-    """Return the unit of joint positions, which over s is that of the rates."""
+    """Return the unit of joint rates."""
     slides = set(run.is_slide)
-    return "rad, m" if len(slides) > 1 else "m" if slides == {True} else "rad"
+    return "rad/s, m/s" if len(slides) > 1 else "m/s" if slides == {True} else "rad/s"
 
 
 def power(value: float) -> float:

@@ -105,7 +105,7 @@ def draw_rates(axes: Axes, run: Run) -> int:
     peak, told = float(both.max()), []
     _draw_limits(axes, np.where(limit < FAR * peak, limit, math.inf), colors)
     if is_far := bool(known) and known[0] >= FAR * peak:
-        told.append(f"limit{'s from' * (len(known) > 1)} {grouped(known[0])} {rate_unit(run)}/s ↑")
+        told.append(f"limit{'s from' * (len(known) > 1)} {grouped(known[0])} {rate_unit(run)} ↑")
     if known and peak > CLIPPED * known[-1]:
         axes.set_ylim(-CLIPPED * known[-1], CLIPPED * known[-1])
         j = int(both.max(axis=0).argmax()) % len(run.joints)
@@ -124,7 +124,7 @@ def draw_rates(axes: Axes, run: Run) -> int:
             fontsize=mpl.rcParams["legend.fontsize"],
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1.0},
         )  # fmt: skip
-    axes.set_ylabel(rf"rate $\dot q$ [{rate_unit(run)}/s]")
+    axes.set_ylabel(rf"rate $\dot q$ [{rate_unit(run)}]")
     return legend(axes, 4)
 
 
