@@ -51,6 +51,8 @@ def faults(element):
     for name, tag in (("tests", "testcase"), ("failures", "failure"), ("errors", "error")):
         if name in element.attrib and int(element.attrib[name]) != len(list(element.iter(tag))):
             yield f"{element.tag}: {name}"
+    if re.fullmatch(r"\d*\.\d{3}", element.get("time", ".000")) is None:
+        yield f"{element.tag}: time"
     for child in element:
         if child.tag not in inside:
             yield f"{element.tag}: {child.tag}"
@@ -105,6 +107,7 @@ def test_the_schema_refuses_what_it_does_not_have(rmrc):
         lambda root: root[0].set("tests", "4"),
         lambda root: root[0][1].set("file", "quick.yaml"),
         lambda root: root[0][1].attrib.pop("name"),
+        lambda root: root[0].set("time", "1e-05"),
         lambda root: ElementTree.SubElement(root[0][1], "properties"),
         lambda root: ElementTree.SubElement(root[0][1], "failure"),
     ):

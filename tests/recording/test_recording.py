@@ -151,6 +151,20 @@ def test_columns_do_not_depend_on_the_size_of_blocks_and_keep_nan_and_infinity(p
     assert_same_bits(read_columns(tmp_path / "run.rrd"), run.columns)
 
 
+@pytest.mark.parametrize("name", ["gain", "condition", "manipulability"])
+def test_a_column_is_left_out_only_of_blocks_in_which_it_follows_to_the_bit(recorded, tmp_path, name):
+    prepared, run, path = recorded
+    fields = stored(path, "/columns")["columns"]
+    assert not any(name in row[0] for row in fields)  # which is half of what there is to save
+    odd = rows(run, 0, 60)
+    values = odd.columns[name]
+    values.flat[values.size // 2] = np.nextafter(values.flat[values.size // 2], np.inf)
+    record(tmp_path / "odd.rrd", prepared, odd, 20)
+    kept = [name in row[0] for row in stored(tmp_path / "odd.rrd", "/columns")["columns"]]
+    assert kept == [20 <= tick < 40 for tick in range(60)]
+    assert_same_bits(read_columns(tmp_path / "odd.rrd"), odd.columns)
+
+
 def test_a_changed_last_bit_is_seen(recorded):
     _, run, path = recorded
     expected = {name: values.copy() for name, values in run.columns.items()}
@@ -223,7 +237,7 @@ def test_a_tick_takes_no_more_than_its_budget_on_disk(recorded, tmp_path):
 
 # Another process reads the run from an npz: it need not wait for the law to be compiled.
 PRELUDE = f"""
-import os, resource, signal, sys
+import os, resource, signal, sys, time
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from pathlib import Path
 from test_recording import PLANAR, Recorder, RecordingError, Run, blocks, loads, prepare, record
@@ -239,6 +253,17 @@ for part in blocks(run, 100)[:7]:
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
+KILLED_LATE = """
+from rmrc.recording import stream
+stream.LONG = 0.1
+recorder = Recorder(folder / "run.rrd", prepared)
+for i, part in enumerate(blocks(run, 100)):
+    recorder.write(part)
+    time.sleep(0.15 * (i == 6))
+    if i + 1 == int(sys.argv[2]):
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+
 FULL = """
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
@@ -249,8 +274,8 @@ except RecordingError as error:
 """
 
 
-def in_another_process(code, folder):
-    command = [sys.executable, "-c", PRELUDE + code, folder]
+def in_another_process(code, folder, *more):
+    command = [sys.executable, "-c", PRELUDE + code, folder, *more]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
@@ -265,6 +290,28 @@ def test_after_kill_9_every_block_written_is_readable(planar, tmp_path):
     # torn early in the last block, as when the computer stops
     os.truncate(part, int(done.stdout.split()[5]) + 2000)
     assert_same_bits(read_columns(part), rows(run, 0, 600).columns)
+
+
+@pytest.mark.parametrize("count", [7, 8])
+def test_a_run_killed_after_some_blocks_has_the_layout_and_its_rows(planar, tmp_path, count):
+    """The layout is written with the eighth block, or later: not before some time has passed."""
+    run = planar[1]
+    run.save(tmp_path / "run.npz")
+    done = in_another_process(KILLED_LATE, tmp_path, str(count))
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    part, seen = tmp_path / "run.rrd.part", tmp_path / "seen.rrd"
+    assert_same_bits(read_columns(part), rows(run, 0, 100 * count).columns)
+    repair(part, seen)
+    names = [
+        table["ViewBlueprint:display_name"][0]
+        for found in layouts(seen) for table in found.values() if "ViewBlueprint:display_name" in table
+    ]  # fmt: skip
+    plots = [name for name in names if name.startswith(("Joint rates", "Singular values"))]
+    assert len(plots) == (2 if count == 8 else 0)
+    if count == 8:
+        assert_looks_at_what_is_recorded(seen, [last_layout(seen)])
+        assert drawn(seen)["error"].shape == (800, 1)
+        assert {"Events", "Scenario", "Now"} <= {*names}
 
 
 @pytest.mark.long  # rerun may first have to be waited for
@@ -657,10 +704,10 @@ def final_views(path):
     return found
 
 
-def assert_looks_at_what_is_recorded(path):
+def assert_looks_at_what_is_recorded(path, found=None):
     """Hold the views of the layouts against what is in the file."""
     known = entities(path)
-    for tables in layouts(path):
+    for tables in layouts(path) if found is None else found:
         named = {
             row[0] for table in tables.values() for row in [table.get("ViewBlueprint:display_name")] if row
         }
@@ -669,7 +716,7 @@ def assert_looks_at_what_is_recorded(path):
         paths = [query.lstrip("+ ").removesuffix("/**") for query in queries if "$origin" not in query]
         assert "/columns" in paths
         missing = [one for one in paths if not any(entity.startswith(one) for entity in known)]
-        assert missing in ([], ["/events"])  # that of a run that is killed looks at the exact lane instead
+        assert missing in ([], ["/events"], ["/text/scorecard"])  # a run that is killed has neither
 
 
 # The plots ----------------------------------------------------------------------------------------
@@ -961,6 +1008,47 @@ def test_a_legend_has_room_or_says_less():
     assert panel.fitted(100.0).names == {"joints", "limit"}
     assert not panel.fitted(30.0).has_legend
     assert replace(panel, is_key=True).fitted(30.0).has_legend
+
+
+def seen_from(eye, points):
+    """Where points (p, 3) are in a picture of the recorded eye: from its middle, in heights of the picture."""
+    position, target = (np.array(eye[f"EyeControls3D:{name}"][0]) for name in ("position", "look_target"))
+    ahead = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(ahead, [0.0, 0.0, 1.0]) / np.linalg.norm(np.cross(ahead, [0.0, 0.0, 1.0]))
+    along = np.array([right, np.cross(right, ahead), ahead]) @ (points - position).T
+    return (along[:2] / along[2] / (2.0 * np.tan(VIEW_ANGLE / 2))).T
+
+
+@pytest.mark.parametrize("start", ["60 deg, -120 deg", "-60 deg, 120 deg"])
+def test_the_label_of_the_instant_lies_aside_of_the_arm_at_every_tick(start, tmp_path):
+    """In a window of 1280 × 720 a letter takes 7 points, a line 16, and the picture is 430 high.
+
+    The label hangs below its point. Links are straight from joint to joint. Straight below the tip, it
+    would lie over the second link of the arm that is folded to the other side.
+    """
+    text = PLANAR.replace("60 deg, -120 deg", start).replace("[1.99, 0.0]", "[1.2, 0.0]")
+    prepared, run = simulated(text + "look: {quantity: joints, at: 0}\ncontrol: {period: 0.01}\n")
+    record(tmp_path / "run.rrd", prepared, run)
+    (eye,) = [one for one in last_layout(tmp_path / "run.rrd").values() if "EyeControls3D:position" in one]
+    label = stored(tmp_path / "run.rrd", "/tip/look/text")
+    (line,) = label["LineStrips3D:strips"][0]
+    np.testing.assert_allclose(line, [run["pose"][0, :3], label["Points3D:positions"][0][0]], atol=1e-6)
+    sums = np.cumsum(run["q"], axis=1)
+    steps = np.stack([np.cos(sums), np.sin(sums), 0.0 * sums], axis=2)
+    along = np.linspace(0.0, 1.0, 50)[:, None, None]
+    arm = np.concatenate([along * steps[:, 0], steps[:, 0] + along * steps[:, 1]]).reshape(-1, 3)
+    half = np.array([7.0 * len(label["Points3D:labels"][0][0]) / 2, 8.0]) / 430.0
+
+    def is_over_the_arm(point):
+        middle = seen_from(eye, np.array([point])) - [0.0, 12.0 / 430.0]
+        return bool((np.abs(seen_from(eye, arm) - middle) < half).all(axis=1).any())
+
+    assert not is_over_the_arm(line[1])
+    assert (
+        np.abs(seen_from(eye, np.array([line[1]]))) + half < [VIEW_ASPECT / 2, 0.5]
+    ).all()  # in the picture
+    below = run["pose"][0, :3] - [0.0, 0.25 * 1.2, 0.0]
+    assert is_over_the_arm(below) is (start[0] == "-")
 
 
 @pytest.mark.parametrize("quantity", ["error", "rates", "joints"])

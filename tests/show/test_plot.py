@@ -77,6 +77,28 @@ def test_errors_along_and_across_add_up_to_the_error(left):
     assert split[1].max() > 10.0  # negative control: the tip does leave the line
 
 
+def test_the_wanted_path_of_a_tip_that_only_turns_is_a_mark(left):
+    """A line through one point alone is not seen; and along no path there is no error."""
+    run = left[1]
+    (dashed,) = [line for line in path_of(plot(run)).get_lines() if line.get_label() == "wanted"]
+    assert (dashed.get_linestyle(), dashed.get_marker()) == ("--", "None")
+    resting = dataclasses.replace(run, columns={**run.columns, "pose_ref": run["pose_ref"].copy()})
+    resting.columns["pose_ref"][:] = run["pose_ref"][0]
+    for picture in (plot(resting), plot({"one": resting, "other": resting})):
+        (mark,) = [line for line in path_of(picture).get_lines() if line.get_label().startswith("wanted")]
+        assert mark.get_marker() == "+"
+        assert mark.get_markersize() >= 6.0
+        axes = path_of(picture)
+        first, second = ("xyz".index(label[1]) for label in (axes.get_xlabel(), axes.get_ylabel()))
+        assert mark.get_xydata().tolist() == [run["pose_ref"][0, [first, second]].tolist()]
+    names = [line.get_label() for line in axes_of(plot(resting), "error").get_lines()]
+    assert names == ["position [mm]"]
+
+
+def path_of(picture):
+    return next(axes for axes in picture.get_axes() if re.fullmatch(r"\$[xyz]\$ \[m\]", axes.get_ylabel()))
+
+
 @given(st.integers(1, 5 * SPANS), st.integers(0, 2**32 - 1))
 def test_thinning_keeps_the_ends_and_the_peaks(count, seed):
     time, values = np.arange(count) * 1e-3, np.random.default_rng(seed).standard_normal(count)

@@ -113,6 +113,19 @@ def test_the_plots_of_a_page_hold_the_columns_and_their_peaks(pages, left):
     assert rates["range"][1] < 0.01 * peak  # off scale: the limits are seen
 
 
+@pytest.mark.parametrize(("limit", "told", "lines"), [
+    ((3.0, 5.0), "Joint rates; dotted: limits", 4), ((3e5, 5e5), "limits from 300,000 rad/s beyond the plot", 0),
+])  # fmt: skip
+def test_the_title_of_the_rates_says_where_their_limits_are(left, limit, told, lines):
+    run = dataclasses.replace(Run.read(left / "blow_up.npz"), rate_limit=limit)
+    rates = traces.of_run(run).panels[0]
+    assert rates.title.endswith(told)
+    assert len(rates.lines) == lines
+    assert rates.unit == "rate [rad/s]"
+    mixed = dataclasses.replace(run, is_slide=(False, True))
+    assert traces.of_run(mixed).panels[0].unit == "rate [rad/s, m/s]"
+
+
 def test_what_a_page_gives_to_paste_is_the_scenario_that_ran(pages, left):
     (text,) = [text for name, text in pages["run"].texts.items() if name.startswith("text-")]
     named = text.replace("planar_2link.xml", str(ROOT / "models/planar_2link.xml"))
@@ -325,7 +338,7 @@ def test_the_logarithmic_axis_of_a_page_has_three_powers_of_ten(browser, left, k
         };""")
     shown.goto((left / f"{kind}.html").as_uri())
     written = shown.evaluate("[...document.querySelectorAll('canvas')].map(c => c.written || [])")
-    (sigma,) = [texts for texts in written if any(text.startswith("σ, λ") for text in texts)]
+    (sigma,) = [texts for texts in written if any(text.startswith("σ") for text in texts)]
     small = {f"1e-{n}" for n in range(4, 10)} | {"0.001", "0.01", "0.1"}
     assert len(small & set(sigma)) >= 2 and "1" in sigma
     shown.close()

@@ -455,13 +455,16 @@ class Arm:
         Returns:
             Poses of all bodies in the world, (T, nbody, 7), and Jacobians of the site, (T, 6, n).
         """
-        poses, jacobians = np.empty((len(qpos), self.model.nbody, 7)), np.empty((len(qpos), 6, self.n))
-        for row, jacobian, configuration in zip(poses, jacobians, qpos, strict=True):
-            self._data.qpos[:] = configuration
-            jacobian[:] = self._fresh_jacobian()
-            row[:, :3], row[:, 3:] = self._data.xpos, self._data.xquat
-        self._data.qpos[:] = self._rest
-        return poses, jacobians
+        model, data, site = self.model, self._data, self.wiring.site
+        poses, full = np.empty((len(qpos), model.nbody, 7)), np.zeros((len(qpos), 6, model.nv))
+        places, turns, moves, spins = poses[..., :3], poses[..., 3:], full[:, :3], full[:, 3:]
+        for i, configuration in enumerate(qpos):
+            data.qpos[:] = configuration
+            mujoco.mj_fwdKinematics(model, data)
+            mujoco.mj_jacSite(model, data, moves[i], spins[i], site)
+            places[i], turns[i] = data.xpos, data.xquat
+        data.qpos[:] = self._rest
+        return poses, self._followed(full)
 
     @property
     def base(self) -> int:

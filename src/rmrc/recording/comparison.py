@@ -35,6 +35,7 @@ from rmrc.recording.events import CLOCK, Strip, ruled, words
 from rmrc.recording.layout import (
     ASPECT_COMPARED,
     PALE_ARM,
+    aside,
     backdrop,
     callout,
     eye,
@@ -193,8 +194,12 @@ class Overlay:
             [arm.seen for arm in self._arms], [arm.reached for arm in self._arms]
         )
         range_ = self._layout.range_of_sight([arm.seen for arm in self._arms])
+        framed = np.vstack([part for arm in self._arms for part in (arm.scene.points, arm.reached)])
+        marks = [(arm.scene, arm.seen.mark) for arm in self._arms if arm.seen.mark]
+        hands = [scene.hand(mark.instant) for scene, mark in marks]
+        taken = np.vstack([*(arm.covered for arm in self._arms), *hands])
         for i, arm in enumerate(self._arms):
-            arm.write_ending(span, range_, is_first=i == 0)
+            arm.write_ending(span, range_, framed, taken, is_first=i == 0)
         self._out.lay_out(layout)
         self._out.finish()
 
@@ -307,12 +312,22 @@ class _Arm(Track):
         if self.seen.mark is None or worth[row] > self.seen.mark.worth:
             self.seen.mark = Mark.of(part, row, values[:, None], float(worth[row]))
 
-    def write_ending(self, span: Span, range_: tuple[float, float] | None, *, is_first: bool) -> None:
+    def write_ending(
+        self,
+        span: Span,
+        range_: tuple[float, float] | None,
+        framed: NDArray[np.float64],
+        taken: NDArray[np.float64],
+        *,
+        is_first: bool,
+    ) -> None:
         """Write the facts that are known after the run: its events in words, and the instant to look at.
 
         Args:
             span: Span of the plots.
             range_: Range of the plot to look at; None: there is none.
+            framed: Points in the frame of the picture, (p, 3) [m].
+            taken: Points that the text at the instant must not cover, (p, 3) [m].
             is_first: Whether it is the variant that determines the instant.
         """
         events = self.strip.labels(self.seen.end, span.letters)
@@ -326,7 +341,8 @@ class _Arm(Track):
                 value = Values(stream.short("look"), np.clip(mark.values, *range_)[None])
                 self.send("look", self.at([mark.time]), value)
             tip, text = mark.instant["pose"][0, :3], mark.text if is_first else ""
-            for rest, what in callout(tip, text, self.scene, self._look.color).items():
+            end = aside(tip, text, self.scene, framed, taken, ASPECT_COMPARED) if text else tip
+            for rest, what in callout(tip, text, self.scene, end, self._look.color).items():
                 self._log(f"tip/look{rest}", *what)
 
     def _painted(self, shape: Shape) -> Shape | None:

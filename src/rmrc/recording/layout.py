@@ -26,8 +26,12 @@ VIEW_HEIGHT = 0.92
 # Positions in the static line of the target path.
 PATH_POINTS = 300
 
-# How far from the tip its label is, as a part of the reach.
-CALLOUT = 0.25
+# How far from the tip the edge of its label is at least, as a part of the reach.
+CALLOUT = 0.2
+# Cells of the height of the picture, for the search of a place for the label; half the height of the label
+# and half the width of a letter, in heights of the picture in a window of 1280 × 720.
+# The viewer writes it below its point, and its edge is this far from the tip at least.
+CELLS, HALF_LINE, HALF_LETTER, BELOW, APART = 48, 0.03, 0.009, 0.03, 0.1
 
 # How opaque the arm is that the law takes for the true one.
 PALE = 0.3
@@ -175,15 +179,59 @@ def pictures(
     ]
 
 
+def aside(
+    tip: NDArray[np.float64],
+    text: str,
+    scene: Scene,
+    framed: NDArray[np.float64],
+    taken: NDArray[np.float64],
+    aspect: float = VIEW_ASPECT,
+) -> NDArray[np.float64]:
+    """Return the nearest free place for a text beside the tip, as far from the eye as the tip, (3,).
+
+    Args:
+        tip: (3,) [m].
+        text: The text.
+        scene: The arm and its path.
+        framed: Points in the frame of the picture, (p, 3) [m].
+        taken: Points that the text must not cover, (p, 3) [m].
+        aspect: Width of the picture over its height.
+    """
+    axes, (center, distance) = screen(scene.normal), view(framed, scene.normal, aspect)
+    height = 2.0 * np.tan(VIEW_ANGLE / 2)
+    size = np.array([int(CELLS * aspect), CELLS])
+
+    def cells(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return points in cells from the lower left corner, (p, 2), and their distances from the eye."""
+        seen = (points - center) @ axes.T
+        away = distance - seen[:, 2]
+        return CELLS * (seen[:, :2] / away[:, None] / height) + size / 2, away
+
+    at = cells(np.vstack([taken, scene.path]))[0].astype(int)
+    is_taken = np.zeros(size, dtype=int)
+    is_taken[tuple(at[((at >= 0) & (at < size)).all(axis=1)].T)] = 1
+    half = np.ceil(CELLS * np.array([HALF_LETTER * len(text), HALF_LINE])).astype(int)
+    sums = np.pad(is_taken.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    wide, high = 2 * half + 1
+    counts = sums[wide:, high:] - sums[:-wide, high:] - sums[wide:, :-high] + sums[:-wide, :-high]
+    places = np.argwhere(counts == counts.min()) + half + 0.5
+    (own,), (away,) = cells(tip[None])
+    cell = height * away / CELLS
+    # the nearest beyond the ellipsoids around the tip, else the farthest of those that there are
+    gap = np.linalg.norm(np.maximum(np.abs(places - own) - half, 0.0), axis=1)
+    far = gap - max(CALLOUT * scene.reach / cell, APART * CELLS)
+    place = places[np.where(far >= 0.0, far, 2 * CELLS - far).argmin()] + [0.0, BELOW * CELLS]
+    return np.asarray(tip + cell * (place - own) @ axes[:2])
+
+
 def callout(
-    tip: NDArray[np.float64], text: str, scene: Scene, color: int = WHITE
+    tip: NDArray[np.float64], text: str, scene: Scene, end: NDArray[np.float64], color: int = WHITE
 ) -> dict[str, list[rr.AsComponents]]:
-    """Return a ball where the tip is, (3,), and a line from it to a text, which covers nothing of the hand.
+    """Return a ball where the tip is, (3,), and a line from it to a text that is at its end, (3,).
 
     By what their entities end with; without a text, the ball alone.
     """
     ball, thin = 0.01 * scene.reach, 0.0015 * scene.reach
-    end = tip - CALLOUT * scene.reach * screen(scene.normal)[1]
     found: dict[str, list[rr.AsComponents]] = {"": [rr.Points3D([tip], colors=color, radii=ball)]}
     if text:
         line = rr.LineStrips3D([[tip, end]], colors=color, radii=thin)
@@ -271,16 +319,21 @@ def screen(normal: int | None) -> NDArray[np.float64]:
     return np.array([right, np.cross(direction, right), direction])
 
 
-def eye(points: NDArray[np.float64], normal: int | None, aspect: float = VIEW_ASPECT) -> rrb.EyeControls3D:
-    """Return the eye that has all points (p, 3) in its frame."""
+def view(points: NDArray[np.float64], normal: int | None, aspect: float) -> tuple[NDArray[np.float64], float]:
+    """Return the center, (3,), and the distance of the eye that has all points (p, 3) in its frame."""
     axes = screen(normal)
     seen = points @ axes.T
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
     across = np.abs(seen - middle)[:, :2] / [aspect, VIEW_HEIGHT]
     distance = (across.max(axis=1) / np.tan(VIEW_ANGLE / 2) + (seen - middle)[:, 2]).max()
-    center = middle @ axes
+    return middle @ axes, float(distance)
+
+
+def eye(points: NDArray[np.float64], normal: int | None, aspect: float = VIEW_ASPECT) -> rrb.EyeControls3D:
+    """Return the eye that has all points (p, 3) in its frame."""
+    center, distance = view(points, normal, aspect)
     return rrb.EyeControls3D(
-        position=center + distance * axes[2],
+        position=center + distance * screen(normal)[2],
         look_target=center,
         eye_up=(0.0, 0.0, 1.0),
     )

@@ -1,6 +1,6 @@
 """The plots of one run: rates, singular values, error, torque, pace, and what the law believes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Literal
@@ -82,6 +82,7 @@ class Panels:
         self._load = _of_kinds(slides, "N·m", "N")
         self._small = _of_kinds(slides, "mrad", "mm")
         self.has_torque = has_torque
+        self.moves_q = prepared.hardware.moves_q
         self.is_slowed = POLICIES[scenario.control.at_singularity].slows
         self.has_second = scenario.control.nullspace.objective == "secondary"
         self._look = scenario.look
@@ -149,12 +150,12 @@ class Panels:
         if seen.mark is None or worth[row] > seen.mark.worth:
             seen.mark = Mark.of(part, row, values, float(worth[row]))
 
-    def mark(self, seen: Seen) -> Mark | None:
-        """Return the instant to look at, its values within the plot; None if the run ended before it."""
+    def mark(self, seen: Seen, found: Mapping[str, Panel]) -> Mark | None:
+        """Return the instant to look at, its values within its plot; None if the run ended before it."""
         mark, at = seen.mark, self._look.at if self._look else None
         if mark is None or (at is not None and at > seen.end + self.prepared.scenario.control.period):
             return None
-        range_ = self.all(seen)[self.sight].range
+        range_ = found[self.sight].range
         return mark if range_ is None else replace(mark, values=np.clip(mark.values, *range_))
 
     def marked(self, panel: Panel, mark: Mark) -> Panel:
@@ -192,7 +193,7 @@ class Panels:
             found["torque"] = self._torque(seen)
         if self.is_slowed:
             found["pace"] = self._pace(seen)
-        if self.prepared.hardware.moves_q:
+        if self.moves_q:
             found["belief"] = self._belief(seen)
         if self.sight == "joints":
             found["joints"] = self._positions(seen)

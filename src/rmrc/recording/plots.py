@@ -289,6 +289,7 @@ class Seen:
         self._peaks: dict[str, Peak] = {}
         self._least: dict[str, float] = {}
         self._sizes: dict[str, list[NDArray[np.float64]]] = {}
+        self._mostly: dict[str, float] = {}
 
     def add(self, time: NDArray[np.float64], values: Mapping[str, NDArray[np.generic]]) -> None:
         """Take a block.
@@ -298,6 +299,7 @@ class Seen:
             values: By name, (T,) or (T, width).
         """
         self.end = max(self.end, float(time[-1]))
+        self._mostly.clear()
         for name, found in values.items():
             wide = found.reshape(len(time), -1)
             if name in USUAL:
@@ -316,7 +318,9 @@ class Seen:
     def mostly(self, name: str) -> float:
         """Return the bound of a quantity of `USUAL` that holds at nine of ten ticks."""
         sizes = self._sizes.get(name)
-        return float(np.quantile(np.nan_to_num(np.concatenate(sizes)), 0.9)) if sizes else 0.0
+        if sizes and name not in self._mostly:
+            self._mostly[name] = float(np.quantile(np.nan_to_num(np.concatenate(sizes)), 0.9))
+        return self._mostly.get(name, 0.0)
 
 
 def rounded(largest: float, steps: float = 4.7) -> float:
@@ -400,7 +404,7 @@ def dashes(time: NDArray[np.float64], values: NDArray[np.float64], duration: flo
         duration: Duration of the run [s].
     """
     dash = np.floor(time / (duration / DASHES)).astype(np.int64)
-    size = np.nan_to_num(np.abs(values), nan=0.0, posinf=np.inf).max(axis=1)
+    size = np.fmax.reduce(np.abs(values), axis=1, initial=0.0)
     is_drawn = (dash % 2 == 0) | (dash == dash[size.argmax()])
     return np.where(is_drawn[:, None], values, np.nan)
 

@@ -45,6 +45,13 @@ COLORED = 0.3
 # Directions in which the farthest points must be in the frame: edges, corners and faces of a cube.
 DIRECTIONS = np.array([step for step in np.ndindex(3, 3, 3) if step != (1, 1, 1)], float) - 1.0
 
+# Points that stand for the arm where a label must not cover it: their distance as a part of the reach, the
+# most of them along an edge of a box around a body, and so many instants of each part of the run.
+DENSE, MOST_POINTS, INSTANTS = 0.04, 24, 8
+
+# Points in a ball of radius 1.
+BALL = np.array([step for step in np.ndindex(9, 9, 9) if np.linalg.norm(np.subtract(step, 4)) <= 4.1]) / 4 - 1
+
 # How far the axis of a joint is drawn out of its housing, and how large a housing may be: parts of the reach.
 AXIS, LONGEST_AXIS = 0.05, 0.3
 
@@ -146,6 +153,28 @@ class Scene:
         there = (frames.bodies[:, moving, None, :3] + corners @ turn).reshape(-1, 3)
         points = np.vstack([frames.tip, there]).astype(np.float32)
         return np.asarray(points[np.unique((DIRECTIONS @ points.T).argmax(axis=1))])
+
+    def covered(self, frames: Frames) -> Array:
+        """Return points all over the arm and of the tip at a few of some instants, (p, 3) [m]."""
+        few = slice(None, None, -(-len(frames.tip) // INSTANTS))
+        found = [frames.tip[few]]
+        for body, corners in self._corners.items():
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            counts = np.clip((high - low) / (DENSE * self.reach), 1, MOST_POINTS).astype(int) + 1
+            inside = low + (high - low) * np.array([*np.ndindex(*counts)]) / (counts - 1)
+            poses = frames.bodies[few, body]
+            turn = np.swapaxes(quat_to_matrix(poses[:, 3:]), 1, 2)
+            found.append((poses[:, None, :3] + inside @ turn).reshape(-1, 3))
+        return np.vstack(found)
+
+    def hand(self, instant: Run) -> Array:
+        """Return points in the ellipsoids and on the arrows at the one tick of a run, (p, 3) [m]."""
+        frames = self.frames(instant, np.array([0]))
+        tip, axes = frames.tip[0], quat_to_matrix(frames.axes[0]).T
+        arrows = np.linspace(-1.0, 1.0, len(BALL))[:, None] * (frames.dying_move + frames.dying_turn)
+        return np.asarray(
+            tip + np.vstack([BALL * frames.velocity @ axes, BALL * frames.force @ axes, arrows])
+        )
 
     def around(self, instant: Run) -> Array:
         """Return points around the hand at the one tick of a run, (p, 3) [m].

@@ -41,6 +41,7 @@ from rmrc.recording.layout import (
     GHOSTLY,
     PALE,
     YELLOW,
+    aside,
     callout,
     legend,
     marks,
@@ -51,12 +52,12 @@ from rmrc.recording.layout import (
     ramp,
 )
 from rmrc.recording.panels import Panels, stacked
-from rmrc.recording.plots import Seen, Span, dashes, logarithm
+from rmrc.recording.plots import Mark, Seen, Span, dashes, logarithm
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
 from rmrc.recording.track import Track, prefix_of
 from rmrc.recording.viewer import is_torn, repair
-from rmrc.results.columns import ADDED, COLUMNS, SAME, completed
+from rmrc.results.columns import ADDED, COLUMNS, SAME, completed, following
 from rmrc.results.run import Run
 from rmrc.show.palette import of_status
 from rmrc.simulation.prepare import Prepared
@@ -156,19 +157,19 @@ class Recorder:
 
 def _layout(
     scene: Scene, panels: Panels, seen: Seen | None = None, reached: Sequence[NDArray[np.float64]] = ()
-) -> tuple[rrb.Blueprint, Span]:
-    """Return the viewer's layout, and the time axis of its plots, for a finished run."""
+) -> tuple[rrb.Blueprint, Span, Mark | None]:
+    """Return the layout of a finished run, the time axis of its plots, and the instant to look at."""
     prepared = panels.prepared
     end = max(prepared.reference.duration, seen.end if seen else 0.0)
     found, look = panels.all(seen), None
-    mark = panels.mark(seen) if seen else None
+    mark = panels.mark(seen, found) if seen else None
     if mark is not None:
         found[panels.sight] = panels.marked(found[panels.sight], mark)
         look = (mark.text, scene.around(mark.instant)) if panels.is_of_hand else None
     status, time = ("/events", f"/{CLOCK}") if seen else ("/status", "")
     plots, span = stacked(found, end, status, first=panels.sight, time=time)
     views = pictures(scene, prepared, reached, look, ["/baseline/**"] * panels.has_baseline)
-    return page(views, TITLES, plots, "/now"), span
+    return page(views, TITLES, plots, "/now"), span, mark
 
 
 class _Ghost(Track):
@@ -240,7 +241,7 @@ class _Story(Track):
             found["log_sigma"] = sigma[:, :-1]
         if self._panels.has_second:
             found["log_secondary"] = logarithm(part["secondary_sigma"])[:, None]
-        if self._prepared.hardware.moves_q:
+        if self._panels.moves_q:
             found["belief"] = 1e3 * (part["q_believed"] - part["q"])
         found |= self._panels.only_if_looked_at(part)
         self._panels.watch(self._seen, part, found)
@@ -251,7 +252,7 @@ class _Story(Track):
         """Write the facts that are known after the run: events, the peak off the scale, and the layout."""
         seen = self._seen
         reached = [self.reached] if self._ghost is None else [self.reached, self._ghost.reached]
-        layout, span = _layout(self.scene, self._panels, seen, reached)
+        layout, span, looked_at = _layout(self.scene, self._panels, seen, reached)
         for entity, labels in (
             ("events", self._strip.labels(seen.end, span.letters)), (CLOCK, ruled(span.ruler)),
         ):  # fmt: skip
@@ -267,14 +268,16 @@ class _Story(Track):
             self.send(
                 "peak/sigma", self.at([sunk.time]), Values(stream.short("rate"), np.array([[sunk.value]]))
             )
-        looked_at = self._panels.mark(seen)
         if looked_at is not None:
             values = Values(stream.short("look"), looked_at.values[None])
             self.send("look", self.at([looked_at.time]), values)
             now = live.lines(self._prepared, looked_at.instant, np.zeros(1, np.int64))
             self.out.send("now", self.at([looked_at.time]), rr.TextDocument.columns(text=now))
             tip = looked_at.instant["pose"][0, :3]
-            for rest, what in callout(tip, looked_at.text, self.scene).items():
+            framed = np.vstack([self.scene.points, *reached])
+            taken = np.vstack([self.covered, self.scene.hand(looked_at.instant)])
+            end = aside(tip, looked_at.text, self.scene, framed, taken)
+            for rest, what in callout(tip, looked_at.text, self.scene, end).items():
                 self.out.log(f"tip/look{rest}", *what)
         self.out.lay_out(layout)
 
@@ -370,11 +373,13 @@ def _pieces(path: Path, whole: Path, variant: str | None, whose: str) -> _Pieces
         for chunk in RrdReader(whole).stream().filter(content=f"{prefix}columns", is_static=False):
             batch = chunk.to_record_batch()
             ticks = batch.column("tick").to_numpy(zero_copy_only=False)
-            rows = batch.column("columns").flatten()
+            rows, found = batch.column("columns").flatten(), {}
             for name in pieces.keys() & {one.name for one in rows.type}:
                 values = rows.field(name)
                 flat = values if values.type.num_fields == 0 else values.flatten()
-                pieces[name].append((ticks, flat.to_numpy(zero_copy_only=False).reshape(len(batch), -1)))
+                found[name] = flat.to_numpy(zero_copy_only=False).reshape(len(batch), -1)
+            for name, block in (following(found) | found).items():
+                pieces[name].append((ticks, block.reshape(len(batch), -1)))
         left_out = ADDED | {"path_time"}
         pieces = {name: found for name, found in pieces.items() if found or name not in left_out}
         variants = [] if all(pieces.values()) else _variants(whole)

@@ -5,7 +5,8 @@ Its entities stand below a prefix, so that a recording can hold many worlds:
     columns          at every tick, two components: `columns` has a field for every column of the run, of
                      float64, and status of int64; `curves` has derived curves, of float32. Columns that equal
                      others are left out: the arriving command if it is the commanded one, the estimate if it
-                     is true, qpos if it is q, and the time along a path that is not slowed
+                     is true, qpos if it is q, and the time along a path that is not slowed; and, of a block,
+                     those that follow from others to the bit (`results.columns.following`)
     arm/<body>       poses, with the geometries; meshes are static children
     believed/<body>  the same, pale, at the law's assumed configuration, if that is different
     tip/..           position and trail
@@ -25,6 +26,7 @@ from rmrc.recording.events import Label
 from rmrc.recording.layout import geometries, ghost, packed, xyzw
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Table, Values
+from rmrc.results.columns import following
 from rmrc.results.run import Run
 from rmrc.scenario.choices import POLICIES
 from rmrc.show.palette import hue
@@ -83,6 +85,7 @@ class Track:
         self._last: Run | None = None
         self._tip = self.scene.path[:1]
         self._reached: list[NDArray[np.float64]] = []
+        self._covered: list[NDArray[np.float64]] = []
         wiring = prepared.arm.wiring
         own = np.array_equal(wiring.qpos, np.arange(len(prepared.qpos)))
         direct, true = prepared.hardware.is_direct, not prepared.hardware.moves_q
@@ -98,6 +101,11 @@ class Track:
     def reached(self) -> NDArray[np.float64]:
         """Outermost points that the arm reaches, (p, 3) [m]."""
         return np.vstack([np.empty((0, 3)), *self._reached])
+
+    @property
+    def covered(self) -> NDArray[np.float64]:
+        """Points all over the arm at instants of the run, (p, 3) [m], if the scenario asks to look at one."""
+        return np.vstack([np.empty((0, 3)), *self._covered])
 
     def write_arm(
         self, paint: Callable[[Shape], Shape | None], *, has_outlines: bool = False, has_axes: bool = False
@@ -208,6 +216,9 @@ class Track:
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         """Write the values at every tick (T,) of a block."""
         kept = {name: one for name, one in part.columns.items() if not self._left_out.get(name, False)}
+        for name, values in following(part.columns).items():
+            if np.array_equal(values.view(np.int64), part[name].view(np.int64)):
+                del kept[name]
         kept["status"] = part.columns["status"].astype(np.int64)
         drawn = {name: one.astype(np.float32) for name, one in self.curves(part).items()}
         index = stream.index(ticks, part["time"])
@@ -221,6 +232,8 @@ class Track:
         """Write the visible objects at some instants."""
         self.send_bodies("arm", frames.bodies, index)
         self._reached.append(self.scene.outermost(frames))
+        if self._prepared.scenario.look is not None:
+            self._covered.append(self.scene.covered(frames))
         self.send("tip/now", index, Values(stream.POINT, frames.tip))
         before = np.concatenate([self._tip, frames.tip[:-1]])
         self._tip = frames.tip[-1:]

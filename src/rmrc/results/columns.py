@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,25 @@ ADDED = frozenset({"qpos", "tau_gravity", "qdot_arrived", "qdot_plain", "q_belie
 
 # Without a stage between them, the first equals the second to the bit; files of such runs lack it.
 SAME = {"qdot_arrived": "qdot_cmd", "q_believed": "q"}
+
+
+def following(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.float64]]:
+    """Return the columns that mostly follow from others of the same ticks, to the bit.
+
+    The operations are those of the law, in its order. A file may leave out a column that is equal to this.
+
+    Args:
+        columns: (T,) or (T, width) each; `sigma` and `damping` are among them.
+    """
+    sigma, damping = columns["sigma"], columns["damping"].reshape(-1, 1)
+    least = sigma[:, -1]
+    product = least.copy()
+    for j in range(sigma.shape[1] - 2, -1, -1):
+        product *= sigma[:, j]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        gain = np.where(damping > 0.0, sigma / (sigma * sigma + damping * damping), 1.0 / sigma)
+        condition = sigma[:, 0] / least
+    return {"gain": gain, "manipulability": product, "condition": condition}
 
 
 def completed(

@@ -23,6 +23,7 @@ from rmrc.show.panels import (
     arranged,
     decades,
     draw_spans,
+    draw_wanted,
     error_rows,
     frame_path,
     in_words,
@@ -61,7 +62,7 @@ def _draw_path(axes: Axes, runs: Runs) -> int:
     (reference, *_), taken = runs.values(), [run["pose"][:, :3] for run in runs.values()]
     wanted = reference["pose_ref"][:, :3]
     first, second = frame_path(axes, [wanted, *taken])
-    axes.plot(wanted[:, first], wanted[:, second], "--", color=GRAY, linewidth=1.4, label="wanted")
+    draw_wanted(axes, wanted, first, second)
     for style, positions in zip(_styles(runs), taken, strict=True):
         axes.plot(positions[:, first], positions[:, second], **style)
     return legend(axes, 2)
@@ -77,7 +78,7 @@ def _draw_rates(axes: Axes, runs: Runs) -> int:
     ]
     bound = 1.0 if is_share else bounds.pop() if len(bounds) == 1 else math.inf
     _draw_curves(axes, runs, curves, bound)
-    unit = "share of the limit" if is_share else f"{rate_unit(next(iter(runs.values())))}/s"
+    unit = "share of the limit" if is_share else rate_unit(next(iter(runs.values())))
     axes.set_ylabel(rf"largest $|\dot q|$ [{unit}]")
     return legend(axes, 3)
 

@@ -172,6 +172,19 @@ def frame_path(axes: Axes, positions: Sequence[Array]) -> tuple[int, int]:
     return first, second
 
 
+def draw_wanted(axes: Axes, wanted: Array, first: int, second: int) -> None:
+    """Draw the wanted path, (T, 3), on two world axes; that of a tip that only turns is a point."""
+    if is_point(wanted):
+        axes.plot(*wanted[0, [first, second]], "+", color="black", markersize=9, label="wanted (a point)")
+    else:
+        axes.plot(wanted[:, first], wanted[:, second], "--", color=GRAY, linewidth=1.4, label="wanted")
+
+
+def is_point(path: Array) -> bool:
+    """Return whether positions (T, 3) are all the same [m]."""
+    return bool(np.ptp(path, axis=0).max() <= POINT)
+
+
 def draw_spans(axes: Axes, run: Run, flag: Status, lane: float, color: str) -> None:
     """Draw when a status holds, outlined, so that one of a single tick is seen."""
     holds = (run["status"].astype(np.int64) & int(flag)) != 0
@@ -226,9 +239,9 @@ def on_paper(color: int) -> str:
 
 
 def rate_unit(run: Run) -> str:
-    """Return the unit of joint positions, which over s is that of the rates."""
+    """Return the unit of joint rates."""
     slides = set(run.is_slide)
-    return "rad, m" if len(slides) > 1 else "m" if slides == {True} else "rad"
+    return "rad/s, m/s" if len(slides) > 1 else "m/s" if slides == {True} else "rad/s"
 
 
 def power(value: float) -> float:
@@ -304,11 +317,12 @@ def split_error(run: Run, moved: Sequence[int]) -> tuple[Array, Array]:
 def off(run: Run) -> dict[str, tuple[Array, int]]:
     """Return the parts of the tracking error by their names, with units, (T,) each, and which curve each is.
 
-    A path along the axes of the arm or of the site has no direction in which its error could be split.
+    A path along the axes of the arm or of the site has no direction in which its error could be split. The
+    path of a tip that only turns has none either.
     """
     moved, turned = error_rows(run)
     found: dict[str, tuple[Array, int]] = {}
-    if moved and run.view.frame == "world":
+    if moved and run.view.frame == "world" and not is_point(run["pose_ref"][:, :3]):
         along, across = split_error(run, moved)
         found = {"along the path [mm]": (1e3 * along, 0), "across [mm]": (1e3 * across, 1)}
     elif moved:

@@ -26,6 +26,7 @@ from rmrc.show.panels import (
     arranged,
     decades,
     draw_spans,
+    draw_wanted,
     error_units,
     frame_path,
     grouped,
@@ -81,7 +82,7 @@ def _draw_path(axes: Axes, run: Run) -> int:
             *outline[:, [first, second]].T, facecolor=f"{green}30", edgecolor=green, linewidth=0.7,
             label=None if i else f"velocity ellips{'oid, shadow' if is_shadow else 'e'}, {time:g} s",
         )  # fmt: skip
-    axes.plot(wanted[:, first], wanted[:, second], "--", color=GRAY, linewidth=1.4, label="wanted")
+    draw_wanted(axes, wanted, first, second)
     axes.plot(taken[:, first], taken[:, second], color=blue, linewidth=1.1, label="actual")
     closest = int(np.argmin(run["sigma"][:, -1]))
     axes.plot(*taken[0, [first, second]], "o", color=blue, markersize=4, label="start")
@@ -104,7 +105,7 @@ def draw_rates(axes: Axes, run: Run) -> int:
     peak, told = float(both.max()), []
     _draw_limits(axes, np.where(limit < FAR * peak, limit, math.inf), colors)
     if is_far := bool(known) and known[0] >= FAR * peak:
-        told.append(f"limit{'s from' * (len(known) > 1)} {grouped(known[0])} {rate_unit(run)}/s ↑")
+        told.append(f"limit{'s from' * (len(known) > 1)} {grouped(known[0])} {rate_unit(run)} ↑")
     if known and peak > CLIPPED * known[-1]:
         axes.set_ylim(-CLIPPED * known[-1], CLIPPED * known[-1])
         j = int(both.max(axis=0).argmax()) % len(run.joints)
@@ -123,7 +124,7 @@ def draw_rates(axes: Axes, run: Run) -> int:
             fontsize=mpl.rcParams["legend.fontsize"],
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1.0},
         )  # fmt: skip
-    axes.set_ylabel(rf"rate $\dot q$ [{rate_unit(run)}/s]")
+    axes.set_ylabel(rf"rate $\dot q$ [{rate_unit(run)}]")
     return legend(axes, 4)
 
 

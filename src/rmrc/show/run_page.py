@@ -11,6 +11,7 @@ from rmrc.scenario import loads
 from rmrc.scenario.wording import block
 from rmrc.show import tables, traces
 from rmrc.show.page import Page
+from rmrc.show.panels import NAMES, applies
 from rmrc.show.plot import plot
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.support.errors import QuestionError, ScenarioError
@@ -22,6 +23,11 @@ FIGURES = (
     "position_error.end", "orientation_error.max", "orientation_error.end", "sigma.min", "condition.max",
     "damping.max", "path_rate.min", "duration", "completed",
 )  # fmt: skip
+# What the panels of a figure show.
+DRAWN = {
+    "path": "path", "rates": "rates", "sigma": "singular values", "error": "errors", "torque": "torques",
+    "pace": "pace", "status": "status", "g": "filter g(σ)",
+}  # fmt: skip
 
 
 def page(columns: Path) -> Page:
@@ -84,12 +90,10 @@ def _of_one(runs: Mapping[str, Run], facts: Mapping[str, Any]) -> Page:
         made.section("Assumptions", "These are in neither the scenario nor the model.")
         made.items(facts["assumed"])
     made.section("Results")
-    made.figure(
-        plot(run), f"{run.name}: path, rates against their limits, singular values, errors and status"
-    )
+    made.figure(plot(run), f"{run.name}: {_drawn({'': run})}")
     made.section("Over time")
     made.plots(traces.of_run(run))
-    made.section("Figures")
+    made.section("Metrics")
     for sheet in tables.sheets(run.scorecard, (), None if run.baseline is None else run.baseline.scorecard):
         made.table(sheet)
     _scenario(made, facts["scenario"])
@@ -104,7 +108,7 @@ def _of_several(runs: Mapping[str, Run], facts: Mapping[str, Any]) -> Page:
     for one in variants:
         _outcomes(made, one, f" of {one['label']}")
     made.section("Results")
-    made.figure(plot(runs), f"{facts['name']}: paths, rates, singular values, errors and status")
+    made.figure(plot(runs), f"{facts['name']}: {_drawn(runs)}")
     made.section("Over time")
     made.plots(traces.of_runs(runs))
     made.section("Inputs", "The first variant; the others differ in the keys that name them.")
@@ -115,6 +119,12 @@ def _of_several(runs: Mapping[str, Run], facts: Mapping[str, Any]) -> Page:
         made.items(list(assumed))
     _scenario(made, variants[0]["scenario"])
     return made
+
+
+def _drawn(runs: Mapping[str, Run]) -> str:
+    """Return the names of the panels of a figure, in words."""
+    names = [DRAWN[name] for name in NAMES if any(applies(name, run) for run in runs.values())]
+    return f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _outcomes(made: Page, facts: Mapping[str, Any], whose: str = "") -> None:

@@ -162,7 +162,7 @@ def of_runs(runs: Mapping[str, Run]) -> Traces:
     moved, turned = error_rows(first)
     rates = _curves(runs, {label: np.abs(run["qdot_cmd"]).max(axis=1) for label, run in runs.items()})
     panels = [
-        _norms("Largest commanded rate of a joint", f"rate [{' or '.join(units)}/s]", rates),
+        _norms("Largest commanded rate of a joint", f"rate [{' or '.join(units)}]", rates),
         _sigma(runs),
     ]
     for rows, title, unit in ((moved, "Position error", "mm"), (turned, "Rotation error", "mrad")):
@@ -207,18 +207,23 @@ def _rates(run: Run) -> Panel:
         bounds = bounds or _room([run["qdot_cmd"]], [other["qdot_cmd"]], -1.0)
         if bounds and float(np.abs(other["qdot_cmd"]).max()) > bounds[1]:
             told.append(f"baseline {_peak(other)}")
-    lines = [side * limit for limit in limits for side in (1.0, -1.0)]
-    title = "Joint rates; dotted: limits" if lines else "Joint rates"
+    drawn = [limit for limit in limits if limit <= (bounds[1] if bounds else peak)]
+    lines, title = [side * limit for limit in drawn for side in (1.0, -1.0)], "Joint rates"
+    if drawn:
+        title += "; dotted: limits"
+    elif limits:
+        title += (
+            f"; limit{'s from' * (len(limits) > 1)} {grouped(limits[0])} {rate_unit(run)} beyond the plot"
+        )
     beyond = f"{', '.join(told)}, beyond the plot" if told else ""
-    return Panel(title, f"rate [{rate_unit(run)}/s]", time, traces, lines, bounds, beyond)
+    return Panel(title, f"rate [{rate_unit(run)}]", time, traces, lines, bounds, beyond)
 
 
 def _peak(run: Run) -> str:
     """Return the largest commanded rate, and of which joint it is."""
-    rates = np.abs(run["qdot_cmd"])
-    return (
-        f"{grouped(float(rates.max()))} {rate_unit(run)}/s, of {run.joints[int(rates.max(axis=0).argmax())]}"
-    )
+    rates = np.abs(run["qdot_cmd"]).max(axis=0)
+    j = int(rates.argmax())
+    return f"{grouped(float(rates[j]))} {run.joint_unit(j)}/s, of {run.joints[j]}"
 
 
 def _times(run: Run) -> tuple[Array, Callable[[Run, Array], Array]]:
@@ -255,7 +260,8 @@ def _sigma(runs: Mapping[str, Run]) -> Panel:
     if below:
         title += "; dotted: ε, below which damping begins"
     bounds = decades(np.maximum(positive, LEAST * positive.max())) if len(positive) else None
-    return Panel(title, "σ, λ [1]", sigma[0], [*sigma[1], *shown], below, bounds, is_logarithmic=True)
+    unit = "σ, λ [1]" if shown else "σ [1]"
+    return Panel(title, unit, sigma[0], [*sigma[1], *shown], below, bounds, is_logarithmic=True)
 
 
 def _errors(run: Run) -> Panel:
