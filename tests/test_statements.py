@@ -405,8 +405,8 @@ def test_an_fr3_is_singular_with_its_elbow_bent():
     scenario_says(
         "fr3_elbow",
         "singular, with theta_4 = -26.76 deg: bent, and not where the forearm is straight",
-        "damped, the elbow stops short of that and comes back as it went; the pseudoinverse goes through, with drives "
-        "at their limits, and the hand is off by twice as much at least",
+        "damped, the elbow stops short of that and comes back as it went; the pseudoinverse goes through, with "
+        "actuators at their limits, and the hand is off by twice as much at least",
     )
     _, run, damped = ran("fr3_elbow")
     _, through, plain = ran("fr3_elbow", "control.inverse.method=pseudoinverse")
