@@ -405,8 +405,8 @@ def test_an_fr3_is_singular_with_its_elbow_bent():
     scenario_says(
         "fr3_elbow",
         "singular, with theta_4 = -26.76 deg: bent, and not where the forearm is straight",
-        "damped, the elbow stops short of that and comes back as it went; the pseudoinverse goes through, with drives "
-        "at their limits, and the hand is off by twice as much at least",
+        "damped, the elbow stops short of that and comes back as it went; the pseudoinverse goes through, with "
+        "actuators at their limits, and the hand is off by twice as much at least",
     )
     _, run, damped = ran("fr3_elbow")
     _, through, plain = ran("fr3_elbow", "control.inverse.method=pseudoinverse")
@@ -655,11 +655,11 @@ def test_drives_turn_an_outstretched_arm_so_fast(name, sentence, acceleration):
         ("`SINGULAR` | 32 | σ_k ≤ σ_1 / 100", "law.law.SINGULAR_BELOW", 0.01),
         ("is not finite, or beyond 10¹⁰, ends its world as diverged", "plants.lockstep.LARGEST", 1e10),
         ("J_a is refused there (|s_β| ≤ 10⁻¹²", "textbook.euler.SINGULAR", 1e-12),
-        ("σ_i ≤ 10⁻⁹ σ_1 is lost and σ_i ≤ σ_1/100 nearly lost", "law.task.RANK_TOLERANCE", 1e-9),
+        ("a direction with σ_i ≤ 10⁻⁹ σ_1 is lost", "law.task.RANK_TOLERANCE", 1e-9),
         ("μ begins with 0.03", "law.descent.FIRST_SHARE", 0.03),
         ("A goal counts as reached if |e| ≤ 10⁻⁹", "analysis.ik.solve.TOLERANCE", 1e-9),
-        ("Else the search begins again at up to 200", "analysis.ik.solve.RESTARTS", 200),
-        ("of 64 configurations side by side", "law.svd.LANES", 64),
+        ("Otherwise the search begins again at up to 200", "analysis.ik.solve.RESTARTS", 200),
+        ("for 64 configurations side by side", "law.svd.LANES", 64),
         ("ends where it began (to 1 mm and 1 mrad)", "results.scorecard.CLOSED", 1e-3),
         ("acceleration stay within 1.01 times their limits", "tuning.trials.TOLERANCE", 0.01),
     ],
@@ -687,9 +687,7 @@ def sweeps(matrix, basis):
 
 
 def test_neighboring_ticks_need_two_sweeps_rarely_one_or_three():
-    assert_says(
-        "docs/theory.md", "at a period of 1 ms neighboring ticks need two sweeps, rarely one or three"
-    )
+    assert_says("docs/theory.md", "At a period of 1 ms it needs two sweeps, rarely one or three")
     prepared, run, _ = ran("stanford_wrist")
     basis, counts = np.eye(6), []
     near = np.argmin(run["sigma"][:, -1])  # where the hand passes its singularity

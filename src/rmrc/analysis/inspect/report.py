@@ -47,7 +47,7 @@ KEYS = {
     "euler_rates": "E with w = E (alpha', beta', gamma'); the analytic jacobian, null where singular; words",
     "tip_error": "joints, displacement J dq, deviation, covariance, worst translation and rotation; or null",
     "statics": "wrench, equilibrium and equivalent torques, reactions, their points, disagreement; or null",
-    "mechanism": "drives, their positions, gap, rows, inverse K with rates = K twist, freedom; or null",
+    "mechanism": "actuators, their positions, gap, rows, inverse K with rates = K twist, freedom; or null",
     "warnings": "in words",
 }
 """Meaning of each key: SI units and radians; vectors along world axes except `jacobian`; finite numbers."""
@@ -334,7 +334,7 @@ def _reactions(balance: Balance) -> Sheet:
 
 
 def _mechanism(found: Mechanism) -> Sheet:
-    title, headings = "The mechanism, its loops closed", ("drive", "at", *found.rows)
+    title, headings = "The mechanism, its loops closed", ("actuator", "at", *found.rows)
     rows: list[tuple[str, ...]] = []
     if found.gap > OPEN:
         title = f"The mechanism: its loops do not close here, with {number(found.gap)} m left"

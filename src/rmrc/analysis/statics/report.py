@@ -31,7 +31,7 @@ def report(found: Statics) -> Report:
         >>> from rmrc.analysis.statics.statics import statics
         >>> shown = report(statics("models/planar_2link.xml", [0, -1, 0], [0.0, np.pi / 3]))
         >>> shown.sheets[1].title, shown.sheets[1].rows[0][:3], shown.json["torque"]["exceeded"]
-        ('Drives', ('shoulder [N·m]', '-1.500', '1.500'), [])
+        ('Actuators', ('shoulder [N·m]', '-1.500', '1.500'), [])
     """
     balance, other, held = found.balance, found.elsewhere, found.held
     sheets = [
@@ -169,7 +169,7 @@ def _drives(balance: Balance) -> Sheet:
         )
         for j in range(arm.n)
     ]
-    headings = ("drive", *columns, "limit", "margin", "")
+    headings = ("actuator", *columns, "limit", "margin", "")
     notes = [
         "Equivalent, Jᵀ F: torques with which the site presses on the world with this wrench.",
         "Balancing, −Jᵀ F: torques that hold the arm still while this wrench acts on it.",
@@ -181,7 +181,7 @@ def _drives(balance: Balance) -> Sheet:
             for x in (balance.torque[j], balance.margin[j], arm.torque_limit[j])
         )
         notes.append(f"{name} needs {need}: {over} more than its limit of {limit}.")
-    return Sheet("Drives", headings, rows, frozenset({0, len(headings) - 1}), notes=tuple(notes))
+    return Sheet("Actuators", headings, rows, frozenset({0, len(headings) - 1}), notes=tuple(notes))
 
 
 def _links(balance: Balance) -> list[Sheet]:
@@ -201,7 +201,7 @@ def _links(balance: Balance) -> list[Sheet]:
         unit = "N" if np.isinf(arm.chain.pitch[j]) else "N·m"
         rows.append((f"{arm.axis_names[j]} [{unit}]", shown(balance.driven[j]), *map(shown, taken)))
     title = "The actuator carries one component of the load, bearings and links the rest"
-    headings = ("joint", "drive", "thrust [N]", "radial force [N]", "moment about [N·m]", "bending [N·m]")
+    headings = ("joint", "actuator", "thrust [N]", "radial force [N]", "moment about [N·m]", "bending [N·m]")
     note = (
         "For the wrench alone. Link by link and by −Jᵀ F the actuator torques agree to "
         f"{number(balance.disagreement)}."
@@ -239,7 +239,7 @@ def _held(held: HoldResult) -> Sheet:
         )
         for j in range(arm.n)
     ]
-    headings = ("drive", "statics", "where it rests", "measured", "difference", "allowed", "")
+    headings = ("actuator", "statics", "where it rests", "measured", "difference", "allowed", "")
     way, turn = map(float, np.linalg.norm(held.drift.reshape(2, 3), axis=1))
     where = (
         f"After {number(len(held.run) * held.run.period)} s the site is {number(1e3 * way)} mm and "
