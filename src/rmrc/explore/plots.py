@@ -29,8 +29,8 @@ LEAST = 1e-3
 POINTS = 310
 # Ends of the axes of plots that move: of rates, in limits; of errors, at least [mm or mrad].
 LIMIT, LEAST_ERROR = 1.25, 1.0
-# Largest drawn value of the plain inverse and of the other run, in ends of the axis: near a singularity they go so
-# far beyond it that the browser would draw the unseen dashes for a second.
+# Largest drawn value of the plain inverse and of the other run, in ends of the axis: near a singularity they
+# go so far beyond it that the browser would draw the unseen dashes for a second.
 BEYOND = 3.0
 # Dashes of limits and bounds, and of the rates of the plain inverse [px].
 DOTS, PLAIN = (2.0, 4.0), (7.0, 4.0)
