@@ -47,14 +47,14 @@ def moved(page, chance, is_run):
     sliders = [one for one in page.get_by_role("slider").all() if one.is_visible()]
     # time, λ, ε, then K, rate, delay and lag in run mode; two joints first in drag mode
     row, key = chance.randrange(int(is_run), len(sliders)), chance.choice(KEYS)
-    one, tells = sliders[row], row > 2 if is_run else row < 2
+    one, tells = sliders[row], row in (3, 4) if is_run else row < 2
     before = one.get_attribute("aria-valuenow")
     page.evaluate(NOW)
     began = time.perf_counter()
     one.press(key)
     page.wait_for_timeout(100)
     if not tells or one.get_attribute("aria-valuenow") == before:
-        return None  # viser sends no curves that are equal to the last ones: λ may have no effect
+        return None  # viser sends no curves that are equal to the last ones: λ or a delay may change none
     page.wait_for_function(OTHERS, polling=50)
     return time.perf_counter() - began
 
