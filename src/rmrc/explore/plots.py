@@ -29,9 +29,6 @@ LEAST = 1e-3
 POINTS = 310
 # Ends of the axes of plots that move: of rates, in limits; of errors, at least [mm or mrad].
 LIMIT, LEAST_ERROR = 1.25, 1.0
-# Largest drawn value of the plain inverse and of the other run, in ends of the axis: near a singularity they
-# go so far beyond it that the browser would draw the unseen dashes for a second.
-BEYOND = 3.0
 # Dashes of limits and bounds, and of the rates of the plain inverse [px].
 DOTS, PLAIN = (2.0, 4.0), (7.0, 4.0)
 # Left and right of the data of a plot [px]: the lanes have them too, so that times are in line.
@@ -144,9 +141,10 @@ def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
         data.append(np.full(len(time), value))
         series.append(_series("ε" if panel.is_logarithmic else "limit", GRAYS[dark], 1.5, DOTS))
     low, high = panel.bounds or _range(data[1:])
+    # near a singularity others go so far beyond the axis that unseen dashes would take the browser a second
     for i, one in enumerate(drawn, 1):
         if one.is_gray or one.label.endswith("plain inverse"):
-            data[i] = data[i].clip(BEYOND * low, BEYOND * high)
+            data[i] = data[i].clip(low - (high - low), high + (high - low))
     scale: dict[str, Any] = {"range": (low, high)}
     if panel.is_logarithmic:
         scale = {"range": (max(low, min(LEAST, 0.01 * high)), high), "distr": 3, "log": 10}
