@@ -362,7 +362,13 @@ def test_the_textbook_is_a_page_of_the_server_with_the_rows_that_are_linked(serv
     assert "default-src 'none'" in policy
     assert "http" not in text
     linked = rows.links("null_space", ["A39"])
-    assert re.findall(r"\[(\w+)\]\(textbook#", linked) == ["A39", "A40"]  # A40 runs the scenario
+    assert re.findall(r"\[(\w+)\]\(textbook#", linked) == [
+        "A36",
+        "A39",
+        "A40",
+    ]  # A40 runs it; a lesson has A36
     for key in ("A39", "A40"):
         assert f'<tr id="{key}">' in text
+    # no row runs this one; its lesson names some
+    assert re.findall(r"\[(\w+)\]\(textbook#", rows.links("approach_singularity")) == ["A21", "C7", "D10"]
     assert rows.links("none_of_this_name") == ""

@@ -142,10 +142,11 @@ class Hand:
 
 
 def _round(step: float) -> float:
-    """Return 1, 2 or 5 times a power of ten, not above a step.
+    """Return 1, 2 or 5 times a power of ten, not above a step but by rounding.
 
-    >>> _round(0.021), _round(0.0099)
-    (0.02, 0.005)
+    >>> _round(0.021), _round(0.0099), _round(0.01 * (1.0 - 2e-16))
+    (0.02, 0.005, 0.01)
     """
     power = 10.0 ** math.floor(math.log10(step))
-    return float(f"{next(part * power for part in (5.0, 2.0, 1.0) if part * power <= step):.1g}")
+    most = step * (1.0 + 1e-9)  # its logarithm may round up to a whole number
+    return float(f"{next(part * power for part in (5.0, 2.0, 1.0) if part * power <= most):.1g}")

@@ -123,7 +123,7 @@ def _at(time: Array, run: Run, values: Array) -> Array:
 
 
 def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
-    """Return a panel as uPlot takes it. The data keep values beyond the axis."""
+    """Return a panel as uPlot takes it. The curves of the run keep values beyond the axis."""
     # from the lowest layer up: the other run, the rates of the plain inverse, the run
     drawn = sorted(panel.traces, key=lambda one: (not one.is_gray, not one.label.endswith("plain inverse")))
     rows = kept([one.values for one in drawn], ROOM)
@@ -141,6 +141,10 @@ def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
         data.append(np.full(len(time), value))
         series.append(_series("ε" if panel.is_logarithmic else "limit", GRAYS[dark], 1.5, DOTS))
     low, high = panel.bounds or _range(data[1:])
+    # near a singularity others go so far beyond the axis that unseen dashes would take the browser a second
+    for i, one in enumerate(drawn, 1):
+        if one.is_gray or one.label.endswith("plain inverse"):
+            data[i] = data[i].clip(low - (high - low), high + (high - low))
     scale: dict[str, Any] = {"range": (low, high)}
     if panel.is_logarithmic:
         scale = {"range": (max(low, min(LEAST, 0.01 * high)), high), "distr": 3, "log": 10}

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+from rmrc.scenario.lesson import SHIPPED, load_lesson
 from rmrc.support import shipped
 
 # Where the server has the page, relative to the page with the sliders.
@@ -21,14 +22,25 @@ def rows() -> dict[str, tuple[str, str]]:
     return {key: (what, command) for key, what, command in _ROW.findall(text)}
 
 
+@cache
+def _taught() -> dict[str, frozenset[str]]:
+    """Return the rows that the shipped lessons name, by their scenario."""
+    lessons = [load_lesson(name)[0] for name in SHIPPED]
+    names = {one.scenario for one in lessons}
+    return {
+        name: frozenset(key for one in lessons if one.scenario == name for key in one.rows) for name in names
+    }
+
+
 def links(scenario: str, named: Sequence[str] = ()) -> str:
     """Return links to rows as Markdown, or an empty text if there are none.
 
     Args:
-        scenario: Name of a scenario: the rows that run it.
+        scenario: Name of a scenario: the rows that run it, and those of the lessons about it.
         named: Numbers of further rows.
     """
-    found = {key for key, (_, command) in rows().items() if f"/{scenario}.yaml" in command} | set(named)
+    found = {key for key, (_, command) in rows().items() if f"/{scenario}.yaml" in command}
+    found |= _taught().get(scenario, frozenset()) | set(named)
     told = [f"[{key}]({PLACE}#{key}) {what}" for key, (what, _) in rows().items() if key in found]
     return f"**Textbook.** {'; '.join(told)}" if told else ""
 

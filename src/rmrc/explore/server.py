@@ -1,5 +1,6 @@
 """The server of the page: by default for this machine alone, and without viser's public tunnel."""
 
+import gc
 import io
 import os
 import socket
@@ -25,6 +26,8 @@ LOCAL = (LOOPBACK, "localhost")
 # The variable with which viser would replace the given port.
 OVERRIDE = "_VISER_PORT_OVERRIDE"
 TITLE = "rmrc explore"
+# Time from a closed tab to the end of its threads [s].
+SETTLED = 1.0
 # The warning of viser when a tab closes during a message.
 GONE = r"Queued a \w+ on a closed connection"
 
@@ -140,6 +143,10 @@ class Server:
             session = self.sessions.pop(client.client_id, None)
         if session is not None:
             session.close()
+            # its controls and viser's refer to each other: only the collector frees them
+            collector = threading.Timer(SETTLED, gc.collect)
+            collector.daemon = True
+            collector.start()
 
     def close(self) -> None:
         """End all sessions, and stop listening."""
