@@ -113,13 +113,13 @@ class Cache:
             except ModelError as error:
                 raise TargetError(str(error)) from None
 
-        places = Places(arm.base_pose, arm.joints, pose_at)
-        return self._references.get(
-            key,
-            lambda: make_reference(
+        def timed() -> Reference:
+            places = Places(arm.base_pose, arm.joints, pose_at)
+            return make_reference(
                 target.path, target.limits, arm.pose(q), period, target.offset, target.frame, places
-            ),
-        )
+            )
+
+        return self._references.get(key, timed)
 
     def task(self, scenario: Scenario, arm: Arm) -> Task:
         """Return the task of a scenario; finding its rank takes a millisecond."""
