@@ -341,8 +341,8 @@ class _Arm(Track):
                 value = Values(stream.short("look"), np.clip(mark.values, *range_)[None])
                 self.send("look", self.at([mark.time]), value)
             tip, text = mark.instant["pose"][0, :3], mark.text if is_first else ""
-            end = aside(tip, text, self.scene, framed, taken, ASPECT_COMPARED) if text else tip
-            for rest, what in callout(tip, text, self.scene, end, self._look.color).items():
+            place = aside(tip, text, self.scene, framed, taken, ASPECT_COMPARED)
+            for rest, what in callout(tip, text, self.scene, place, self._look.color).items():
                 self._log(f"tip/look{rest}", *what)
 
     def _painted(self, shape: Shape) -> Shape | None:

@@ -186,8 +186,10 @@ def aside(
     framed: NDArray[np.float64],
     taken: NDArray[np.float64],
     aspect: float = VIEW_ASPECT,
-) -> NDArray[np.float64]:
-    """Return the nearest free place for a text beside the tip, as far from the eye as the tip, (3,).
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the nearest free place for a text beside the tip, and the end of a line to it, (3,) each.
+
+    Both are as far from the eye as the tip.
 
     Args:
         tip: (3,) [m].
@@ -220,23 +222,30 @@ def aside(
     # the nearest beyond the ellipsoids around the tip, else the farthest of those that there are
     gap = np.linalg.norm(np.maximum(np.abs(places - own) - half, 0.0), axis=1)
     far = gap - max(CALLOUT * scene.reach / cell, APART * CELLS)
-    place = places[np.where(far >= 0.0, far, 2 * CELLS - far).argmin()] + [0.0, BELOW * CELLS]
-    return np.asarray(tip + cell * (place - own) @ axes[:2])
+    place = places[np.where(far >= 0.0, far, 2 * CELLS - far).argmin()]
+    ends = np.array([place, np.clip(own, place - half, place + half)])
+    ends[0, 1] += BELOW * CELLS
+    there = tip + cell * (ends - own) @ axes[:2]
+    return there[0], there[1]
 
 
 def callout(
-    tip: NDArray[np.float64], text: str, scene: Scene, end: NDArray[np.float64], color: int = WHITE
+    tip: NDArray[np.float64],
+    text: str,
+    scene: Scene,
+    place: tuple[NDArray[np.float64], NDArray[np.float64]],
+    color: int = WHITE,
 ) -> dict[str, list[rr.AsComponents]]:
-    """Return a ball where the tip is, (3,), and a line from it to a text that is at its end, (3,).
+    """Return a ball where the tip is, (3,), and a line from it to a text, by what their entities end with.
 
-    By what their entities end with; without a text, the ball alone.
+    Without a text, the ball alone. The place is that of `aside`.
     """
     ball, thin = 0.01 * scene.reach, 0.0015 * scene.reach
     found: dict[str, list[rr.AsComponents]] = {"": [rr.Points3D([tip], colors=color, radii=ball)]}
     if text:
-        line = rr.LineStrips3D([[tip, end]], colors=color, radii=thin)
+        line = rr.LineStrips3D([[tip, place[1]]], colors=color, radii=thin)
         # The viewer puts words on gray in the light theme, where no color but white is read.
-        words = rr.Points3D([end], colors=WHITE, radii=thin, labels=[text], show_labels=True)
+        words = rr.Points3D([place[0]], colors=WHITE, radii=thin, labels=[text], show_labels=True)
         found["/text"] = [line, words]
     return found
 

@@ -276,8 +276,8 @@ class _Story(Track):
             tip = looked_at.instant["pose"][0, :3]
             framed = np.vstack([self.scene.points, *reached])
             taken = np.vstack([self.covered, self.scene.hand(looked_at.instant)])
-            end = aside(tip, looked_at.text, self.scene, framed, taken)
-            for rest, what in callout(tip, looked_at.text, self.scene, end).items():
+            place = aside(tip, looked_at.text, self.scene, framed, taken)
+            for rest, what in callout(tip, looked_at.text, self.scene, place).items():
                 self.out.log(f"tip/look{rest}", *what)
         self.out.lay_out(layout)
 
