@@ -348,13 +348,15 @@ def both_ways(largest: float, steps: float = 4.7) -> tuple[float, float]:
         largest: Largest magnitude to show.
         steps: Possible steps between labels.
 
-    >>> both_ways(1.0), both_ways(3.0)
-    ((-1.05, 1.05), (-10.5, 10.5))
+    >>> [round(both_ways(x)[1], 3) for x in (1.0, 1.6, 3.0)]
+    [1.165, 1.68, 11.653]
     """
     if not (largest > 0.0 and math.isfinite(largest)):
         return -1.05, 1.05
     decade = 10.0 ** math.floor(math.log10(largest))
-    end = 1.05 * largest if 2.1 * largest <= steps * decade else 10.5 * decade
+    end, step = (1.05 * largest, decade) if 2.1 * largest <= steps * decade else (10.5 * decade, 10 * decade)
+    whole = step * math.floor(end / step) / (1.0 - 1.0 / (1.5 * steps))  # no number is cut in two at the end
+    end = max(end, min(whole, 0.5 * steps * step))
     return -end, end
 
 
