@@ -721,6 +721,8 @@ def assert_looks_at_what_is_recorded(path, found=None):
             row[0] for table in tables.values() for row in [table.get("ViewBlueprint:display_name")] if row
         }
         assert {"Events", "What you see", "Scorecard", "Scenario", "Now"} < named
+        origins = {table.get("ViewBlueprint:space_origin", [""])[0].strip("/") for table in tables.values()}
+        assert origins == {"", "now", "text/legend", "text/scorecard", "text/scenario"}
         queries = [query for table in tables.values() for query in table.get("ViewContents:query", ())]
         paths = [query.lstrip("+ ").removesuffix("/**") for query in queries if "$origin" not in query]
         assert "/columns" in paths

@@ -244,7 +244,7 @@ def callout(
     ball, thin = 0.01 * scene.reach, 0.0015 * scene.reach
     found: dict[str, list[rr.AsComponents]] = {"": [rr.Points3D([tip], colors=color, radii=ball)]}
     if text:
-        line = rr.LineStrips3D([[tip, place[1]]], colors=color, radii=thin)
+        line = rr.LineStrips3D([[tip, place[1]]], colors=mix(color, WHITE, 0.5), radii=thin)
         # The viewer puts words on gray in the light theme, where no color but white is read.
         words = rr.Points3D([place[0]], colors=WHITE, radii=thin, labels=[text], show_labels=True)
         found["/text"] = [line, words]
@@ -312,9 +312,9 @@ class _Writes:
         self.found: dict[tuple[str, bool], list[rr.AsComponents]] = {}
 
     def log(self, path: str, what: rr.AsComponents, *, static: bool = False) -> None:
-        if isinstance(what, ViewBlueprint) and what.space_origin is not None:
-            is_root = what.space_origin.as_arrow_array().to_pylist() == ["/"]
-            what.space_origin = None if is_root else what.space_origin
+        origin = what.space_origin if isinstance(what, ViewBlueprint) else None
+        if origin is not None and origin.as_arrow_array().to_pylist() == ["/"]:
+            cast(ViewBlueprint, what).space_origin = None
         self.found.setdefault((path, static), []).append(what)
 
 
