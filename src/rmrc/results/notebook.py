@@ -47,11 +47,13 @@ def _cell(value: object) -> str:
 
 
 def figures(name: str, card: Mapping[str, Any]) -> str:
-    """Return the defined metrics of a run, as HTML."""
+    """Return the defined metrics of a run, as HTML; not the times of others."""
+    # NaN is not equal to itself
+    known = {key for key, one in card.items() if one.value != "" and one.value == one.value}
     rows = [
         (key, one.value, one.unit, one.meaning)
         for key, one in card.items()
-        if one.value != "" and one.value == one.value  # NaN is not equal to itself
+        if key in known and (key.removesuffix("_time") in known or key.removesuffix("_time") not in card)
     ]
     return table(name, ("metric", "value", "unit", "meaning"), rows)
 
