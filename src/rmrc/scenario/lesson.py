@@ -1,4 +1,4 @@
-"""Lessons for `rmrc explore`: a scenario with questions, what to try, and a number to find, as YAML."""
+"""Lessons for `rmrc explore`: a scenario with questions, hints, and a number to find, as YAML."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal

@@ -30,7 +30,7 @@ HOLD = 0.5
 RMS = ": the rms distance of the site from the hinges' axes"
 
 Seen: TypeAlias = Callable[[Path], Path | str]
-"""Returns what a scenario has for a path."""
+"""Returns the path of a model as a scenario has it."""
 
 
 def text(
