@@ -323,8 +323,8 @@ def test_few_keys_have_no_default():
 def test_mistakes_of_a_text_come_all_at_once_and_those_of_its_model_after_them():
     assert_says(
         PAGES["Write a scenario"],
-        "All mistakes in its keys and values are reported at once, each with file, line, column and key; "
-        "what the model shows to be wrong is reported once these are right.",
+        "The program reports all mistakes in its keys and values at once, each with file, line, column and key. "
+        "It reports mistakes that only the model reveals after these are corrected.",
     )
     text = (ROOT / "scenarios/blow_up.yaml").read_text("utf-8").replace("../models", f"{ROOT}/models")
     wrong = text.replace("feedback: 20", "feedback: -1").replace("kv: 1000", "kw: 1000")

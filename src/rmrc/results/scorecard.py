@@ -548,10 +548,11 @@ def _profile(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
         "number of commands that the profile refuses; undefined without a profile",
     )
     yield "profile.first_time", tallies["broken_time"].tolist(), "s", f"when {first} was sent"
-    yield "profile.first_joint", joints, "", f"joint of {first} is for"
-    yield "profile.first_condition", conditions, "", f"what {first} breaks: {', '.join(CONDITIONS)}"
-    yield "profile.first_value", tallies["broken_value"].tolist(), "SI", f"{first}, its value there"
-    yield "profile.first_bound", tallies["broken_bound"].tolist(), "SI", f"{first}, the bound there"
+    yield "profile.first_joint", joints, "", f"joint of {first}"
+    broke = f"condition that {first} violates: {', '.join(CONDITIONS)}"
+    yield "profile.first_condition", conditions, "", broke
+    yield "profile.first_value", tallies["broken_value"].tolist(), "SI", f"value of {first}"
+    yield "profile.first_bound", tallies["broken_bound"].tolist(), "SI", f"bound that {first} violates"
 
 
 def _effort(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:

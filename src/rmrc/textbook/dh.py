@@ -97,7 +97,7 @@ class DHChain:
         convention: "modified" (rows α_i-1, a_i-1, d_i, θ_i) or "standard" (α_i, a_i, d_i, θ_i).
 
     Raises:
-        ModelError: Table and kinds differ in length, or a word is none of the above.
+        ModelError: Table and kinds differ in length, or a word is not one of the above.
 
     Example:
         Two links of 1 m, the first at 90°, the second bent back by 90°. The tool at the end of the second is

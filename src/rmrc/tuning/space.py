@@ -47,7 +47,7 @@ class Structure(NamedTuple):
         method: `control.inverse.method`.
         schedule: `control.inverse.damping.schedule`; "" for the methods that have none.
         at_singularity: `control.at_singularity`.
-        on_excess: `control.limits.on_excess`; "" for what the scenario has.
+        on_excess: `control.limits.on_excess`; "" for that of the scenario.
     """
 
     method: str

@@ -55,7 +55,7 @@ class Surrogate:
         return np.asarray((1.0 + distance + distance**2 / 3.0) * np.exp(-distance))
 
     def at(self, points: _Array, less: float) -> _Array:
-        """Return what figures may be at points, (k, 2): so many standard deviations less than expected."""
+        """Return optimistic metrics at points, (k, 2): this many standard deviations less than expected."""
         white = np.linalg.solve(self._root, self._kernel(points).T)
         spread = np.sqrt(np.maximum(1.0 - np.sum(white**2, axis=0), 0.0))
         return np.asarray(self._mean + self._scale * (white.T @ self._white - less * spread[:, None]))
