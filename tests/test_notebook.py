@@ -61,7 +61,7 @@ def test_no_repr_is_longer_than_a_screen(run):
 
 def test_a_scorecard_is_a_table_of_its_defined_figures(run):
     head, *rows = Table(run._repr_html_()).rows
-    assert head == ["figure", "value", "unit", "meaning"]
+    assert head == ["metric", "value", "unit", "meaning"]
     shown = {row[0]: row[1] for row in rows}
     for name, figure in run.scorecard.items():
         if figure.value == "" or (isinstance(figure.value, float) and np.isnan(figure.value)):
@@ -75,7 +75,7 @@ def test_a_scorecard_is_a_table_of_its_defined_figures(run):
 def test_runs_side_by_side_show_what_differs(run):
     other = rmrc.run(rmrc.load("line_tracking").set({"control.feedback": 5}))
     head, *rows = Table(Runs({"as <it> is": run, "less": other})._repr_html_()).rows
-    assert head == ["figure", "unit", "as <it> is", "less"]
+    assert head == ["metric", "unit", "as <it> is", "less"]
     shown = {row[0]: row[2:] for row in rows}
     assert "position_error.max" in shown
     assert "ticks" not in shown  # both have as many

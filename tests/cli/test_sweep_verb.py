@@ -40,7 +40,7 @@ def test_a_grid_is_run_summed_up_and_its_worst_run_recorded(rmrc, tmp_path):
     worst = max(rows, key=lambda row: (row["joint_rate.peak"], -row["index"]))["index"]
     lines = [" ".join(line.split()) for line in out.splitlines() if line.strip()]
     assert lines[:3] == ["quick: 4 runs", "complete 4", "all expectations met 4"]
-    assert lines[3] == "figure least run most run"
+    assert lines[3] == "metric least run most run"
     assert any(line.startswith("joint_rate.peak [rad/s] 0.") for line in lines)
     assert "run 2 (control.feedback=10, control.inverse.method=damped)" in lines
     assert lines[-2:] == [

@@ -80,8 +80,8 @@ def stored(path, content):
 
 def drawn(path, label):
     """What is only drawn of a variant at every tick, by name, (T,)."""
-    found = stored(path, entity(label, "columns"))["curves"]
-    return {name: np.array([row[0][name][0] for row in found]) for name in found[0][0]}
+    found = stored(path, entity(label, "columns"))["columns"]
+    return {name: np.array([np.ravel(row[0][name])[0] for row in found]) for name in found[0][0]}
 
 
 def assert_same_bits(columns, expected):

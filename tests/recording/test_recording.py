@@ -120,7 +120,7 @@ def stored(path, entity):
 
 def drawn(path, entity="/columns"):
     """What is only drawn at every tick, by name: (T, width)."""
-    found = stored(path, entity)["curves"]
+    found = stored(path, entity)["columns"]
     return {name: np.array([row[0][name] for row in found]) for name in found[0][0]}
 
 
@@ -151,7 +151,7 @@ def test_columns_do_not_depend_on_the_size_of_blocks_and_keep_nan_and_infinity(p
     assert_same_bits(read_columns(tmp_path / "run.rrd"), run.columns)
 
 
-@pytest.mark.parametrize("name", ["gain", "condition", "manipulability"])
+@pytest.mark.parametrize("name", ["gain", "condition", "manipulability", "pose_error"])
 def test_a_column_is_left_out_only_of_blocks_in_which_it_follows_to_the_bit(recorded, tmp_path, name):
     prepared, run, path = recorded
     fields = stored(path, "/columns")["columns"]
@@ -602,6 +602,14 @@ def states(path, entity):
     return sorted(found)
 
 
+@pytest.fixture
+def patience(monkeypatch):
+    """The layout of a run that lasts is written with the first block."""
+    monkeypatch.setattr(stream, "PATIENT", 1)
+    monkeypatch.setattr(stream, "LONG", -1.0)
+
+
+@pytest.mark.usefixtures("patience")
 def test_the_status_is_one_lane_of_words_that_change_exactly_where_it_does(planar, tmp_path):
     prepared, run = planar[0], rows(planar[1], 0, 60)
     status = run.columns["status"]
@@ -619,6 +627,7 @@ def test_the_status_is_one_lane_of_words_that_change_exactly_where_it_does(plana
     assert re.fullmatch(r"← damped, rate limited · rate limited", events[3][1])
 
 
+@pytest.mark.usefixtures("patience")
 def test_a_divergence_is_shown_in_its_lane(planar, tmp_path):
     prepared, run = planar
     divergence = Divergence(60, 0.06, "elbow", "not finite")
@@ -712,6 +721,8 @@ def assert_looks_at_what_is_recorded(path, found=None):
             row[0] for table in tables.values() for row in [table.get("ViewBlueprint:display_name")] if row
         }
         assert {"Events", "What you see", "Scorecard", "Scenario", "Now"} < named
+        origins = {table.get("ViewBlueprint:space_origin", [""])[0].strip("/") for table in tables.values()}
+        assert origins == {"", "now", "text/legend", "text/scorecard", "text/scenario"}
         queries = [query for table in tables.values() for query in table.get("ViewContents:query", ())]
         paths = [query.lstrip("+ ").removesuffix("/**") for query in queries if "$origin" not in query]
         assert "/columns" in paths
@@ -740,10 +751,11 @@ def test_every_line_keeps_its_peaks_and_the_one_drawn_is_that_of_the_scorecard(r
 def test_what_is_only_drawn_is_that_of_the_columns(recorded):
     prepared, run, path = recorded
     curves, sigma = drawn(path), run["sigma"]
-    np.testing.assert_allclose(10.0 ** curves["log_sigma_min"][:, 0], sigma[:, -1], rtol=1e-5)
-    damped = run["damping"] > 0.0
-    assert (np.isnan(curves["log_damping"][:, 0]) == ~damped).all()
-    np.testing.assert_allclose(10.0 ** curves["log_damping"][damped, 0], run["damping"][damped], rtol=1e-4)
+    logs, damped = curves["logs"], run["damping"] > 0.0
+    np.testing.assert_allclose(10.0 ** logs[:, 0], sigma[:, -1], rtol=1e-5)
+    np.testing.assert_allclose(10.0 ** logs[:, 1:-1], sigma[:, :-1], rtol=1e-5)
+    assert (np.isnan(logs[:, -1]) == ~damped).all()
+    np.testing.assert_allclose(10.0 ** logs[damped, -1], run["damping"][damped], rtol=1e-4)
     position = 1e3 * np.sqrt((run["pose_error"][:, : 2 if prepared.arm.n == 2 else 3] ** 2).sum(axis=1))
     np.testing.assert_allclose(curves["error"][:, 0], position, rtol=1e-6)
 
@@ -994,7 +1006,7 @@ def test_time_zero_is_at_the_same_place_in_every_plot(planar, tmp_path):
 
 def seen_of(prepared, run):
     panels, seen = Panels(prepared), plots.Seen()
-    nothing = {name: np.zeros((len(run), 1)) for name in ("error", "log_sigma_min")}
+    nothing = {name: np.zeros((len(run), 1)) for name in ("error", "logs")}
     panels.watch(seen, run, nothing)
     return seen
 

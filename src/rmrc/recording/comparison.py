@@ -558,7 +558,7 @@ class _Layout:
             if not lacks:
                 width = _look(0, drawn.index(prefix), len(self._labels)).width
                 shade, width = (mix(tint, WHITE, 0.5), 1.0) if is_thin else (tint, width)
-                found.append(Curve(f"{prefix}columns", f"curves.{name}[]", [label], [shade], width))
+                found.append(Curve(f"{prefix}columns", f"columns.{name}[]", [label], [shade], width))
         return found
 
     @staticmethod

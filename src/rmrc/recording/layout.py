@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
+from rerun.blueprint.archetypes import ViewBlueprint
 
 from rmrc.arm import Shape
 from rmrc.recording.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS, Scene
@@ -243,7 +244,7 @@ def callout(
     ball, thin = 0.01 * scene.reach, 0.0015 * scene.reach
     found: dict[str, list[rr.AsComponents]] = {"": [rr.Points3D([tip], colors=color, radii=ball)]}
     if text:
-        line = rr.LineStrips3D([[tip, place[1]]], colors=color, radii=thin)
+        line = rr.LineStrips3D([[tip, place[1]]], colors=mix(color, WHITE, 0.5), radii=thin)
         # The viewer puts words on gray in the light theme, where no color but white is read.
         words = rr.Points3D([place[0]], colors=WHITE, radii=thin, labels=[text], show_labels=True)
         found["/text"] = [line, words]
@@ -277,7 +278,7 @@ def page(
     texts = rrb.Tabs(
         *(rrb.TextDocumentView(origin=f"/text/{name}", name=title) for name, title in titles.items())
     )
-    return rrb.Blueprint(
+    return Page(
         rrb.Horizontal(
             rrb.Vertical(*left, texts, row_shares=[9 - texts_share, *[1.15] * bool(now), texts_share]),
             plots,
@@ -289,9 +290,37 @@ def page(
     )
 
 
+class Page(rrb.Blueprint):
+    """A layout with one write for each of its entities, and without what the viewer assumes anyway.
+
+    Each write takes a kilobyte or two, and each component of an entity another; rerun makes several writes
+    of a curve, with the time of each.
+    """
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        stream.set_log_time_enabled(False)
+        writes = _Writes()
+        super()._log_to_stream(cast(rr.RecordingStream, writes))
+        for (path, static), what in writes.found.items():
+            stream.log(path, *what, static=static)
+
+
+class _Writes:
+    """What a layout writes, by entity, and whether it is static."""
+
+    def __init__(self) -> None:
+        self.found: dict[tuple[str, bool], list[rr.AsComponents]] = {}
+
+    def log(self, path: str, what: rr.AsComponents, *, static: bool = False) -> None:
+        origin = what.space_origin if isinstance(what, ViewBlueprint) else None
+        if origin is not None and origin.as_arrow_array().to_pylist() == ["/"]:
+            cast(ViewBlueprint, what).space_origin = None
+        self.found.setdefault((path, static), []).append(what)
+
+
 def opening(picture: rrb.Spatial3DView) -> rrb.Blueprint:
     """Return the layout of a page while it loads the rest: the picture alone."""
-    return rrb.Blueprint(picture, *_panels(), auto_views=False, auto_layout=False)
+    return Page(picture, *_panels(), auto_views=False, auto_layout=False)
 
 
 def _panels() -> tuple[rrb.BlueprintPanel, rrb.SelectionPanel, rrb.TimePanel]:

@@ -128,7 +128,7 @@ class Panels:
         """Keep the instant to look at, if it is in a block: the requested one, or the worst one."""
         plotted = {
             "rates": part["qdot_cmd"],
-            "sigma": derived.get("log_secondary", derived["log_sigma_min"]),
+            "sigma": derived["logs"][:, -1:] if self.has_second else derived["logs"][:, :1],
             "error": derived["error"],
             "joints": derived.get("joints"),
             "rotation": derived.get("turn"),
@@ -241,11 +241,11 @@ class Panels:
             drawn = [name if abs(level) <= top else first for name, level in both]
             curves.append(Curve("limits", "rate", drawn, colors, 1.0, spare=[first]))
         plain = ["plain J⁻¹"] * n
-        curves.insert(0, Curve("columns", "curves.plain[]", plain, self._hues, 1.5, spare=self._joints))
+        curves.insert(0, Curve("columns", "columns.plain[]", plain, self._hues, 1.5, spare=self._joints))
         title += ", plain J⁻¹ dashed"
         if self.has_baseline:
             gray, ghost = [mix(one, GRAY, 0.5) for one in self._hues], ["baseline"] * n
-            curves.insert(0, Curve("baseline/columns", "curves.dashed[]", ghost, gray, 1.5))
+            curves.insert(0, Curve("baseline/columns", "columns.dashed[]", ghost, gray, 1.5))
         if seen is None:
             return Panel(title, curves, None, is_key=True)
         if beyond:
@@ -262,20 +262,16 @@ class Panels:
     def _sigma(self, seen: Seen | None) -> Panel:
         k = min(len(self._joints), len(self.axes))
         most = seen.peak("damping") if seen else None
-        damping = ["λ" if most is None or most.value > 0.0 else "σ_min"]
-        shared = ["σ_min"]  # where there is no room: with the color of the first curve
+        shared, damping = "σ_min", "λ" if most is None or most.value > 0.0 else "σ_min"
+        looks = [(shared, GREEN, 3.5), *[("other σ", LIME, 1.2)] * (k - 1), (damping, MAGENTA, 2.0)]
+        looks += [("σ left to 2nd", SLATE, 2.0)] * self.has_second
+        names, tints, widths = zip(*looks, strict=True)
+        # where there is no room: with the name and the color of the first curve
+        spare = [shared if name == "other σ" else name for name in names]
         curves = [
-            Curve("columns", "curves.log_sigma_min[]", ["σ_min"], [GREEN], 3.5),
-            Curve(
-                "columns", "curves.log_sigma[]", ["other σ"] * (k - 1), [LIME] * (k - 1), 1.2, spare=shared
-            ),
-            Curve("columns", "curves.log_damping[]", damping, [MAGENTA], 2.0),
-            Curve("limits", "epsilon", ["ε"], [GRAY], 1.0, spare=shared),
+            Curve("columns", "columns.logs[]", names, tints, widths, spare=spare),
+            Curve("limits", "epsilon", ["ε"], [GRAY], 1.0, spare=[shared]),
         ]
-        if k == 1:
-            del curves[1]
-        if self.has_second:
-            curves.append(Curve("columns", "curves.log_secondary[]", ["σ left to 2nd"], [SLATE], 2.0))
         title = "Singular values σ, damping λ and ε (gray), as log₁₀"
         if seen is None:
             return Panel(title, curves)
@@ -303,7 +299,7 @@ class Panels:
         range_ = (0.0, rounded(abs(peak.value), self._steps("tabs", seen))) if peak else None
         unit = ", ".join(name.split("[")[1].rstrip("]") for name in self.errors)
         names = [name.split(" ")[0] for name in self.errors]
-        curve = Curve("columns", "curves.error[]", names, colors, 2.0)
+        curve = Curve("columns", "columns.error[]", names, colors, 2.0)
         alone = "Tip error [mm], rotation gray [mrad]" if len(names) == 2 else ""
         return Panel(f"Tip error [{unit}]", [curve], range_, alone=alone)
 
@@ -327,7 +323,7 @@ class Panels:
         return Panel("Pace ṡ along the path [1 = as planned]", [curve], range_)
 
     def _positions(self, seen: Seen) -> Panel:
-        curves = [Curve("columns", "curves.joints[]", self._joints, self._hues, 3.0, spare=["joints"])]
+        curves = [Curve("columns", "columns.joints[]", self._joints, self._hues, 3.0, spare=["joints"])]
         ends = self._ends()
         if ends:
             names, tints = ["limits"] * len(ends), [tint for _, tint in ends]
@@ -338,8 +334,8 @@ class Panels:
 
     def _rotation(self, seen: Seen) -> Panel:
         curves = [
-            Curve("columns", "curves.turn_error[]", ["error"], [SLATE], 5.0),
-            Curve("columns", "curves.turn[]", ["wanted", "actual"], [mix(GOLD, WHITE, 0.5), GOLD], 2.0),
+            Curve("columns", "columns.turn_error[]", ["error"], [SLATE], 5.0),
+            Curve("columns", "columns.turn[]", ["wanted", "actual"], [mix(GOLD, WHITE, 0.5), GOLD], 2.0),
         ]
         peak = seen.peak("turn", "turn_error")
         range_ = (0.0, rounded(abs(peak.value), self._steps("tabs", seen))) if peak else None
@@ -347,7 +343,7 @@ class Panels:
 
     def _belief(self, seen: Seen | None) -> Panel:
         peak = seen.peak("belief") if seen else None
-        curve = Curve("columns", "curves.belief[]", self._joints, self._hues, 2.0, spare=["joints"])
+        curve = Curve("columns", "columns.belief[]", self._joints, self._hues, 2.0, spare=["joints"])
         range_ = both_ways(abs(peak.value), self._steps("tabs", seen)) if peak else None
         title = f"Joints as believed, less true [{self._small}]"
         return Panel(title, [curve], range_)

@@ -57,7 +57,7 @@ class Curve:
         source: Component, and field of it: `columns.qdot[]` are all numbers of the field `qdot`.
         names: In the legend, which has each once, in the color that comes first.
         colors: 0xRRGGBBAA.
-        width: Width of the lines [points].
+        width: Width of the lines, or of each [points].
         marker: Instead of lines, points of this shape.
         spare: Names instead of them where the legend has no room; one is that of all.
     """
@@ -66,7 +66,7 @@ class Curve:
     source: str
     names: Sequence[str]
     colors: Colors
-    width: float = 2.0
+    width: float | Sequence[float] = 2.0
     marker: Literal["up", "down", "diamond"] | None = None
     spare: Sequence[str] = ()
 
@@ -80,14 +80,14 @@ class Curve:
             selector=dot + field_,
         )
         names, colors = list(self.names), np.array(self.colors, np.uint32)
+        widths = np.broadcast_to(self.width, len(names))
         if self.marker is not None:
-            sizes = [self.width] * len(names)
-            points = rr.SeriesPoints(names=names, colors=colors, markers=self.marker, marker_sizes=sizes)
+            points = rr.SeriesPoints(names=names, colors=colors, markers=self.marker, marker_sizes=widths)
             return points.visualizer(mappings=[source])
         lines = rr.SeriesLines(
             names=names,
             colors=colors,
-            widths=[self.width] * len(names),
+            widths=widths,
             aggregation_policy=rr.components.AggregationPolicy.MinMax,
         )
         return lines.visualizer(mappings=[source])

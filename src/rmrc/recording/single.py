@@ -11,8 +11,8 @@ Entities:
     target/..        path, and the present target pose
     tip/..           trail, ellipsoids and the lost direction
     now              the line of numbers, as a text
-    status           the statuses, in words, only where they change
-    events           the same after the run; short ones are named beside them
+    status           the statuses of a run that lasts, in words, only where they change
+    events           the same after any run; short ones are named beside them
     time             its times, where the plots have few
     baseline/..      columns, ghost of the arm and trail of the scenario's baseline, if it has one
     text/..          legend, scorecard, scenario
@@ -57,7 +57,7 @@ from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
 from rmrc.recording.track import Track, prefix_of
 from rmrc.recording.viewer import is_torn, repair
-from rmrc.results.columns import ADDED, COLUMNS, SAME, completed, following
+from rmrc.results.columns import ADDED, COLUMNS, SAME, completed, restored
 from rmrc.results.run import Run
 from rmrc.show.palette import of_status
 from rmrc.simulation.prepare import Prepared
@@ -93,7 +93,7 @@ class Recorder:
         scene, scenario = Scene(prepared), prepared.scenario
         panels = Panels(prepared, baseline is not None)
         first = opening(pictures(scene, prepared, [])[0])
-        self._out = Stream(path, scenario.name, first, lambda: _layout(scene, panels)[0])
+        self._out = Stream(path, scenario.name, first, lambda: self._story.layout())  # noqa: PLW0108 - it is made below
         self.path, self.part_path = self._out.path, self._out.part_path
         self._ghost = None if baseline is None else _Ghost(self._out, baseline)
         self._story = _Story(self._out, scene, panels, self._ghost)
@@ -206,6 +206,7 @@ class _Story(Track):
         super().__init__(out, prepared, scene=scene)
         self._ghost, self._panels = ghost, panels
         self._seen, self._strip = Seen() if ghost is None else ghost.seen, Strip()
+        self._changes: list[tuple[int, float, int]] = []
         self._looks: dict[str, int] = {}
         frame = self.stride * prepared.scenario.control.period
         self._read = self.stride * max(1, round(READ_PERIOD / frame))
@@ -233,14 +234,13 @@ class _Story(Track):
         found = {
             "error": 1e3
             * np.column_stack([np.linalg.norm(part["pose_error"][:, rows], axis=1) for rows in kinds]),
-            "log_sigma_min": sigma[:, -1:],
             "plain": dashes(part["time"], part["qdot_plain"], self._prepared.reference.duration),
-            "log_damping": np.where(damping > 0.0, logarithm(damping), np.nan),  # a gap where there is none
         }
-        if sigma.shape[1] > 1:
-            found["log_sigma"] = sigma[:, :-1]
+        # a gap where there is no damping
+        logs = [sigma[:, -1:], sigma[:, :-1], np.where(damping > 0.0, logarithm(damping), np.nan)]
         if self._panels.has_second:
-            found["log_secondary"] = logarithm(part["secondary_sigma"])[:, None]
+            logs.append(logarithm(part["secondary_sigma"])[:, None])
+        found["logs"] = np.hstack(logs)
         if self._panels.moves_q:
             found["belief"] = 1e3 * (part["q_believed"] - part["q"])
         found |= self._panels.only_if_looked_at(part)
@@ -288,7 +288,8 @@ class _Story(Track):
 
     def write_divergence(self, text: str, time: float, index: list[rr.TimeColumn]) -> None:
         self._strip.end_with(time, text)
-        self.out.send("status", index, rr.StateChange.columns(state=[text]))
+        if self.out.is_laid_out:
+            self.out.send("status", index, rr.StateChange.columns(state=[text]))
 
     def trail_colors(self, frames: Frames) -> NDArray[np.uint32]:
         return ramp(frames.nearness, YELLOW)
@@ -296,16 +297,27 @@ class _Story(Track):
     def _write_status(self, part: Run, ticks: NDArray[np.int64]) -> None:
         status = part.columns["status"].astype(np.int64)
         rows = self._strip.add(part["time"], status)
-        if not len(rows):
+        self._changes += zip(ticks[rows], part["time"][rows], status[rows].tolist(), strict=True)
+        if self.out.is_laid_out:
+            self._write_changes()
+
+    def layout(self) -> rrb.Blueprint:
+        """Return the layout of a run that may be killed; it alone shows the statuses, which are written."""
+        self._write_changes()
+        return _layout(self.scene, self._panels)[0]
+
+    def _write_changes(self) -> None:
+        if not self._changes:
             return
-        texts = [words(one) for one in status[rows].tolist()]
-        looks = {text: of_status(one) for text, one in zip(texts, status[rows].tolist(), strict=True)}
+        when, times, found = (np.array(one) for one in zip(*self._changes, strict=True))
+        self._changes.clear()
+        texts = [words(one) for one in found.tolist()]
+        looks = {text: of_status(one) for text, one in zip(texts, found.tolist(), strict=True)}
         if not looks.items() <= self._looks.items():
             self._looks |= looks
             values, colors = list(self._looks), packed(list(self._looks.values()))
             self.out.log("status", rr.StateConfiguration(values=values, colors=colors))
-        index = stream.index(ticks[rows], part["time"][rows])
-        self.out.send("status", index, rr.StateChange.columns(state=texts))
+        self.out.send("status", stream.index(when, times), rr.StateChange.columns(state=texts))
 
     def write_frames(self, frames: Frames, index: list[rr.TimeColumn]) -> None:
         super().write_frames(frames, index)
@@ -374,11 +386,11 @@ def _pieces(path: Path, whole: Path, variant: str | None, whose: str) -> _Pieces
             batch = chunk.to_record_batch()
             ticks = batch.column("tick").to_numpy(zero_copy_only=False)
             rows, found = batch.column("columns").flatten(), {}
-            for name in pieces.keys() & {one.name for one in rows.type}:
+            for name in (pieces.keys() | {"rotation_error"}) & {one.name for one in rows.type}:
                 values = rows.field(name)
                 flat = values if values.type.num_fields == 0 else values.flatten()
                 found[name] = flat.to_numpy(zero_copy_only=False).reshape(len(batch), -1)
-            for name, block in (following(found) | found).items():
+            for name, block in restored(found).items():
                 pieces[name].append((ticks, block.reshape(len(batch), -1)))
         left_out = ADDED | {"path_time"}
         pieces = {name: found for name, found in pieces.items() if found or name not in left_out}

@@ -45,6 +45,7 @@ class Stream:
         path: Where the finished recording appears.
         part_path: Where it grows until then.
         is_open: Whether it takes more.
+        is_laid_out: Whether it has a layout.
     """
 
     def __init__(
@@ -74,16 +75,16 @@ class Stream:
             self.part_path.unlink(missing_ok=True)
             # The viewer takes no two recordings of one application whose arms have different joints.
             self._stream = rr.RecordingStream(
-                application(path.stem), recording_id=f"{name}-{uuid4().hex[:8]}"
+                application(path.stem), recording_id=f"{name}-{uuid4().hex[:8]}", send_properties=False
             )
             self._stream.set_log_time_enabled(False)
             self._stream.save(self.part_path)
         except (OSError, RuntimeError, ValueError) as error:
             raise _cannot_write(self.part_path, one_line(error)) from None
-        self.is_open, self._flushes, self._is_laid_out, self._layout = True, 0, False, layout
+        self.is_open, self._flushes, self.is_laid_out, self._layout = True, 0, False, layout
         self._opened = time.monotonic()
         self._opening: rrb.Blueprint | None = opening
-        self._stream.send_recording_name(name)
+        self.log("__properties", rr.archetypes.RecordingInfo(name=name, start_time=time.time_ns()))
         self.log("", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
 
     def log(self, path: str, *what: rr.AsComponents) -> None:
@@ -105,7 +106,7 @@ class Stream:
 
         It is made active: a page that reads the file as it comes has opened the first one by then.
         """
-        self._is_laid_out = True
+        self.is_laid_out = True
         self._stream.send_blueprint(layout, make_active=True, make_default=True)
 
     def send(self, path: str, index: list[rr.TimeColumn], columns: Any) -> None:
@@ -128,7 +129,7 @@ class Stream:
         """
         self._flushes += 1
         is_long = self._flushes >= PATIENT and time.monotonic() - self._opened > LONG
-        if is_long and not self._is_laid_out:
+        if is_long and not self.is_laid_out:
             self.lay_out(self._layout())
         try:
             self._stream.flush(timeout_sec=PATIENCE)

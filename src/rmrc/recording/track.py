@@ -2,11 +2,11 @@
 
 Its entities stand below a prefix, so that a recording can hold many worlds:
 
-    columns          at every tick, two components: `columns` has a field for every column of the run, of
-                     float64, and status of int64; `curves` has derived curves, of float32. Columns that equal
-                     others are left out: the arriving command if it is the commanded one, the estimate if it
-                     is true, qpos if it is q, and the time along a path that is not slowed; and, of a block,
-                     those that follow from others to the bit (`results.columns.following`)
+    columns          at every tick, a field for every column of the run, of float64, status of int64, and
+                     derived curves, of float32. Columns that equal others are left out: the arriving command
+                     if it is the commanded one, the estimate if it is true, qpos if it is q, and the time
+                     along a path that is not slowed; and, of a block, those that follow from others to
+                     the bit, and the position of `pose_error` (`results.columns.thinned`)
     arm/<body>       poses, with the geometries; meshes are static children
     believed/<body>  the same, pale, at the law's assumed configuration, if that is different
     tip/..           position and trail
@@ -26,7 +26,7 @@ from rmrc.recording.events import Label
 from rmrc.recording.layout import geometries, ghost, packed, xyzw
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Table, Values
-from rmrc.results.columns import following
+from rmrc.results.columns import thinned
 from rmrc.results.run import Run
 from rmrc.scenario.choices import POLICIES
 from rmrc.show.palette import hue
@@ -90,12 +90,8 @@ class Track:
         own = np.array_equal(wiring.qpos, np.arange(len(prepared.qpos)))
         direct, true = prepared.hardware.is_direct, not prepared.hardware.moves_q
         on_time = not POLICIES[prepared.scenario.control.at_singularity].slows
-        self._left_out = {
-            "qdot_arrived": direct,
-            "q_believed": true,
-            "qpos": own,
-            "path_time": on_time,
-        }
+        unneeded = {"qdot_arrived": direct, "q_believed": true, "qpos": own, "path_time": on_time}
+        self._left_out = {name for name, is_so in unneeded.items() if is_so}
 
     @property
     def reached(self) -> NDArray[np.float64]:
@@ -215,14 +211,11 @@ class Track:
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         """Write the values at every tick (T,) of a block."""
-        kept = {name: one for name, one in part.columns.items() if not self._left_out.get(name, False)}
-        for name, values in following(part.columns).items():
-            if np.array_equal(values.view(np.int64), part[name].view(np.int64)):
-                del kept[name]
+        kept = {name: one for name, one in thinned(part.columns).items() if name not in self._left_out}
         kept["status"] = part.columns["status"].astype(np.int64)
         drawn = {name: one.astype(np.float32) for name, one in self.curves(part).items()}
         index = stream.index(ticks, part["time"])
-        self.send("columns", index, Table("columns", kept), Table("curves", drawn))
+        self.send("columns", index, Table("columns", kept | drawn))
 
     def curves(self, part: Run) -> dict[str, NDArray[np.float64]]:
         """Return the derived curves of a block: (T, width) each."""

@@ -65,14 +65,36 @@ ADDED = frozenset({"qpos", "tau_gravity", "qdot_arrived", "qdot_plain", "q_belie
 SAME = {"qdot_arrived": "qdot_cmd", "q_believed": "q"}
 
 
-def following(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.float64]]:
-    """Return the columns that mostly follow from others of the same ticks, to the bit.
+def thinned(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return the columns but those that follow from others of the same ticks, to the bit.
 
-    The operations are those of the law, in its order. A file may leave out a column that is equal to this.
+    Of `pose_error`, this may leave the last three values alone, as `rotation_error`.
 
     Args:
-        columns: (T,) or (T, width) each; `sigma` and `damping` are among them.
+        columns: (T,) or (T, width) each.
     """
+    found, follows = dict(columns), _following(columns)
+    follows["pose_error"] = _moved(columns, columns["pose_error"][:, 3:])
+    for name, values in follows.items():
+        if np.array_equal(values.view(np.int64), columns[name].view(np.int64)):
+            del found[name]
+    return found if "pose_error" in found else found | {"rotation_error": columns["pose_error"][:, 3:]}
+
+
+def restored(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return all of the columns that `thinned` returned."""
+    found = {**_following(columns), **columns}
+    rotation = found.pop("rotation_error", None)
+    return found if rotation is None else found | {"pose_error": _moved(columns, rotation)}
+
+
+def _moved(columns: Mapping[str, NDArray[Any]], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the errors of poses, (T, 6), of which the rotation is known, (T, 3)."""
+    return np.hstack([columns["pose_ref"][:, :3] - columns["pose"][:, :3], rotation])
+
+
+def _following(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.float64]]:
+    """Return the columns that mostly follow from `sigma` and `damping`; in the order of the law."""
     sigma, damping = columns["sigma"], columns["damping"].reshape(-1, 1)
     least = sigma[:, -1]
     product = least.copy()

@@ -53,7 +53,7 @@ def figures(name: str, card: Mapping[str, Any]) -> str:
         for key, one in card.items()
         if one.value != "" and one.value == one.value  # NaN is not equal to itself
     ]
-    return table(name, ("figure", "value", "unit", "meaning"), rows)
+    return table(name, ("metric", "value", "unit", "meaning"), rows)
 
 
 def beside(cards: Mapping[str, Mapping[str, Any]]) -> str:
@@ -68,7 +68,7 @@ def beside(cards: Mapping[str, Mapping[str, Any]]) -> str:
         values = [card[name].value if name in card else None for card in cards.values()]
         if any(value != values[0] for value in values):
             rows.append((name, one.unit, *values))
-    return table("metrics that differ", ("figure", "unit", *cards), rows)
+    return table("metrics that differ", ("metric", "unit", *cards), rows)
 
 
 def frame(run: Recorded) -> Any:

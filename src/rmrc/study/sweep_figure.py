@@ -109,7 +109,12 @@ def _draw_histograms(into: FigureBase, swept: Swept, width: float, font: float) 
         scaled = np.log10(seen) if _is_wide(seen) else seen
         low, high = scaled.min(), scaled.max()
         edges = np.linspace(low, high, BINS + 1) if high > low else np.array([low - 0.5, low + 0.5])
-        axes.hist(seen, bins=(10.0**edges if _is_wide(seen) else edges).tolist(), color=paints(1)[0])
+        edges = 10.0**edges if _is_wide(seen) else edges
+        edges[[0, -1]] = (
+            min(edges[0], seen.min()),
+            max(edges[-1], seen.max()),
+        )  # the logarithm has rounded them
+        axes.hist(seen, bins=edges.tolist(), color=paints(1)[0])
         axes.set_xscale("log" if _is_wide(seen) else "linear")
         axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
         if not _is_wide(seen):  # few labels, as small numbers are long
@@ -136,7 +141,12 @@ def _draw_parallel(into: FigureBase, swept: Swept, width: float, font: float) ->
         low, high = (float(scaled.min()), float(scaled.max())) if len(rows) else (0.0, 0.0)
         shares[name] = (scaled - low) / (high - low) if high > low else np.full(len(rows), 0.5)
         axes.axvline(i, color="0.3", linewidth=0.8)
-        for place, end, side in ((1.02, high, 1.0), (-0.02, low, -1.0)):
+        words = swept.words(name) if name in swept.varied else []
+        for j, word in enumerate(words):
+            place = 0.5 if high == low else (j - low) / (high - low)
+            axes.annotate(word, (i, place), (0.4 * font, 0.0), textcoords="offset points", va="center",
+                          bbox={"fc": "white", "ec": "none", "pad": 0.5, "alpha": 0.8})  # fmt: skip
+        for place, end, side in ((1.02, high, 1.0), (-0.02, low, -1.0)) if not words else ():
             told = number(10.0**end if _is_wide(chosen) else end)
             axes.annotate(
                 told, (i, place), (0.0, side * (1.0 + i % 2 * lift)), textcoords="offset points",

@@ -39,7 +39,7 @@ def page(path: Path, left: Left) -> Page:
     made.table(_varied(rows, varied, units))
     made.section("Distributions of the metrics")
     made.figure(histograms(swept), "Number of runs by value")
-    made.section("Extremes", "`rmrc sweep` with --record worst:1:METRIC or best:1:METRIC records such a run.")
+    made.section("Extremes", "rmrc sweep with --record worst:1:METRIC or best:1:METRIC records such a run.")
     made.table(_extremes(rows, varied, figures, units))
     if swept.coordinates:
         first = next(iter(figures))
@@ -94,7 +94,7 @@ def _extremes(
             setting = ", ".join(f"{key.removeprefix('control.')} {_brief(rows[key][i])}" for key in varied)
             value = f"{number(float(values[i]))} {unit}".strip()
             told.append((name, word, value, str(rows["index"][i]), setting))
-    return Sheet("", ("figure", "", "value", "run", "where"), told, frozenset({0, 1, 4}))
+    return Sheet("", ("metric", "", "value", "run", "where"), told, frozenset({0, 1, 4}))
 
 
 def _brief(value: object) -> str:

@@ -23,7 +23,7 @@ def sheets(name: str, found: Summary, label: Callable[[int], str]) -> list[Sheet
     named = sorted({run for one in found.extremes for _, run in (one.least, one.most) if run >= 0})
     return [
         Sheet(f"{name}: {sum(found.statuses.values())} runs", ("", ""), counts),
-        Sheet("", ("figure", "least", "run", "most", "run"), rows),
+        Sheet("", ("metric", "least", "run", "most", "run"), rows),
         Sheet("", ("",), [(label(run),) for run in named]),
     ]
 

@@ -14,6 +14,9 @@ from rmrc.support.errors import QuestionError
 
 Array = NDArray[np.float64]
 
+# A parallel coordinate of words has room for so many.
+MOST_WORDS = 12
+
 
 @dataclass(frozen=True, eq=False)
 class Swept:
@@ -66,10 +69,16 @@ class Swept:
 
     @property
     def coordinates(self) -> dict[str, Array]:
-        """The numeric varied keys, and the metrics; empty if either is."""
-        values = {name: numbers(self.rows[name]) for name in self.varied}
-        numeric = {name: one for name, one in values.items() if np.isfinite(one).sum() > 1}
-        return numeric | dict(self.figures) if numeric and self.figures else {}
+        """The varied keys, words by their number among `words`, and the metrics; empty if either is."""
+        codes = {name: {one: i for i, one in enumerate(self.words(name))} for name in self.varied}
+        values = {name: numbers([codes[name].get(v, v) for v in self.rows[name]]) for name in self.varied}
+        known = {name: one for name, one in values.items() if np.isfinite(one).sum() > 1}
+        return known | dict(self.figures) if known and self.figures else {}
+
+    def words(self, name: str) -> list[str]:
+        """Return the different values of a column of words, of which there are a few."""
+        found = list(dict.fromkeys(v for v in self.rows[name] if isinstance(v, str)))
+        return found if len(found) <= MOST_WORDS else []
 
 
 def numbers(values: Sequence[Any]) -> Array:
