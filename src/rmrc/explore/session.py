@@ -89,7 +89,7 @@ class Session:
         self._values: dict[str, Value] = {}
         self._is_asked = self._is_redrawn = self._is_saved = False
         self._drags, self.drag = drags, None
-        self._gesture, self._began = ("", 0.0), 0.0
+        self._gesture, self._began, self._answers = ("", 0.0), 0.0, 0
         self._time, self._plays, self._loops, self._speed = 0.0, False, True, 1.0
         self._thread = threading.Thread(target=self._live, name="rmrc explore", daemon=True)
 
@@ -173,6 +173,7 @@ class Session:
         assert self.answer is not None
         with self._lock:
             self._is_asked, values = False, dict(self._values)
+        self._answers += 1
         before, self._hand.is_restarted = None if self._hand.is_restarted else self.drag, False
         if self.drag is None:
             self._say("the arm gets ready; the first time may take half a minute")
@@ -221,6 +222,7 @@ class Session:
             self._stop, self._began = threading.Event(), time.perf_counter()
             if self._closed:
                 self._stop.set()
+        self._answers += 1
         try:
             answer = explored.answer(values, self._stop)
         except RmrcError as error:
@@ -292,7 +294,9 @@ class Session:
 
     def _say(self, text: str, *, is_wrong: bool = False) -> None:
         color = ";color:#ff2d2d;font-weight:bold" if is_wrong else ""
-        told = f'<div style="font-size:.8em;padding:.2em .5em{color}">{html.escape(text)}</div>'
+        # the number of answers tells others, such as a test, that this one belongs to the latest setting
+        told = f'<div data-answers="{self._answers}" style="font-size:.8em;padding:.2em .5em{color}">'
+        told += f"{html.escape(text)}</div>"
         _set(self._said, "content", told)
 
     # Its layout ------------------------------------------------------------------------------
