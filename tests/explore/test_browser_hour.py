@@ -14,6 +14,7 @@ pytest.importorskip("viser")
 
 from browsers import PATIENCE, chromium
 from processes import started, wait_for
+from rmrc.explore.server import TIDIED
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 
@@ -130,7 +131,7 @@ def test_tabs_come_and_go_beside_one_that_works_and_leave_no_memory(tmp_path):
                     assert second.evaluate(VALUES)[2:] == before[2:]  # settings; the joints follow the arm
                     moved(second, chance, False)
                     assert first.evaluate(VALUES) == own
-            first.wait_for_timeout(2000)
+            first.wait_for_timeout(1200 * TIDIED)
             sizes.append(resident(pid))
         print(f"server after each closed tab [kB]: {sizes}")
     assert max(sizes) <= GROWTH * max(sizes[:2])
