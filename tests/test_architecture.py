@@ -40,9 +40,11 @@ OWNERS = {
         "rmrc.law.jit",
         "rmrc.law.kept",
         "rmrc.law.linking",
+        "rmrc.law.outward",
         "rmrc.law.registers",
     ),
-    "llvmlite": ("rmrc.law.addresses", "rmrc.law.kept", "rmrc.law.registers"),  # comes with numba
+    # comes with numba
+    "llvmlite": ("rmrc.law.addresses", "rmrc.law.kept", "rmrc.law.outward", "rmrc.law.registers"),
     "ruckig": ("rmrc.simulation.trajectory",),
     "yaml": ("rmrc.scenario",),
     "pydantic": ("rmrc.scenario",),

@@ -115,7 +115,7 @@ def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
             follow_chain(world, q[first + w])
             for c in range(7):
                 pose[first + w, c] = world.pose[c]
-            chain_jacobian(world, world.J)
+            chain_jacobian(world)
             if world.frame != WORLD:
                 turn_columns(frame_turn(world.frame, world.frame_quat, world.pose), world.J, world.n)
             scale_task(world)
@@ -139,4 +139,7 @@ def locate(world: Record, q: Array, position: Array, J: Array) -> None:
         follow_chain(world, q[i])
         for c in range(3):
             position[i, c] = world.pose[c]
-        chain_jacobian(world, J[i])
+        chain_jacobian(world)
+        for r in range(6):
+            for j in range(world.n):
+                J[i, r, j] = world.J[r, j]

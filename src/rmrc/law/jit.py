@@ -463,8 +463,8 @@ def _digest_sources() -> str:
     own = (path.read_bytes() for path in sorted(package.glob("law/*.py")))
     marks = b"@compiled", b"@inlined", b"@entry", b"@apart"
     sources = [text for text in own if any(mark in text for mark in marks)]
-    sources.append((package / "law/record.py").read_bytes())
-    sources += [(package / "law" / name).read_bytes() for name in ("jit.py", "linking.py", "addresses.py")]
+    named = ("record.py", "jit.py", "linking.py", "addresses.py", "outward.py")
+    sources += [(package / "law" / name).read_bytes() for name in named]
     sources.append((package / "scenario/choices.py").read_bytes())
     others = (
         text
