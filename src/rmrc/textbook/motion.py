@@ -175,7 +175,7 @@ def instantaneous_axis(omega: ArrayLike) -> tuple[Array, Array]:
         K, of length 1, (..., 3), and θ̇ > 0, (...) [rad/s].
 
     Raises:
-        ValueError: A body that does not turn has no axis.
+        ValueError: A body does not turn, so it has no axis.
 
     Example:
         >>> instantaneous_axis([0.0, 3.0, -4.0])

@@ -16,7 +16,7 @@ from rmrc.textbook.dh import DHChain
 
 Array = NDArray[np.float64]
 
-# For squares of lengths of order 1 m, this distance beyond a boundary is rounding.
+# For squares of lengths of order 1 m, a point this far beyond a boundary counts as on it.
 _ON_BOUNDARY = 1e-12
 
 
