@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
 from rmrc.results.run import Run
@@ -15,9 +16,10 @@ from rmrc.show.run_figure import draw_rates
 DPI = 100.0
 # Size of the letters [pt]: 11 pixels, which is legible on a screen.
 LETTERS = 8.0
-# Margins of the plot [pixels]: for the numbers at its left and below it, and free space. It is at least as
-# high as the last, or else has no legend.
+# Margins of the plot [pixels]: for the numbers at its left, at least, and below it, and free space. It is at
+# least as high as the last, or else has no legend. Beside the name of the axis, and between it and the frame.
 LEFT, BELOW, FREE, LEAST = 54, 38, 14, 40
+EDGE, TICK = 3, 12
 CURSOR = (0.9, 0.28, 0.3)
 
 
@@ -52,12 +54,24 @@ class Strip:
             if height - BELOW - above < LEAST:
                 legend.remove()
                 above = float(FREE)
-        size = (width - LEFT - FREE) / width, (height - BELOW - above) / height
-        self.axes.set_position((LEFT / width, BELOW / height, *size))
+        self.axes.set_position((LEFT / width, BELOW / height, 1.0, (height - BELOW - above) / height))
+
+    def _make_room(self) -> None:
+        """Place the name of the axis beside its longest number, and both within the picture."""
+        renderer = self._canvas.get_renderer()  # type: ignore[no-untyped-call]
+        name, (width, _) = self.axes.yaxis.label, self._canvas.get_width_height()
+        numbers = max(one.get_window_extent(renderer).width for one in self.axes.get_yticklabels())
+        right = EDGE + name.get_window_extent(renderer).width
+        left = max(LEFT, right + numbers + TICK)
+        frame = self.axes.get_position()
+        self.axes.set_position((left / width, frame.y0, (width - left - FREE) / width, frame.height))
+        across = blended_transform_factory(self._canvas.figure.transFigure, self.axes.transAxes)
+        self.axes.yaxis.set_label_coords(right / width, 0.5, transform=across)
 
     def at(self, time: float) -> NDArray[np.uint8]:
         """Return the strip with the cursor at a time [s], (height, width, 3)."""
         if self._picture is None:
+            self._make_room()
             self._canvas.draw()  # type: ignore[no-untyped-call]
             pixels = self._canvas.buffer_rgba()  # type: ignore[no-untyped-call]
             self._picture = np.asarray(pixels)[:, :, :3].copy()

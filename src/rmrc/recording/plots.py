@@ -331,14 +331,17 @@ def rounded(largest: float, steps: float = 4.7) -> float:
         steps: Possible steps between labels.
 
     >>> [round(rounded(x), 3) for x in (0.004, 1.5, 3.0, 4.3, 4.6, 7.0, 0.0)]
-    [0.004, 2.2, 3.15, 4.515, 4.7, 22.0, 2.2]
+    [0.004, 2.2, 3.229, 4.515, 4.7, 22.0, 2.2]
     """
+    below = 1.0 - 1.0 / (3.0 * steps)  # a number is not cut in two at the end
+    two = max(2.2, 2.0 / below)
     if not (largest > 0.0 and math.isfinite(largest)):
-        return 2.2
+        return two
     decade = 10.0 ** math.floor(math.log10(largest))
     if largest <= 2.0 * decade:
-        return 2.2 * decade
-    return min(1.05 * largest, steps * decade) if largest <= steps * decade else 22.0 * decade
+        return two * decade
+    end = max(1.05 * largest, decade * math.floor(1.05 * largest / decade) / below)
+    return min(end, steps * decade) if largest <= steps * decade else 10.0 * two * decade
 
 
 def both_ways(largest: float, steps: float = 4.7) -> tuple[float, float]:
