@@ -20,9 +20,10 @@ from numba.core import cgutils, event, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from rmrc.law.brisk import briskly
 from rmrc.law.keeping import known_home, notice, own_folder
 from rmrc.law.kept import Kept
-from rmrc.law.linking import LongCompiler, PartCompiler, WholeCompiler, typing_remembered
+from rmrc.law.linking import LongCompiler, PartCompiler, WholeCompiler
 from rmrc.scenario.choices import Choice, Choices
 from rmrc.support import lifetime
 from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
@@ -433,7 +434,7 @@ def _briskly() -> Iterator[None]:
     live on, and the garbage collector would search them again and again.
     """
     settings: Any = config  # its attributes are made on import
-    with typing_remembered():
+    with briskly():
         level, collects = settings.OPT, gc.isenabled()
         settings.OPT = type(level)(min(2, level))
         gc.disable()
@@ -461,6 +462,8 @@ def _forget_other_sources(directory: Path, function: Callable[..., object]) -> N
         pass
 
 
+# Modules of this folder that decide what functions become.
+_HOW = "jit", "brisk", "indexing", "linking", "addresses"
 # Folders whose modules may have compiled functions.
 _ROOMS = ("plants", "results", "simulation", "analysis")
 
@@ -472,7 +475,7 @@ def _digest_sources() -> str:
     marks = b"@compiled", b"@inlined", b"@entry", b"@long_entry", b"@apart"
     sources = [text for text in own if any(mark in text for mark in marks)]
     sources.append((package / "law/record.py").read_bytes())
-    sources += [(package / "law" / name).read_bytes() for name in ("jit.py", "linking.py", "addresses.py")]
+    sources += [(package / f"law/{name}.py").read_bytes() for name in _HOW]
     sources.append((package / "scenario/choices.py").read_bytes())
     others = (
         text

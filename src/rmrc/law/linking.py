@@ -5,19 +5,21 @@ ones, and most of the time goes into what numba does between its own steps. The 
 leave out what changes nothing in the machine code.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from types import CodeType
 from typing import Any, cast
 
 from llvmlite import binding  # type: ignore[import-untyped]
 from numba import config
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager, _pass_registry
-from numba.core.cpu import CPUContext
 from numba.core.errors import NumbaError
-from numba.core.types.functions import BaseFunction
+from numba.core.ir_utils import fixup_var_define_in_scope
+from numba.core.typed_passes import NopythonRewrites
+from numba.core.untyped_passes import InlineClosureLikes
+
+from rmrc.law.brisk import plainly
 
 
 class _Unnamed:
@@ -127,54 +129,29 @@ class _Passes(PassManager):
 
     Numba reports each with the types of all arguments in words, and the type of a record has a hundred
     fields. It also finds out after each which variables are alive. The last pass before the code does that.
+    Functions that make no array have no expressions of arrays to rewrite, and few have functions within.
     """
 
     def run(self, state: Any) -> None:
         """Run all passes on the state of a compiler."""
         registered: Any = _pass_registry
-        for one, does in self.passes:
-            done = registered.get(one).pass_inst
-            done.analysis = self._analysis
-            try:
-                for step in (done.run_initialization, done.run_pass, done.run_finalizer):
-                    step(state)
-            except NumbaError as error:
-                self._patch_error(f"Failed in {self.pipeline_name} mode pipeline (step: {does})", error)  # type: ignore[no-untyped-call]
-                raise
-
-
-# What numba asks for and does without: it looks through all its registries for each, again and again.
-_OPTIONAL = "__array__", "static_getitem", "static_setitem"
-_typed: dict[tuple[Any, ...], Any] = {}
-
-
-@contextmanager
-def typing_remembered() -> Iterator[None]:
-    """Have numba remember what a call returns, by function and types. One thread at a time compiles here.
-
-    At each sum numba otherwise tries all ways that it knows to add two numbers, and again to make code of it.
-    """
-    with global_compiler_lock:
-        functions, contexts = cast(Any, BaseFunction), cast(Any, CPUContext)
-        found: Callable[..., Any] = functions.get_call_type
-        code: Callable[..., Any] = contexts.get_function
-
-        def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
-            if kws:
-                return found(self, context, args, kws)
-            key = (self, context, *args)
-            if key not in _typed:
-                _typed[key] = found(self, context, args, kws)
-            return _typed[key]
-
-        def get_function(self: Any, of: Any, signature: Any, _firstcall: bool = True) -> Any:
-            return code(self, of, signature, _firstcall and of not in _OPTIONAL)
-
-        functions.get_call_type, contexts.get_function = get_call_type, get_function
-        try:
-            yield
-        finally:
-            functions.get_call_type, contexts.get_function = found, code
+        is_plain, left_out = not state.flags.nrt, list[Any]()
+        if is_plain:
+            has_inner = any(isinstance(one, CodeType) for one in state.func_id.code.co_consts)
+            left_out = [NopythonRewrites] if has_inner else [NopythonRewrites, InlineClosureLikes]
+        with plainly(is_plain):
+            for one, does in self.passes:
+                if one in left_out:
+                    fixup_var_define_in_scope(state.func_ir.blocks)  # type: ignore[no-untyped-call]
+                    continue
+                done = registered.get(one).pass_inst
+                done.analysis = self._analysis
+                try:
+                    for step in (done.run_initialization, done.run_pass, done.run_finalizer):
+                        step(state)
+                except NumbaError as error:
+                    self._patch_error(f"Failed in {self.pipeline_name} mode pipeline (step: {does})", error)  # type: ignore[no-untyped-call]
+                    raise
 
 
 class WholeCompiler(Compiler):
