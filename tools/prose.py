@@ -196,9 +196,6 @@ def main() -> None:
     asked = parser.parse_args()
     rules = tomllib.loads(RULES.read_text(encoding="utf-8"))
     using = checks(rules)
-    outside = {
-        kind: [ROOT / path for path in rule.get("outside", [])] for kind, rule in rules["rules"].items()
-    }
     roots = asked.paths or [ROOT / path for path in rules["paths"]]
     files = [file for root in roots for file in (sorted(root.rglob("*")) if root.is_dir() else [root])]
     found = [
@@ -206,7 +203,6 @@ def main() -> None:
         for file in files
         if file.suffix in READERS and not file.is_relative_to(ROOT / rules["generated"])
         for one in findings(READERS[file.suffix](file.read_text(encoding="utf-8")), using)
-        if not any(file.is_relative_to(path) for path in outside.get(one.kind, []))
     ]
     for file, one in found:
         print(f'{file}:{one.line}: {one.name}: "{one.words}": {one.advice}')

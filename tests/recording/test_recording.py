@@ -720,7 +720,7 @@ def assert_looks_at_what_is_recorded(path, found=None):
         named = {
             row[0] for table in tables.values() for row in [table.get("ViewBlueprint:display_name")] if row
         }
-        assert {"Events", "What you see", "Scorecard", "Scenario", "Now"} < named
+        assert {"Events", "Legend", "Scorecard", "Scenario", "Now"} < named
         origins = {table.get("ViewBlueprint:space_origin", [""])[0].strip("/") for table in tables.values()}
         assert origins == {"", "now", "text/legend", "text/scorecard", "text/scenario"}
         queries = [query for table in tables.values() for query in table.get("ViewContents:query", ())]

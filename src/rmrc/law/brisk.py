@@ -1,4 +1,4 @@
-"""What numba need not do while it compiles this package: it looks up the same things again and again.
+"""Repeated look-ups of numba, left out while it compiles this package.
 
 Each change gives what numba's own code gives, only sooner, for functions that count no references to arrays.
 They last while this package compiles, under numba's lock.
@@ -20,7 +20,7 @@ from rmrc.law import indexing
 
 Change = Callable[[Any], Callable[..., Any]]
 
-# What numba asks for and does without: it looks through all its registries for each, again and again.
+# Functions that numba can do without: it looks through all its registries for each, again and again.
 _OPTIONAL = "__array__", "static_getitem", "static_setitem"
 # Operators on numbers, for which the type of a number decides, and not which number it is.
 _OF_NUMBERS = frozenset({

@@ -184,7 +184,7 @@ def _go_on(context: Any, builder: Any, signature: Any, given: Any) -> Any:
     return builder.insert_value(builder.insert_value(pair, found, 0), is_one, 1)
 
 
-# What numba asks for in a loop, of ranges of 64-bit integers.
+# Operations of a loop over a range of 64-bit integers, by their names in numba.
 _LOOPS: dict[object, tuple[object, Code]] = {
     "getiter": (types.range_state64_type, _begin),
     "iternext": (types.range_iter64_type, _go_on),

@@ -33,7 +33,7 @@ Record: TypeAlias = Any  # one element of a structured array, see records.py
 Function = TypeVar("Function", bound=Callable[..., object])
 
 # `nogil` lets threads run worlds side by side. With `error_model="numpy"` 1/0 is infinite and raises nothing,
-# because the law itself decides what a zero means. No `fastmath`: the bits of a world must not depend on how
+# because the law itself decides about zeros. No `fastmath`: the bits of a world must not depend on how
 # many others are computed beside it.
 _flags: dict[str, Any] = {"nogil": True, "error_model": "numpy", "pipeline_class": WholeCompiler}
 # Names in functions that make arrays. Only these functions count references to arrays. The others use arrays

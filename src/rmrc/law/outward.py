@@ -169,7 +169,7 @@ _PLACE = _untyped.UniTuple(types.float64, len(HERE))
 
 
 def _typed_follow(is_first: bool) -> Any:
-    """Return what types and writes the code for four axes: the first of a chain, or those behind a place."""
+    """Return the generator of code for four axes: the first of a chain, or those behind a place."""
 
     def typed(_: Any, chain: Any, leader: Any, q: Any, outward: Any, _first: Any, _place: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
