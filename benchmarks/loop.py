@@ -391,7 +391,7 @@ def chain_many(records: Record, outs: Record, calls: int) -> None:  # noqa: ARG0
     for _ in range(calls):
         records[0].q[0] += 1e-9
         follow_chain(records[0], records[0].q)
-        chain_jacobian(records[0], records[0].J)
+        chain_jacobian(records[0])
 
 
 @entry

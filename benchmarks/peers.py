@@ -412,7 +412,7 @@ def table(case: Case, keep: Keep) -> Table:
 
 def summary(tables: list[Table]) -> Iterator[str]:
     """Yield how many rows of others each case has, and which lead all settings of ours in a column."""
-    yield "| case | rows of others | our row is as good | another setting of ours is | none of ours is |"
+    yield "| case | rows of others | our row is as good | another setting of rmrc is | none of rmrc is |"
     yield "|---|---:|---:|---:|---|"
     for one in tables:
         named = [ahead(verdict, one) for verdict in one.verdicts if verdict.left]
@@ -443,8 +443,8 @@ def totals(tables: list[Table]) -> Iterator[str]:
         behind, left = (sum(not one.ahead for one, _ in pairs), sum(bool(one.left) for one, _ in pairs))
         others = len(pairs) - behind - left
         return (
-            f"our row is as good as {behind}, another single setting of ours as {others}, "
-            f"and {left} lead each setting of ours in some column"
+            f"our row is as good as {behind}, another single setting of rmrc as {others}, "
+            f"and {left} lead every setting of rmrc in some column"
         )
 
     task = f"at most {FOLLOWS:g} times our error, within the limits, back at the end"
@@ -453,10 +453,10 @@ def totals(tables: list[Table]) -> Iterator[str]:
         if verdict.left:
             yield f"**Better than ours** is {ahead(verdict, one)}, in {one.case.name}."
     away = [pair for pair in every if not any(pair[0] is verdict for verdict, _ in same)]
-    yield f"Of the {len(away)} others, {counts(away)}: the table says in which, at what cost."
+    yield f"Of the {len(away)} others, {counts(away)}. The table names the columns and the cost."
     for name in dict.fromkeys(name for one in tables for name in one.stopped):
         where = [one.case.name for one in tables if name in one.stopped]
-        yield f"{name} stops with an error, whatever its setting, in {'; '.join(where)}: no row."
+        yield f"{name} stops with an error at every setting in {'; '.join(where)}, and has no row there."
 
 
 # Steps that are timed together, as a clock costs as much as a fast step, and how often everyone has its turn.
@@ -519,8 +519,8 @@ def speed(shown: dict[str, dict[str, np.ndarray]]) -> str:
     }
     ours = f"{min(least[OURS]):.1f} to {max(least[OURS]):.1f} µs"
     return (
-        f"A step of ours takes {ours} with kinematics, the least of {ROUNDS} rounds on each of {len(shown)} "
-        f"arms; {', '.join(others)}. Faster than we are: {', '.join(faster) or 'nobody'}."
+        f"A step of rmrc takes {ours} with kinematics, the least of {ROUNDS} rounds on each of {len(shown)} "
+        f"arms; {', '.join(others)}. Faster than rmrc: {', '.join(faster) or 'none'}."
     )
 
 
@@ -593,37 +593,39 @@ pip install -e '.[peers]'
 python benchmarks/peers.py > docs/peers.md
 ```
 
-In {cases} of {all} cases others have {rows} rows. "As good" is no worse by more than 2 % in any column.
+The other libraries have {rows} rows in {cases} of {all} cases. "As good" is no worse by more than 2 % in any
+column.
 """
 
 INTRODUCTION = """
 **Equal conditions.** All loops use our models of the arms, each without fingers, its base at the origin,
 without weight and friction, with a stiff rate servo on each joint, in MuJoCo at {period:g} ms. A path is
 one screw, there and back in 2 s each. At each tick a loop gets the joint positions, the reference pose now
-and at the end of the period, and the mean twist between them; it returns joint rates. Loops without limits
-of their own scale their rates down to the limits of the joints, in one line of their user's. The loop has
-no delay and no noise. Therefore gains win that no real robot tolerates: [From simulation to your
+and at the end of the period, and the mean twist between them; it returns joint rates. A loop without limits
+of its own scales its rates down to the limits of the joints, in one additional line. The loop has no delay
+and no noise. The best gains are therefore higher than a real robot tolerates: [From simulation to your
 robot](from_simulation_to_your_robot.md) finds a realistic one.
 
 **Settings.** "As documented" has the numbers of a library's own example. Each other row has the best of one
 grid of {settings} settings for everyone: feedback K of {gains} /s and damping λ of {dampings} (λ² where a
-library needs that, γ of J-PARSE; the Toolbox's pseudoinverse has none, and NEO keeps its own, as a step of
-it takes so long). "rmrc, more methods" tries the same grid with {more} more methods, and {ways} settings
+library needs that, γ of J-PARSE; the Toolbox's pseudoinverse has none, and NEO keeps its own, because its
+steps take long). "rmrc, more methods" tries the same grid with {more} more methods, and {ways} settings
 that imitate the others: {ours} settings in all. The best has the least error, where a meter counts as a
 radian; of settings within 2 % of it, it is the one with the least peak acceleration, which is also the rule
-of `rmrc tune`. Settings that leave the limits, chatter or do not come back count only where all do.
+of `rmrc tune`. A setting that exceeds the limits, chatters or does not come back
+counts only if all settings do.
 
 **Columns.** Peak of one joint's rate and root mean square of all joints' together, as commanded [rad/s or
 m/s]; largest error of position [mm] and of orientation [mrad], and both at the end of the return leg; peak
 and root mean square of the commands' acceleration [rad/s² or m/s²]; chatter, reversals of a joint's
-acceleration beyond {floor:g} rad/s² [1/s]; how far a joint was beyond its position limit [mrad or mm]. A
-value below its column's floor is printed as 0.
+acceleration beyond {floor:g} rad/s² [1/s]; the largest distance of a joint beyond its
+position limit [mrad or mm]. A value below its column's floor is printed as 0.
 
 **Who leads.** A row leads in a column if it is better by more than 2 %. "Our row" is "rmrc, more methods".
-It cannot lead in all columns at once, because less error needs faster joints. Therefore each row of others
-is compared with our row first, and then with each single setting of ours: "as good" is a setting that the
-row leads in no column. Rows with a larger error than ours are also compared with ours, and their error is
-named. Different rows may need different settings of ours: no single one is as good as all rows at once.
+It cannot lead in all columns at once, because less error needs faster joints. Therefore the page
+compares each row of others first with our row, and then with each single setting of rmrc. A setting is "as
+good" if the row leads it in no column. The page also compares rows with a larger error than ours, and names
+their error. Different rows may need different settings of rmrc: no single one is as good as all rows at once.
 """
 
 

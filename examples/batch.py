@@ -1,4 +1,4 @@
-"""Step 64 arms at once with numpy: one compiled call a period, whatever moves the arms."""
+"""Step 64 arms at once with numpy: one compiled call per period, for any loop around the arms."""
 
 import numpy as np
 
@@ -8,14 +8,14 @@ WORLDS, PERIOD = 64, 0.002
 controller = rmrc.Controller("fr3", control={"limits": {"rate": 1.0, "acceleration": 5.0}}, period=PERIOD)
 arm, chance = controller.arm, np.random.default_rng(0)
 
-# Each starts elsewhere, and has a goal of its own: poses are (64, 7), [p, quat w x y z].
+# Each has its own start and its own goal: poses are (64, 7), [p, quat w x y z].
 home = arm.configuration("home")[arm.wiring.qpos]
 q = home + chance.uniform(-0.2, 0.2, (WORLDS, arm.n))
 goals = np.array([arm.pose(one) for one in q + chance.uniform(-0.15, 0.15, q.shape)])
 controller.reset(q)
 for _ in range(2500):
     out = controller.step(q, pose=goals)
-    q = q + PERIOD * out.qdot_cmd  # numpy's arms do what they are told
+    q = q + PERIOD * out.qdot_cmd  # the arms follow their commands exactly
 
 error = np.linalg.norm(out.pose_error, axis=1)
 limited = sum("rate" in one for one in out.limited_by)

@@ -1,7 +1,7 @@
-"""Coming from mink, pink or Robotics Toolbox: their loop as a comment, ours beside it, running.
+"""Coming from mink, pink or Robotics Toolbox: their loop as a comment, and the same loop with rmrc.
 
-What they call a frame task is `pose`; damping is λ, where mink and pink have its square; limits are part of
-the law, not a list that each call is given.
+Their frame task is `pose` here. Damping is λ, and mink and pink use its square. Limits are part of the law,
+not an argument of each call.
 """
 
 import mujoco

@@ -1,7 +1,8 @@
 """An environment in the form of Gymnasium, whose actions are velocities of the hand: `reset` and `step`.
 
 Give it `gymnasium.Env` for a base, and spaces, if you have that package. The law keeps the limits of the
-joints and passes singularities, so that a policy learns in Cartesian space, and does no harm to the arm.
+joints and passes singularities, so that a policy learns in Cartesian space, and the commands stay within the
+limits of the arm.
 """
 
 from typing import Any
@@ -13,7 +14,7 @@ import rmrc
 
 
 class Reach:
-    """The hand of a UR5e shall come to a point; an action is its velocity [m/s], along world axes."""
+    """The hand of a UR5e moves to a point; an action is its velocity [m/s], along world axes."""
 
     def __init__(self, period: float = 0.02) -> None:
         """Load model and law once."""
@@ -36,9 +37,9 @@ class Reach:
         return self._seen(), {}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Move the hand for a period; return observation, reward, ended, cut off, and what the law says."""
+        """Move the hand for a period; return observation, reward, ended, cut off, and the law's report."""
         out = self.law.step_data(self.data, twist=np.array([*action, 0.0, 0.0, 0.0]))
-        self.data.ctrl[self.law.actuators] = out.q_cmd  # what position servos are told
+        self.data.ctrl[self.law.actuators] = out.q_cmd  # the commands of position servos
         mujoco.mj_step(self.model, self.data, self.steps)
         mujoco.mj_fwdPosition(self.model, self.data)
         seen = self._seen()
@@ -46,7 +47,7 @@ class Reach:
         return seen, -distance, distance < 0.01, False, {"status": out.status, "limited_by": out.limited_by}
 
     def _seen(self) -> np.ndarray:
-        """Return joint positions and the way to the goal, (n + 3,)."""
+        """Return joint positions and the vector to the goal, (n + 3,)."""
         hand = self.data.site("tool").xpos
         return np.concatenate([self.data.qpos, self.goal - hand])
 

@@ -15,9 +15,9 @@ postures = rmrc.ik("planar_2link", [1.0, 1.0], every=True).postures
 assert postures is not None
 print(np.degrees(postures.q).round(1))
 
-# What the drives bear while 10 N pull the tip down.
+# Actuator torques and link loads while 10 N pull the tip down.
 print(rmrc.statics("planar_2link", [0.0, -10.0, 0.0], [0.0, 1.0]).balance.equilibrium.round(3))
 
-# Where another one reaches, with and without its joint limits.
+# The workspace of another arm, with and without its joint limits.
 reach = rmrc.workspace("planar_6_3", cells=60)
 print(f"{reach.limited.area:.0f} of {reach.free.area:.0f} m²")

@@ -21,7 +21,7 @@ class Arm:
         self.chance = np.random.default_rng(0)
 
     def read(self) -> np.ndarray:
-        """Return what the encoders say of the joints [rad]."""
+        """Return the encoders' readings of the joints [rad]."""
         noisy = self.q + self.noise * self.chance.standard_normal(2)
         return np.round(noisy / self.resolution) * self.resolution
 

@@ -1,4 +1,4 @@
-"""A control loop of one's own, to the bit that of `rmrc run`: one's own MuJoCo, the law once a tick."""
+"""A control loop of your own with the bits of `rmrc run`: your MuJoCo loop, and the law once per tick."""
 
 import mujoco
 import numpy as np

@@ -1,7 +1,7 @@
-"""Drive a robot over a socket at 500 Hz: a fake one on 127.0.0.1 that answers late and loses packets.
+"""Drive a robot over a socket at 500 Hz: a simulated one on 127.0.0.1 that responds late and loses packets.
 
-The robot sends its state every 2 ms, counted; each is answered by joint rates. Where no new state comes, the
-watchdog brakes: `command_at` says what to send meanwhile.
+The robot sends a numbered state every 2 ms. The program responds to each with joint rates. Without a new
+state the watchdog brakes: `command_at` gives the commands to send meanwhile.
 """
 
 import socket
@@ -21,7 +21,7 @@ STATE, RATES = struct.Struct(f"<q{JOINTS}d"), struct.Struct(f"<{JOINTS}d")
 def fake_robot(port: socket.socket, q: np.ndarray) -> None:
     """Send states and obey rates, which arrive some ticks later; ticks of LOST send nothing."""
     port.settimeout(1.0)
-    _, driver = port.recvfrom(64)  # who says hello is the driver
+    _, driver = port.recvfrom(64)  # the sender of the first packet is the driver
     way = deque([np.zeros(JOINTS)] * LATE)
     for tick in range(TICKS):
         port.sendto(STATE.pack(-1 if tick in LOST else tick, *q), driver)
@@ -30,7 +30,7 @@ def fake_robot(port: socket.socket, q: np.ndarray) -> None:
     port.sendto(STATE.pack(TICKS, *q), driver)
 
 
-# The clock is the robot's: this program may be as slow as it likes, and the result is the same.
+# The clock is the robot's: a slow program gives the same result.
 now = 0.0
 control = {"feedback": 8.0, "limits": {"rate": 1.0, "acceleration": 4.0, "jerk": 80.0}}
 controller = rmrc.Controller("ur5e", control=control, period=PERIOD, watchdog=5 * PERIOD, clock=lambda: now)
@@ -53,7 +53,7 @@ for tick in range(TICKS + 1):
     now = tick * PERIOD
     if count == TICKS:
         break
-    # where nothing is new, the last command holds for the watchdog's time, and is then braked
+    # without a new state, the last command holds for the watchdog's time, and then brakes
     out = controller.command_at() if count < 0 else controller.step(q, pose=goal)
     sent.append(out.qdot_cmd.copy())
     driver.send(RATES.pack(*out.qdot_cmd))

@@ -1,4 +1,4 @@
-"""Run a scenario and look at its columns and figures."""
+"""Run a scenario and look at its columns and metrics."""
 
 import numpy as np
 
@@ -14,10 +14,10 @@ for joint, rate in zip(run.joints, fastest, strict=True):
     print(f"{joint}: at most {rate:.2f} rad/s commanded")
 print(f"least singular value: {run['sigma'][:, -1].min():.4f}")
 
-# The scorecard has the same figures as `rmrc run` prints, by name, with unit and meaning.
+# The scorecard has the metrics that `rmrc run` prints, by name, with unit and meaning.
 error = run.scorecard["position_error.max"]
 print(f"{error.meaning}: {error.value:.3g} {error.unit}")
 
-# The same with four times the feedback. Nothing is written anywhere: `rmrc.run(..., out="folder")` would.
+# The same with four times the feedback. It writes no file: `rmrc.run(..., out="folder")` would.
 eager = rmrc.run(scenario.set({"control.feedback": 80}))
 print(f"with more feedback: {eager.scorecard['position_error.max'].value:.3g} {error.unit}")

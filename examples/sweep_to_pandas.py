@@ -11,7 +11,7 @@ rows = rmrc.sweep(
 )
 print(f"{rows.num_rows} runs, {rows.num_columns} columns, all complete: {set(rows['status'].to_pylist())}")
 
-# A row has what was varied, how the run ended and every figure of its scorecard. The table is Arrow's, which
+# A row has the varied keys, the end of the run and every metric of its scorecard. The table is Arrow's, which
 # pandas, polars and duckdb take; its schema has the unit and the meaning of each column.
 error = rows.schema.field("position_error.max")
 print(f"position_error.max: {error.metadata[b'meaning'].decode()} [{error.metadata[b'unit'].decode()}]")

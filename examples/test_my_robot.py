@@ -1,7 +1,7 @@
-"""A test of a robot's control settings, as in the repository of whoever has the robot: run it by pytest.
+"""A test of a robot's control settings, for the repository of the robot's program: run it with pytest.
 
-The settings lie in a YAML file beside their program, as `rmrc tune` prints them. The test drives the arm
-through what it has to do every day, and holds what must never happen; it needs no robot.
+The settings are in a YAML file beside that program, as `rmrc tune` prints them. The test moves the arm along
+its everyday path, and checks limits that must always hold. It needs no robot.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ def drive(control: object, ticks: int = 1500) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_commands_keep_to_what_the_robot_accepts() -> None:
-    """Rates, accelerations and jerks stay below the limits of the settings, everywhere on the way."""
+    """Rates, accelerations and jerks stay below the limits of the settings, everywhere on the path."""
     rates, _ = drive(SETTINGS)
     for bound in (2.0, 8.0, 400.0):
         assert np.abs(rates).max() <= bound * (1 + 1e-6)
@@ -42,7 +42,7 @@ def test_the_commands_keep_to_what_the_robot_accepts() -> None:
 
 
 def test_the_hand_gets_where_it_should() -> None:
-    """At the end of the way the error is below a millimeter."""
+    """At the end of the path the error is below a millimeter."""
     assert drive(SETTINGS)[1][-1] < 1e-3
 
 

@@ -1,8 +1,8 @@
-"""Have the inverse, its damping and the feedback of a scenario chosen."""
+"""Find the inverse, its damping and the feedback for a scenario."""
 
 import rmrc
 
-# To 5 mm from full reach: beyond it there is an error that no setting saves.
+# To 5 mm from full reach: beyond reach, every setting has an error.
 scenario = rmrc.load("approach_singularity").set({"target.path[0].line.to": [1.995, 0]})
 # A short search over the damped inverses alone; without these options it takes all of them and 2000 runs.
 tuned = rmrc.tune(

@@ -37,12 +37,23 @@ OWNERS = {
     "mujoco": ("rmrc.arm", "rmrc.plants", "rmrc.law.controller", "rmrc.film.renderer"),
     "numba": (
         "rmrc.law.addresses",
+        "rmrc.law.brisk",
+        "rmrc.law.indexing",
         "rmrc.law.jit",
         "rmrc.law.kept",
         "rmrc.law.linking",
+        "rmrc.law.outward",
         "rmrc.law.registers",
     ),
-    "llvmlite": ("rmrc.law.addresses", "rmrc.law.kept", "rmrc.law.registers"),  # comes with numba
+    "llvmlite": (
+        "rmrc.law.addresses",
+        "rmrc.law.brisk",
+        "rmrc.law.indexing",
+        "rmrc.law.kept",
+        "rmrc.law.linking",
+        "rmrc.law.outward",
+        "rmrc.law.registers",
+    ),  # comes with numba
     "ruckig": ("rmrc.simulation.trajectory",),
     "yaml": ("rmrc.scenario",),
     "pydantic": ("rmrc.scenario",),

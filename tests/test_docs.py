@@ -690,7 +690,7 @@ def test_numbers_of_the_scenario_table_are_those_that_a_run_gives():
 
 
 def test_numbers_of_the_first_page_are_those_that_a_run_gives():
-    text = section(page("Five minutes"), "What damping does")
+    text = section(page("Five minutes"), "The effect of damping")
     names = re.findall(r"`([\w.]+)` \[", text)  # of the columns, each with its unit
     assert names
     for how, *printed in rows(text):

@@ -85,11 +85,11 @@ def test_the_least_counts_and_a_share_of_it_may_be_taken(monkeypatch):
     monkeypatch.setattr(memory, "room", lambda: memory.Room(10 * GB, "the machine"))
     monkeypatch.setattr(memory, "address_room", lambda: memory.Room(20 * GB, "ulimit -v"))
     assert memory.excess(8 * GB) is None
-    said = "8.01 GB of memory, and 8 GB may be taken: 80% of what the machine leaves"
+    said = "8.01 GB of memory, and 8 GB may be taken: 80% of the memory that the machine leaves"
     assert memory.excess(8.01 * GB) == said
     # what is hardly touched counts for ulimit only
     assert memory.excess(8 * GB, 8 * GB) is None
-    said = "17 GB of memory, and 16 GB may be taken: 80% of what ulimit -v leaves"
+    said = "17 GB of memory, and 16 GB may be taken: 80% of the memory that ulimit -v leaves"
     assert memory.excess(8 * GB, 9 * GB) == said
 
 

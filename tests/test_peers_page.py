@@ -161,11 +161,11 @@ def test_the_summary_counts_rows_by_how_they_stand():
     same, better, others, stops = peers.totals([table])
     assert (
         same.startswith("Of the 3 ")
-        and "as good as 1, another single setting of ours as 1, and 1 lead" in same
+        and "as good as 1, another single setting of rmrc as 1, and 1 lead" in same
     )
     assert better == "**Better than ours** is numpy DLS: mm, in far, UR5e."
-    assert others.startswith("Of the 1 others, our row is as good as 0, ") and "and 1 lead each" in others
-    assert stops == "NEO stops with an error, whatever its setting, in far, UR5e: no row."
+    assert others.startswith("Of the 1 others, our row is as good as 0, ") and "and 1 lead every" in others
+    assert stops == "NEO stops with an error at every setting in far, UR5e, and has no row there."
 
 
 def test_who_takes_longer_for_a_step_is_told_and_who_is_faster():
@@ -177,8 +177,8 @@ def test_who_takes_longer_for_a_step_is_told_and_who_is_faster():
     }
     steps = {name: np.array(values) for name, values in steps.items()}
     text = peers.speed({"UR5e": steps, "FR3": steps | {"mink": np.array([90.0])}})
-    assert text.startswith("A step of ours takes 2.0 to 2.0 µs with kinematics, ") and "of 2 arms; " in text
-    assert text.endswith("mink 80 to 90 µs. Faster than we are: numpy DLS as written.")
+    assert text.startswith("A step of rmrc takes 2.0 to 2.0 µs with kinematics, ") and "of 2 arms; " in text
+    assert text.endswith("mink 80 to 90 µs. Faster than rmrc: numpy DLS as written.")
 
 
 def test_the_page_has_every_case_and_the_counts_of_its_tables():
@@ -187,7 +187,7 @@ def test_the_page_has_every_case_and_the_counts_of_its_tables():
     rows = re.findall(r"^\| [^|]+, [^|]+ \| (\d+) \| (\d+) \| (\d+) \| (.*) \|$", PAGE, re.MULTILINE)
     assert len(rows) == len(names) and "--only" not in PAGE
     told = re.findall(
-        r"our row is as good as (\d+), another single setting of ours as (\d+), and (\d+) lead", PAGE
+        r"our row is as good as (\d+), another single setting of rmrc as (\d+), and (\d+) lead", PAGE
     )
     of_tables = [sum(int(row[i]) for row in rows) for i in (1, 2)]
     assert [sum(int(one[i]) for one in told) for i in (0, 1)] == of_tables

@@ -16,14 +16,15 @@ def kinds(suffix, source):
     """Return kind, place and line of each finding in a file."""
     using = PROSE["checks"](RULES)
     passages = PROSE["READERS"][suffix](source)
-    return [
-        (one.kind, one.place, one.line) for passage in passages for one in PROSE["findings"](passage, using)
-    ]
+    return [(one.kind, one.place, one.line) for one in PROSE["findings"](passages, using)]
 
 
 BAD = {
     "It prints a row a variant.": "distributive",
     "It shows what is sent, and the rest.": "what-clause",
+    "It goes beyond what it reaches.": "noun-clause",
+    "This needs a display. a display.": "repetition",
+    "It shows rates of norm 1.": "unit-norm",
     "Nor does it move.": "inversion",
     "This is answered with a warning.": "idiom",
     "The model must be mended.": "idiom",
@@ -69,3 +70,12 @@ def test_code_is_not_prose():
         ("distributive", "markdown", 3)
     ]  # over lines
     assert kinds(".py", '"""Run.\n\n>>> "a row a variant"\n"""\n') == []
+
+
+def test_a_rule_finds_its_pattern_in_every_passage_and_at_its_beginning():
+    text = "Good.\n\nNor does it move.\n\nGood.\n\nSo is the arm.\n\nWhat damping does\n"
+    assert kinds(".md", text) == [
+        ("inversion", "markdown", 3),
+        ("inversion", "markdown", 7),
+        ("noun-clause", "markdown", 9),
+    ]

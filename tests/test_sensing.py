@@ -1,4 +1,5 @@
-"""What the law believes: encoders that are late, noisy and coarse, an integrated state, an arm that nobody calibrated.
+"""Believed positions: encoders that are late, noisy and coarse, an integrated state, an arm that nobody
+calibrated.
 
 Whole runs are held against the loop of `oracles.py` in `test_simulation.py`; here are the closed forms.
 """

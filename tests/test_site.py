@@ -9,6 +9,7 @@ import unicodedata
 
 import pytest
 
+from browsers import chromium
 from pages import CONTENTS, PAGES, page
 from project import ROOT
 
@@ -144,3 +145,18 @@ def test_the_search_finds_the_rows_of_the_textbook_by_their_labels(conf):
     found = {title for row in rows for title in titles(*row)}
     assert {f"Example 5.{n}" for n in (1, 2, 3, 5, 8)} <= {title.partition(" (")[0] for title in found}
     assert {f"Exercise 6.{n}" for n in range(1, 7)} <= {title.partition(" (")[0] for title in found}
+
+
+@pytest.mark.browser
+def test_the_search_reads_no_page_from_disk(tmp_path):
+    script = (ROOT / "docs/_static/site.js").read_text("utf-8")
+    text = f"<script>const DOCUMENTATION_OPTIONS = {{ SHOW_SEARCH_SUMMARY: true }};</script><script>{script}</script>"
+    (tmp_path / "search.html").write_text(text, "utf-8")
+    asked = "DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY"
+    with chromium() as browser:
+        shown = browser.new_page()
+        shown.goto((tmp_path / "search.html").as_uri())
+        assert shown.evaluate(asked) is False
+        shown.route("**/*", lambda route: route.fulfill(body=text, content_type="text/html"))
+        shown.goto("http://127.0.0.1:9/search.html")
+        assert shown.evaluate(asked) is True  # from a server it may

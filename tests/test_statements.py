@@ -178,7 +178,7 @@ def test_the_shoulder_brakes_at_its_limit_and_the_tip_stays_on_its_circle():
 
 
 def test_weights_say_which_of_three_rows_gives_way():
-    scenario_says("more_rows_than_joints", "the weights decide which of them gives way")
+    scenario_says("more_rows_than_joints", "the weights decide which of them is larger")
     weights = ("[1,1,0.001]", "[1,1,1]", "[0.001,0.001,1]")
     assert all(says("scenarios/more_rows_than_joints.yaml", one) for one in weights)
     each = [ran("more_rows_than_joints", f"task.weights={one}")[2] for one in weights]
@@ -225,8 +225,8 @@ def test_a_slowed_hand_turns_its_wrist_by_nearly_half_a_turn_within_the_rates():
 def test_the_plain_inverse_races_past_the_wrist_and_damping_gives_way():
     scenario_says(
         "stanford_wrist",
-        "the plain inverse without limits asks for tens of rad/s",
-        "gives way by up to half a degree and 13 mm",
+        "the plain inverse without limits requests tens of rad/s",
+        "at an error of up to half a degree and 13 mm",
     )
     for plant in ("servo", "ideal"):
         _, _, plain = ran("stanford_wrist", *PLAIN, f"plant.kind={plant}")
@@ -323,8 +323,8 @@ def test_few_keys_have_no_default():
 def test_mistakes_of_a_text_come_all_at_once_and_those_of_its_model_after_them():
     assert_says(
         PAGES["Write a scenario"],
-        "All mistakes in its keys and values are reported at once, each with file, line, column and key; "
-        "what the model shows to be wrong is reported once these are right.",
+        "The program reports all mistakes in its keys and values at once, each with file, line, column and key. "
+        "It reports mistakes that only the model reveals after these are corrected.",
     )
     text = (ROOT / "scenarios/blow_up.yaml").read_text("utf-8").replace("../models", f"{ROOT}/models")
     wrong = text.replace("feedback: 20", "feedback: -1").replace("kv: 1000", "kw: 1000")
@@ -357,8 +357,8 @@ def test_a_ur5e_cannot_do_what_its_wrist_singularity_asks_and_damped_it_need_not
     assert np.radians(1.0) < damped["orientation_error.max"] < np.radians(2.0)
     scenario_says(
         "ur5e_wrist_close",
-        "the exact way is ten times faster and more than a servo can follow",
-        "the damped one is slower than before and hardly misses, because there is a tenth as much to give way for",
+        "the exact motion is ten times faster, and too fast for a servo",
+        "with hardly any error, because the required change is a tenth as large",
     )
     _, _, close = ran("ur5e_wrist_close")
     _, _, exact = ran("ur5e_wrist_close", *PLAIN, "plant.kind=ideal")
@@ -437,8 +437,8 @@ def test_the_wrist_of_an_xarm7_is_not_singular_where_its_axes_are_parallel():
 def test_the_weights_say_what_an_arm_of_five_joints_gives_up():
     scenario_says(
         "so101_five_joints",
-        "22 deg off",
-        "With weights of 1 a radian counts as much as a meter, and the gripper goes 6 of 100 mm",
+        "the gripper turns with the shoulder, by 22 deg",
+        "With weights of 1 a radian counts as much as a meter; the gripper goes 6 of 100 mm",
     )
     _, _, kept = ran("so101_five_joints")
     assert np.degrees(kept["orientation_error.max"]) == pytest.approx(22.0, abs=0.5)

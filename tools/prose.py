@@ -14,7 +14,7 @@ import re
 import sys
 import tokenize
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ import proselint.checks
 from markdown_it import MarkdownIt
 from proselint.registry import CheckRegistry
 from proselint.registry.checks import Check, types
-from proselint.registry.checks.engine import Fancy
+from proselint.registry.checks.engine import Fancy, RegexOptions
 from proselint.tools import LintFile
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -92,14 +92,13 @@ def of_python(source: str) -> Iterator[Passage]:
             text = re.sub(r"(?m)^( +)\w+:", rf"\1{_CODE}:", text)  # names of arguments and attributes
             yield Passage("private" if is_private else "docstring", docstring.lineno, _without_code(text))
     inner = {part for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+    covered = docstrings | inner
     for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr):
             words = "".join(
                 str(part.value) if isinstance(part, ast.Constant) else _CODE for part in node.values
             )
-        elif (
-            isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in docstrings | inner
-        ):
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in covered:
             words = node.value
         else:
             continue
@@ -158,7 +157,7 @@ def checks(rules: dict[str, Any]) -> list[Check]:
     ours = [
         Check(
             types.ExistenceSimple(pattern),
-            Fancy(),
+            Fancy(RegexOptions(multi_line=True)),
             kind,
             rule["advice"].replace("{", "{{").replace("}", "}}"),
         )
@@ -168,19 +167,26 @@ def checks(rules: dict[str, Any]) -> list[Check]:
     return theirs + ours
 
 
-def findings(passage: Passage, using: list[Check]) -> Iterator[Finding]:
-    """Yield what the checks find in a passage."""
-    file = LintFile(
-        "passage", re.sub(r"(?<!\n)\n(?!\n)", " ", passage.text)
-    )  # phrases go over the ends of lines
-    if not file.content.strip():
-        return
-    for check in using:
-        for found in check.check_with_flags(file.content):
-            start, end = found.span
-            line = passage.line + passage.text.count("\n", 0, max(start - 1, 0))
-            words = " ".join(file.content[start:end].split())
-            yield Finding(found.check_path.split(".")[0], passage.place, line, words, found.message)
+def findings(passages: Iterable[Passage], using: list[Check]) -> Iterator[Finding]:
+    """Yield what the checks find in the passages of a file.
+
+    A check reads all passages at once first, and each by itself only if it finds anything there.
+    """
+    shown = [(one, _content(one.text)) for one in passages]
+    together = "\n\n".join(content for _, content in shown)
+    using = [check for check in using if any(True for _ in check.check(together))]
+    for passage, content in shown:
+        for check in using:
+            for found in check.check_with_flags(content):
+                start, end = found.span
+                line = passage.line + passage.text.count("\n", 0, max(start - 1, 0))
+                words = " ".join(content[start:end].split())
+                yield Finding(found.check_path.split(".")[0], passage.place, line, words, found.message)
+
+
+def _content(text: str) -> str:
+    # phrases go over the ends of lines
+    return str(LintFile("passage", re.sub(r"(?<!\n)\n(?!\n)", " ", text)).content)
 
 
 def main() -> None:
@@ -196,8 +202,7 @@ def main() -> None:
         (file, one)
         for file in files
         if file.suffix in READERS and not file.is_relative_to(ROOT / rules["generated"])
-        for passage in READERS[file.suffix](file.read_text(encoding="utf-8"))
-        for one in findings(passage, using)
+        for one in findings(READERS[file.suffix](file.read_text(encoding="utf-8")), using)
     ]
     for file, one in found:
         print(f'{file}:{one.line}: {one.name}: "{one.words}": {one.advice}')

@@ -71,7 +71,7 @@ def write_versions() -> list[str]:
 
 
 class Page(HTMLParser):
-    """What a page leads to, what it loads, and the names of its places."""
+    """The links of a page, its loaded files, and the names of its places."""
 
     def __init__(self, text: str) -> None:
         """Read the text of a page."""

@@ -106,7 +106,7 @@ def with_choices(text: str) -> str:
 
 
 def between(what: Callable[[], str]) -> Callable[[str], str]:
-    """Return what replaces the part of a text that is declared."""
+    """Return a function that replaces the declared part of a text."""
 
     def replaced(text: str) -> str:
         before, _, after = text.split(DECLARED)

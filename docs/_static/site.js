@@ -1,3 +1,8 @@
+// A page from disk may not fetch a file: the search then shows titles alone, without the text around the words.
+if (location.protocol === "file:" && typeof DOCUMENTATION_OPTIONS !== "undefined") {
+  DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;
+}
+
 // The list of versions in the sidebar: versions.js, beside the folders of the versions, names them, as one script for
 // all, so that an old version shows the newer ones. It is a script, for a page from disk may not fetch a file.
 document.addEventListener("DOMContentLoaded", () => {

@@ -12,6 +12,7 @@ from typing import NoReturn
 gc.disable()
 try:
     from rmrc.cli import main as command_line
+    from rmrc.support import lifetime
 except KeyboardInterrupt:  # while modules are read, which takes a while: no traceback of them
     sys.exit(130)
 
@@ -21,6 +22,7 @@ _BETWEEN_COLLECTIONS = 50_000
 
 def main() -> NoReturn:
     """Run the command line, and end the process."""
+    lifetime.ends_with_job = True
     gc.freeze()
     gc.set_threshold(_BETWEEN_COLLECTIONS)
     gc.enable()

@@ -11,7 +11,7 @@ from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis import survey as surveys
 from rmrc.analysis.survey import jacobians, survey
-from rmrc.law.record import records
+from rmrc.law.record import ADVANCE, ALONG, records
 from rmrc.law.task import Task, choose
 from screws import screw_chain
 
@@ -51,7 +51,7 @@ def test_survey_of_a_screw(tmp_path):
     # Negative control: a screw without its pitch is seen.
     task = choose(arm)
     (record,), kernel = records(arm.n, [task]), surveys.examine
-    record["pitch"] = 0.0
+    record["chain"][ALONG] = record["chain"][ADVANCE] = 0.0
     pose, sigma = np.empty((1, 7)), np.empty((1, 3))
     kernel(record, np.array([[0.3, 0.5, 0.1]]), pose, sigma)
     assert np.abs(pose[0, :3] - arm.pose([0.3, 0.5, 0.1])[:3]).max() > 1e-3

@@ -1,5 +1,7 @@
 """The page in a real browser: its plots are the columns to the bit, nothing leaves, tabs do not disturb each other."""
 
+import math
+import subprocess
 from contextlib import contextmanager
 from types import SimpleNamespace
 from urllib.parse import urlsplit
@@ -10,8 +12,8 @@ import pytest
 pytest.importorskip("viser")
 
 import rmrc
-from browsers import PATIENCE, chromium
-from processes import wait_for
+from browsers import CHROMIUM, FLAGS, PATIENCE, chromium
+from processes import started, wait_for
 from rmrc.explore.server import Server
 
 # A tab may close while it is told something; viser then warns, which `Server` ignores outside of tests.
@@ -23,6 +25,8 @@ RATES = """() => {
   const chart = Object.values(window.__viserTestpoints.uplots)[0].chart;
   return chart.series.map((one, i) => [one.label, Array.from(chart.data[i])]);
 }"""
+# What a screen reader says of each slider.
+NAMES = "[...document.querySelectorAll('[role=slider]')].map(one => one.getAttribute('aria-label'))"
 # The largest canvas: where the arm is, not the plots.
 CANVAS = """() => {
   const boxes = [...document.querySelectorAll("canvas")].map((one) => one.getBoundingClientRect());
@@ -63,10 +67,17 @@ def opened(browser, served, width=640, height=400):
     context.close()
 
 
-def aimed(session):
-    """Return the position of the camera once it is no more where viser puts it."""
+def aimed(page, session):
+    """Return the position of the camera once the arm fills the room between the panels."""
     camera = session._client.camera
-    wait_for(lambda: session.answer is not None and not np.allclose(camera.position, 3.0), 60.0)
+
+    def is_fitted():
+        width, height = page.evaluate(CANVAS)[2:]
+        seen = camera.image_width / max(camera.image_height, 1)
+        return session.answer and session._is_fitted and math.isclose(seen, width / height, rel_tol=0.03)
+
+    wait_for(is_fitted, 60.0)
+    wait_for(lambda: not np.allclose(camera.position, 3.0))
     return np.array(camera.position)
 
 
@@ -89,7 +100,7 @@ def test_the_plots_are_the_columns_to_the_bit_and_nothing_leaves(browser, served
     with opened(browser, served) as (page, asked):
         slider = page.get_by_role("slider").nth(1)
         (session,) = served.sessions.values()
-        seen = aimed(session)
+        seen = aimed(page, session)
         alone_there = len(page.evaluate(RATES))
         slider.focus()
         page.keyboard.press("ArrowRight", delay=200)
@@ -98,6 +109,7 @@ def test_the_plots_are_the_columns_to_the_bit_and_nothing_leaves(browser, served
         page.wait_for_function(f"count => ({RATES})().length > count", arg=alone_there)
         # the arrow keys of a slider turn no view
         assert np.allclose(session._client.camera.position, seen, atol=1e-3)
+        assert all(page.evaluate(NAMES))
         value = session.answer.values[LAMBDA]
         assert float(slider.get_attribute("aria-valuenow")) == pytest.approx(value)
         alone = rmrc.run(scenario("target.path=[{line: {by: [0.3, 0.2]}}]", f"{LAMBDA}={value}"))
@@ -117,7 +129,7 @@ def test_the_plots_are_the_columns_to_the_bit_and_nothing_leaves(browser, served
 def test_the_mouse_pulls_the_arm_the_arrow_keys_nudge_it_and_nothing_leaves(browser, served):
     with opened(browser, served, 1280, 720) as (page, asked):
         (session,) = served.sessions.values()
-        aimed(session)
+        aimed(page, session)
         session._mode.value = "drag"
         session._choose_mode(SimpleNamespace(client=object()))
         wait_for(lambda: session.drag is not None or "ff2d2d" in session._said.content, 300.0)
@@ -164,3 +176,42 @@ def test_two_tabs_have_sessions_of_their_own_and_a_closed_one_frees_its(browser,
         wait_for(lambda: list(served.sessions.values()) == [first])
         second._thread.join(30)
         assert not second._thread.is_alive()
+
+
+@pytest.mark.parametrize("mode", ["run", pytest.param("drag", marks=pytest.mark.long)])
+def test_a_killed_browser_ends_its_session_and_no_other(browser, served, tmp_path, mode, capfd):
+    own = [CHROMIUM, "--headless", "--no-sandbox", f"--user-data-dir={tmp_path / 'own'}", *FLAGS]
+    nowhere = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with opened(browser, served) as (page, _):
+        (first,) = served.sessions.values()
+        with started([*own, f"{served.url}?fixedDpr=0.5"], **nowhere):
+            wait_for(lambda: len(served.sessions) == 2, 60.0)
+            (second,) = (one for one in served.sessions.values() if one is not first)
+            wait_for(lambda: second.answer is not None, 60.0)
+            if mode == "drag":
+                second._mode.value = "drag"
+                second._choose_mode(SimpleNamespace(client=object()))
+                wait_for(lambda: second.drag is not None, 300.0)
+                second._hand._ask(lambda drag: drag.jog(0, 0.5))
+            else:
+                second._play(True)
+        wait_for(lambda: list(served.sessions.values()) == [first])
+        second._thread.join(30)
+        assert not second._thread.is_alive()
+        page.get_by_role("slider").nth(1).focus()
+        page.keyboard.press("ArrowRight")
+        wait_for(lambda: first.answer.values, 60.0)
+    assert "".join(capfd.readouterr()) == ""
+
+
+@pytest.mark.long
+def test_the_page_has_names_and_contrast_for_everybody(browser, served):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    with opened(browser, served, 1280, 720) as (page, _):
+        for theme in ("light", "dark"):
+            for tab in ("Settings", "Take along", "Figures", "Show"):
+                page.get_by_role("tab", name=tab).click()
+                page.wait_for_timeout(700)
+                found = axe.run(page).response["violations"]
+                assert [(one["id"], one["nodes"][0]["html"]) for one in found] == [], (theme, tab)
+            page.get_by_label("dark", exact=True).first.click()

@@ -88,7 +88,7 @@ def test_each_address_is_declared_and_used():
 RUN = ["-m", "rmrc", "run", "scenarios/approach_singularity.yaml", "--quiet", "--set", "baseline={}"]
 USED = {
     "reference.sample", "damping.smallest_singular_value", "inverses.damped", "limits.scale", "rest.decompose_rest",
-    "physics.read_drives", "servo.tell_servos", "lockstep.tick", "tally.add",
+    "physics.read_drives", "servo.tell_servos", "lockstep.tick", "blocks.block", "tally.add",
 }  # fmt: skip
 
 

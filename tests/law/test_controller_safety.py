@@ -50,7 +50,7 @@ def hold_limits(rates, law, broken=False):
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize(("joint", "side"), mostly_long([(0, 1), (2, 1), (1, 0)], 2))
+@pytest.mark.parametrize(("joint", "side"), mostly_long([(0, 1), (2, 1), (1, 0)], 3))
 def test_a_joint_that_starts_outside_comes_back_smoothly(law, joint, side):
     one = controller(law)
     q = ARM.configuration("home")[ARM.wiring.qpos]

@@ -248,7 +248,7 @@ def test_every_inverse_gives_the_rates_of_the_turned_problem(method):
 GRID = [*itertools.product(["base", "site"], LIMITS.names, POLICIES.names, ["none", "secondary"])]
 
 
-@pytest.mark.parametrize(("frame", "on_excess", "policy", "objective"), mostly_long(GRID, 5))
+@pytest.mark.parametrize(("frame", "on_excess", "policy", "objective"), mostly_long(GRID, 9))
 def test_every_limit_policy_and_objective_runs_along_a_frame(simulate, frame, on_excess, policy, objective):
     _, run = simulate(
         "arm.model=models/puma560.xml", "arm.site=tool", "arm.start=[0.3, -0.9, 3.4, 0.2, 0.9, 0.3]", "plant.kind=ideal",

@@ -1,13 +1,16 @@
 """How functions are compiled: as numba compiles them, in less time, and numba is left as it was."""
 
 from contextlib import suppress
+from types import FunctionType
 
 import numba
 import numpy as np
 import pytest
 from numba.core.types.functions import BaseFunction
 
-from rmrc.law.linking import WholeCompiler, typing_remembered
+from rmrc.law.brisk import briskly
+from rmrc.law.jit import compiled
+from rmrc.law.linking import WholeCompiler
 
 
 def mixed(number, whole):
@@ -19,7 +22,7 @@ def mixed(number, whole):
 
 
 def test_remembered_typing_confuses_no_types():
-    with typing_remembered():
+    with briskly():
         ours = numba.njit(pipeline_class=WholeCompiler)(mixed)
         found = [ours(number, 10) for number in (3, 0.1, np.float32(0.1))]
     own = numba.njit(mixed)
@@ -30,7 +33,7 @@ def test_remembered_typing_confuses_no_types():
 
 def test_numba_types_calls_in_its_own_way_again():
     own = BaseFunction.get_call_type
-    with suppress(KeyError), typing_remembered():
+    with suppress(KeyError), briskly():
         assert BaseFunction.get_call_type is not own
         raise KeyError  # as where something cannot be compiled
     assert BaseFunction.get_call_type is own
@@ -41,3 +44,72 @@ def test_what_cannot_be_compiled_says_in_which_step():
         numba.TypingError, match=r"Failed in nopython mode pipeline \(step: nopython frontend\)"
     ):
         numba.njit(pipeline_class=WholeCompiler)(lambda number: number.missing)(1.0)
+
+
+KIND = np.dtype(
+    [("n", np.int64), ("total", float), ("a", float, (3, 4)), ("b", float, (4,)), ("i", np.int64, (4,))]
+)
+
+
+def indexed(world, rows, first):
+    """Read and write elements of arrays in records and of others, by constants, loops, tuples, parts, and from the end."""
+    for r in range(3):
+        for c in range(-1, world.n):
+            world.a[r, c] += first * rows[r, -c - 1] + world.b[world.i[c]]
+        world.b[-1] -= total_of(world.a[r], world.n) + total_of(rows[-r], 2) + total_of(world.b, world.n)
+    for c in range(world.n - 1, -5, -2):
+        world.b[c % 4] += world.a[2][c] * world.a[-1, 1]
+    for r in range(world.n - 9):  # none
+        world.total += r
+    last = 1 if world.b[3] > 0 else -2
+    world.i[last] = world.i[2] + last
+    world.total += world.a[1, 2] + world.b[0]
+    return rows[0][1] + world.a[0][-1]
+
+
+def total_of(values, count):
+    """Return the sum of the first values, or of the last if their number is negative."""
+    total = 0.0
+    for i in range(count):
+        total += values[i]
+    return total
+
+
+def records_of(seed):
+    """Return a record and rows, in order or every second one of others."""
+    random = np.random.default_rng(seed)
+    world = np.zeros(1, KIND)
+    world["n"], world["a"], world["b"] = 4, random.normal(size=(3, 4)), random.normal(size=4)
+    world["i"] = random.integers(-4, 4, 4)
+    return np.rec.array(world), random.normal(size=(3, 8))
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_elements_and_loops_are_those_of_python(step):
+    of_rows, within = compiled(total_of), {**globals()}
+    within["total_of"] = of_rows
+    inner = compiled(FunctionType(indexed.__code__, within))
+    outer = FunctionType(outwards.__code__, {**globals(), "inner": inner})
+    for seed in range(3):
+        (world, rows), (wanted, _) = records_of(seed), records_of(seed)
+        rows = rows[:, ::step]
+        result = indexed(wanted[0], rows, 0.5)
+        with briskly():
+            ours = numba.njit(pipeline_class=WholeCompiler, _nrt=False)(outer)
+            found = ours(world.view(KIND).view(np.ndarray), rows, 0.5)
+        assert found == result
+        assert world.tobytes() == wanted.tobytes()
+        assert world.tobytes() != records_of(seed)[0].tobytes()
+
+
+def outwards(worlds, rows, first):
+    """Call what is compiled as a part."""
+    return inner(worlds[0], rows, first)  # noqa: F821 - given to it
+
+
+def test_bounds_are_checked_where_numba_is_told_to():
+    (world, _), beyond = records_of(0), lambda world, i: world.b[i]
+    with briskly():
+        one = numba.njit(boundscheck=True)(beyond)
+        with pytest.raises(IndexError):
+            one(world.view(KIND).view(np.ndarray)[0], 4)

@@ -272,7 +272,7 @@ def test_the_layouts_look_only_at_what_is_recorded(recorded):
                     names += [row[0] for row in values.to_pylist()]
         assert {
             "planar: 2 variants", "σ_min, as log₁₀", "Damping λ, as log₁₀", "Position error [mm]",
-            "Largest torque [% of its limit]", "Events", "What you see", "Table", "Limits", "Scenario",
+            "Largest torque [% of its limit]", "Events", "Legend", "Table", "Limits", "Scenario",
         } <= set(names)  # fmt: skip
         assert any(name.startswith("Fastest joint [rad/s]") for name in names)
         paths = [q.lstrip("+ ").removesuffix("/**") for q in queries if "$origin" not in q]

@@ -292,7 +292,7 @@ def test_after_kill_9_every_block_written_is_readable(planar, tmp_path):
     assert_same_bits(read_columns(part), rows(run, 0, 600).columns)
 
 
-@pytest.mark.parametrize("count", [7, 8])
+@pytest.mark.parametrize("count", [8, pytest.param(7, marks=pytest.mark.long)])
 def test_a_run_killed_after_some_blocks_has_the_layout_and_its_rows(planar, tmp_path, count):
     """The layout is written with the eighth block, or later: not before some time has passed."""
     run = planar[1]
@@ -720,7 +720,7 @@ def assert_looks_at_what_is_recorded(path, found=None):
         named = {
             row[0] for table in tables.values() for row in [table.get("ViewBlueprint:display_name")] if row
         }
-        assert {"Events", "What you see", "Scorecard", "Scenario", "Now"} < named
+        assert {"Events", "Legend", "Scorecard", "Scenario", "Now"} < named
         origins = {table.get("ViewBlueprint:space_origin", [""])[0].strip("/") for table in tables.values()}
         assert origins == {"", "now", "text/legend", "text/scorecard", "text/scenario"}
         queries = [query for table in tables.values() for query in table.get("ViewContents:query", ())]

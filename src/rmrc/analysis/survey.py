@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc.law.jit import Record, entry, machine_code
+from rmrc.law.jit import Record, long_entry, machine_code
 from rmrc.law.kinematics import WORLD, chain_jacobian, follow_chain, frame_turn, turn_columns
 from rmrc.law.law import scale_task
 from rmrc.law.record import records
@@ -96,7 +96,7 @@ def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *array
         list(pool.map(share, shares))
 
 
-@entry
+@long_entry
 def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
     """Write pose (N, 7) and singular values (N, k) at joint positions (N, n).
 
@@ -115,7 +115,7 @@ def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
             follow_chain(world, q[first + w])
             for c in range(7):
                 pose[first + w, c] = world.pose[c]
-            chain_jacobian(world, world.J)
+            chain_jacobian(world)
             if world.frame != WORLD:
                 turn_columns(frame_turn(world.frame, world.frame_quat, world.pose), world.J, world.n)
             scale_task(world)
@@ -125,7 +125,7 @@ def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
             take_from_lane(norm2, k, w, scale[w], sigma[first + w])
 
 
-@entry
+@long_entry
 def locate(world: Record, q: Array, position: Array, J: Array) -> None:
     """Write positions (N, 3) and Jacobians (N, 6, n) at joint positions (N, n).
 
@@ -139,4 +139,7 @@ def locate(world: Record, q: Array, position: Array, J: Array) -> None:
         follow_chain(world, q[i])
         for c in range(3):
             position[i, c] = world.pose[c]
-        chain_jacobian(world, J[i])
+        chain_jacobian(world)
+        for r in range(6):
+            for j in range(world.n):
+                J[i, r, j] = world.J[r, j]

@@ -1,4 +1,4 @@
-"""Other forces on an arm at rest than its actuators: ends of ranges, other actuators, attached flexes."""
+"""Forces on an arm at rest beside its actuators: ends of ranges, other actuators, attached flexes."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ NEAR = 1e-3
 
 
 def ends(arm: Arm, qpos: Array) -> Iterator[str]:
-    """Yield which joints of an arm, and which tendons that it moves, are at the end of their ranges.
+    """Yield the joints of an arm, and the tendons that it moves, at the end of their ranges.
 
     Args:
         arm: The arm.

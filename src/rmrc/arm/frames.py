@@ -117,7 +117,8 @@ def _trunk(model: mujoco.MjModel) -> list[int]:
         while True:
             ahead = [b for b in children[body] if depth[b] > 0]
             ways = [b for b in ahead if into_fingers or not _is_finger(model, b)]
-            # limbs no longer than what carries them, or as many and as short as fingers, are a hand's
+            # branches belong to a hand if they are no longer than the chain before them, or as many and as
+            # short as fingers
             longest = max((depth[b] for b in ahead), default=0)
             is_hand = joints >= longest or (len(ahead) > 3 and longest <= _LONGEST_FINGER)
             if not ways or (joints > 0 and len(ahead) > 1 and is_hand):

@@ -29,7 +29,7 @@ class Actuator:
 
     Attributes:
         name: Its own, or its number.
-        kind: `position`, `velocity`, `intvelocity`, `motor`, `muscle` or `general`, by what it computes.
+        kind: `position`, `velocity`, `intvelocity`, `motor`, `muscle` or `general`, by its computation.
         drives: `joint`, `tendon`, `site` or `body`, and its name.
         is_replaced: Whether it acts on a joint of the arm alone, so that a plant replaces it.
     """

@@ -1,4 +1,4 @@
-"""Assumptions about a model where its file leaves something open: lines, some with a code of their own."""
+"""Assumptions about a model with an incomplete file: lines, some with their own code."""
 
 
 class Note(str):

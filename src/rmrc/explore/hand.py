@@ -22,14 +22,6 @@ FEW = 3
 # Labels of the rows of nudges; each has room for the buttons of two axes.
 ROWS = ("nudge", "nudge z", "turn", "turn z")
 TO_TIP, TO_START = "goal to the tip", "arm to the start"
-# Arrow and page keys press the buttons of the first three axes; a key that no button has turns the view.
-NUDGES = (
-    "document.body.addEventListener('keydown',e=>{"
-    "const t=e.target,k=['ArrowLeft','ArrowRight','ArrowDown','ArrowUp','PageDown','PageUp'].indexOf(e.key);"
-    "if(k<0||e.ctrlKey||e.altKey||e.metaKey||t.getAttribute('role')||/^(INPUT|TEXTAREA)$/.test(t.tagName))return;"
-    "const b=[...document.querySelectorAll('button')].filter(b=>/^[−+]r?[xyz]$/.test(b.innerText.trim()));"
-    "if(b[k]){e.stopPropagation();e.preventDefault();b[k].click()}})"
-)
 
 
 class Hand:

@@ -245,7 +245,8 @@ def table(run: Run, other: Run | None, beside: str) -> str:
         other: The run to compare with.
         beside: The name of the other run.
     """
-    rows = [f"<tr><th></th><th>now</th><th>{html.escape(beside) if other else ''}</th></tr>"]
+    heads = ["metric", "now", *([beside] if other else [])]
+    rows = [f"<tr>{''.join(f'<th>{html.escape(one)}</th>' for one in heads)}</tr>"]
     for name, said, factor, unit in FIGURES:
         cells = [_cell(one, name, factor, unit) if one is not None else "" for one in (run, other)]
         if cells[0]:

@@ -1,5 +1,6 @@
 """The server of the page: by default for this machine alone, and without viser's public tunnel."""
 
+import ctypes
 import gc
 import io
 import os
@@ -8,7 +9,7 @@ import threading
 import warnings
 import webbrowser
 from collections.abc import Callable
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,10 @@ LOCAL = (LOOPBACK, "localhost")
 # The variable with which viser would replace the given port.
 OVERRIDE = "_VISER_PORT_OVERRIDE"
 TITLE = "rmrc explore"
-# Time from a closed tab to the end of its threads [s].
-SETTLED = 1.0
+# Time between two returns of free memory to the system [s].
+TIDIED = 10.0
+# glibc's name of the largest number of heaps, and the number: more of them keep more free memory.
+ARENA_MAX, HEAPS = -8, 2
 # The warning of viser when a tab closes during a message.
 GONE = r"Queued a \w+ on a closed connection"
 
@@ -101,7 +104,7 @@ class Server:
         from rmrc.explore.gate import Gate, guarded_by, host_of
 
         self.sessions: dict[int, Session] = {}
-        self._lock, self._is_closed = threading.Lock(), False
+        self._lock, self._closed = threading.Lock(), threading.Event()
         self._make = partial(Session, scenario, out, lesson, drags)
         self._failed = failed
         self._gate = Gate(is_local=host in LOCAL)
@@ -123,6 +126,7 @@ class Server:
         self.url = f"http://{host_of(host)}:{port_taken}{self._gate.path}"
         self._server.on_client_connect(self._open)
         self._server.on_client_disconnect(self._leave)
+        threading.Thread(target=self._tidy, name="rmrc explore, memory", daemon=True).start()
 
     def _open(self, client: Any) -> None:
         """Give a browser a session."""
@@ -133,7 +137,7 @@ class Server:
 
         session = self._make(client, failed)
         with self._lock:
-            if not self._is_closed:
+            if not self._closed.is_set():
                 self.sessions[client.client_id] = session
                 session.start()
 
@@ -143,15 +147,17 @@ class Server:
             session = self.sessions.pop(client.client_id, None)
         if session is not None:
             session.close()
-            # its controls and viser's refer to each other: only the collector frees them
-            collector = threading.Timer(SETTLED, gc.collect)
-            collector.daemon = True
-            collector.start()
+
+    def _tidy(self) -> None:
+        """Return the memory of closed tabs and old answers to the system, now and then."""
+        while not self._closed.wait(TIDIED):
+            gc.collect()  # controls of a tab and viser's refer to each other: only the collector frees them
+            _of_glibc("malloc_trim", 0)
 
     def close(self) -> None:
         """End all sessions, and stop listening."""
         with self._lock:
-            self._is_closed = True
+            self._closed.set()
             ended = list(self.sessions.values())
             self.sessions.clear()
         for session in ended:
@@ -166,6 +172,12 @@ class Server:
     def __exit__(self, *_: object) -> None:
         """Close it."""
         self.close()
+
+
+def _of_glibc(name: str, *numbers: int) -> None:
+    """Call a function of glibc about memory; other systems have none."""
+    with suppress(OSError, TypeError, AttributeError):
+        getattr(ctypes.CDLL(None), name)(*numbers)
 
 
 def _without_tunnel(host: str, port: int) -> Any:
@@ -215,6 +227,10 @@ def serve(
     """
     refuse_taken(host, port)
     Explored(scenario)  # finds the faults of the scenario before a browser connects
+    _of_glibc("mallopt", ARENA_MAX, HEAPS)
+    # the collector looks no more at what exists now, so that it interrupts an arm for a moment only
+    gc.collect()
+    gc.freeze()
     with interruptible() as stop, Server(scenario, out, host, port, lesson, failed, drags) as server:
         say(server.url)
         if opens:

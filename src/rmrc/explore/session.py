@@ -1,6 +1,7 @@
 """The session of one browser: its settings, their answers, and the shown instant."""
 
 import html
+import math
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -14,7 +15,8 @@ from rmrc.explore import plots, rows, saving
 from rmrc.explore.answer import Answer, Explored
 from rmrc.explore.controls import Control, Value, read_of
 from rmrc.explore.drag import PERIOD, RECENT, Drag
-from rmrc.explore.hand import GIZMO, NUDGES, Hand
+from rmrc.explore.hand import GIZMO, Hand
+from rmrc.explore.page import EXTRAS
 from rmrc.explore.picture import ROOM, Picture, view
 from rmrc.results.run import Run
 from rmrc.scenario import Scenario
@@ -23,16 +25,6 @@ from rmrc.support.errors import RmrcError
 from rmrc.support.invocation import command
 
 MARKS = {"velocity": "velocity ellipsoid", "force": "force ellipsoid", "lost": "lost direction"}
-# An arrow key moves the focused slider; viser would also turn the view. A plot that is made before it has a
-# width never labels its time axis: it is told to. The page may make this element again: once is enough.
-KEYS = (
-    '<img hidden alt="" src="data:," onerror="if(!window.rmrc){window.rmrc=1;'
-    "document.body.addEventListener('keydown',"
-    "e=>{if(e.target.getAttribute('role')==='slider')e.stopPropagation()});"
-    "setInterval(()=>{for(const{chart:c}of Object.values(window.__viserTestpoints?.uplots??{}))"
-    "if(c.width>0&&!c.axes[0]._found?.[1])c.redraw(false,true)},500);"
-    f'{NUDGES}}}">'
-)
 BEFORE, WRITTEN, NOTHING = "the setting before", "as written", "nothing"
 RUN, DRAG = "run", "drag"
 SPEEDS = {"1/10": 0.1, "1/4": 0.25, "1": 1.0, "2": 2.0}
@@ -89,7 +81,7 @@ class Session:
         self._values: dict[str, Value] = {}
         self._is_asked = self._is_redrawn = self._is_saved = False
         self._drags, self.drag = drags, None
-        self._gesture, self._began = ("", 0.0), 0.0
+        self._gesture, self._began, self._answers = ("", 0.0), 0.0, 0
         self._time, self._plays, self._loops, self._speed = 0.0, False, True, 1.0
         self._thread = threading.Thread(target=self._live, name="rmrc explore", daemon=True)
 
@@ -131,10 +123,7 @@ class Session:
             self._wake.clear()
             now = time.perf_counter()
             passed, last = (now - last if moves else FRAME), now
-            if self._drags != (self.drag is not None):
-                self._switch(explored)
-            if self._is_saved:
-                self._save(explored)
+            self._catch_up(explored)
             if self.drag is not None:
                 if self._is_asked or self._hand.is_restarted:
                     self._tune(explored)
@@ -154,12 +143,21 @@ class Session:
             with self._client.atomic():
                 self._picture.at(self.answer, self._other, self._time)
 
+    def _catch_up(self, explored: Explored) -> None:
+        """Do what the reader asked for since the last picture."""
+        if self._drags != (self.drag is not None):
+            self._switch(explored)
+        if self._is_saved:
+            self._save(explored)
+        if not self._is_fitted:
+            self._aim()
+
     def _switch(self, explored: Explored) -> None:
         """Begin or end drag mode, as the reader chose."""
         self._play(False)
         if self._drags:
             self._tune(explored)
-            self._aim(explored.written, GIZMO)
+            self._aim()
             self._drags = self.drag is not None
             _set(self._mode, "value", DRAG if self._drags else RUN)
         else:
@@ -173,6 +171,7 @@ class Session:
         assert self.answer is not None
         with self._lock:
             self._is_asked, values = False, dict(self._values)
+        self._answers += 1
         before, self._hand.is_restarted = None if self._hand.is_restarted else self.drag, False
         if self.drag is None:
             self._say("the arm gets ready; the first time may take half a minute")
@@ -221,6 +220,7 @@ class Session:
             self._stop, self._began = threading.Event(), time.perf_counter()
             if self._closed:
                 self._stop.set()
+        self._answers += 1
         try:
             answer = explored.answer(values, self._stop)
         except RmrcError as error:
@@ -292,7 +292,9 @@ class Session:
 
     def _say(self, text: str, *, is_wrong: bool = False) -> None:
         color = ";color:#ff2d2d;font-weight:bold" if is_wrong else ""
-        told = f'<div style="font-size:.8em;padding:.2em .5em{color}">{html.escape(text)}</div>'
+        # the number of answers tells others, such as a test, that this one belongs to the latest setting
+        told = f'<div data-answers="{self._answers}" style="font-size:.8em;padding:.2em .5em{color}">'
+        told += f"{html.escape(text)}</div>"
         _set(self._said, "content", told)
 
     # Its layout ------------------------------------------------------------------------------
@@ -327,9 +329,13 @@ class Session:
         with tabs.add_tab("Take along"):
             self._build_saving()
             gui.add_markdown(rows.links(self._as_written.prepared.scenario.name))
-        gui.add_html(KEYS)
+        gui.add_html(EXTRAS)
         self._build_plots()
-        self._aim(explored.written, ROOM)
+        camera = self._client.camera
+        self._before_docking = camera.image_width / max(camera.image_height, 1)
+        self._aspect = (camera.image_width - SETTINGS - PLOTS) / max(camera.image_height, 1)
+        self._aim()
+        camera.on_update(self._fit)
 
     def _choose_mode(self, event: Any) -> None:
         if event.client is not None:
@@ -381,8 +387,8 @@ class Session:
                 for one in some:
                     handle = self._handles[one.key] = _made(gui, one)
                     handle.on_update(partial(self._change, one))
-        gui.add_button("Back to as written", hint="key W").on_click(self._reset)
-        gui.add_command("Back to as written", hotkey="W").on_trigger(self._reset)
+        gui.add_button("Back to as written", hint="key B").on_click(self._reset)
+        gui.add_command("Back to as written", hotkey="B").on_trigger(self._reset)
 
     def _change(self, control: Control, event: Any) -> None:
         """Take the value of a control; the value as written is no change."""
@@ -492,10 +498,19 @@ class Session:
         with panel.add_tab("Figures"):
             self._figures = gui.add_html("")
 
-    def _aim(self, answer: Answer, room: float) -> None:
+    def _fit(self, camera: Any) -> None:
+        """Aim again if the room between the panels has another shape."""
+        aspect = camera.image_width / max(camera.image_height, 1)
+        if aspect != self._before_docking and not math.isclose(aspect, self._aspect, rel_tol=0.05):
+            self._aspect, self._is_fitted = aspect, False
+            self._wake.set()
+
+    def _aim(self) -> None:
+        """Turn the camera to the whole run, and in drag mode to the gizmo too."""
+        self._is_fitted = True
+        room = ROOM if self.drag is None else GIZMO
+        seen = view(self._as_written, max(ASPECT, self._aspect), self._picture.marks, room)
         camera = self._client.camera
-        width = camera.image_width - SETTINGS - PLOTS
-        seen = view(answer, max(ASPECT, width / max(camera.image_height, 1)), self._picture.marks, room)
         camera.up_direction, camera.fov = seen.up, seen.fov
         camera.position, camera.look_at = seen.position, seen.look_at
 

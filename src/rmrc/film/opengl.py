@@ -36,7 +36,6 @@ def opened(width: int, height: int) -> Any:
     """Return an OpenGL context without a display: the one that MUJOCO_GL names, or else EGL or OSMesa.
 
     MuJoCo decides on import, and by default for a window, which is too early and needs a display.
-    a display.
 
     Args:
         width: Width of the pictures [pixels].

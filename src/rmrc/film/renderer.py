@@ -80,7 +80,7 @@ class Renderer:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Free what OpenGL holds."""
+        """Free the resources of OpenGL."""
         self._gl.make_current()
         self._context.free()
         self._gl.free()

@@ -273,7 +273,7 @@ def measure(world: Record, goal: Array, q: Array) -> float:
 def linearize(world: Record) -> None:
     """Keep e, and write A = S_x L(φ) J S_q at the configuration measured last."""
     J, error = world.J, world.error_2
-    chain_jacobian(world, J)
+    chain_jacobian(world)
     fx, fy, fz = error[3], error[4], error[5]
     turn2 = fx * fx + fy * fy + fz * fz
     half = 0.5 * math.sqrt(turn2)

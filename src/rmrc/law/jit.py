@@ -20,10 +20,12 @@ from numba.core import cgutils, event, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from rmrc.law.brisk import briskly
 from rmrc.law.keeping import known_home, notice, own_folder
 from rmrc.law.kept import Kept
-from rmrc.law.linking import PartCompiler, WholeCompiler, typing_remembered
+from rmrc.law.linking import LongCompiler, PartCompiler, WholeCompiler
 from rmrc.scenario.choices import Choice, Choices
+from rmrc.support import lifetime
 from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
 
 Array: TypeAlias = NDArray[np.float64]
@@ -31,7 +33,7 @@ Record: TypeAlias = Any  # one element of a structured array, see records.py
 Function = TypeVar("Function", bound=Callable[..., object])
 
 # `nogil` lets threads run worlds side by side. With `error_model="numpy"` 1/0 is infinite and raises nothing,
-# because the law itself decides what a zero means. No `fastmath`: the bits of a world must not depend on how
+# because the law itself decides about zeros. No `fastmath`: the bits of a world must not depend on how
 # many others are computed beside it.
 _flags: dict[str, Any] = {"nogil": True, "error_model": "numpy", "pipeline_class": WholeCompiler}
 # Names in functions that make arrays. Only these functions count references to arrays. The others use arrays
@@ -316,7 +318,7 @@ def chain(
     return compiled(cast(Callable[..., bool], names[name]))
 
 
-def entry(function: Function, **options: bool) -> Function:
+def entry(function: Function, **options: Any) -> Function:
     """Compile a function that Python calls, and keep the machine code on disk for the next process.
 
     Numba recompiles when the function's own file changes, but not when the file of a function that it calls
@@ -329,7 +331,12 @@ def entry(function: Function, **options: bool) -> Function:
     return cast(Function, dispatcher)
 
 
-def _kept(function: Callable[..., object], options: Mapping[str, bool]) -> Any:
+def long_entry(function: Function) -> Function:
+    """Compile an `entry` that goes through thousands of rows, for which longer code is worth its time."""
+    return entry(function, pipeline_class=LongCompiler)
+
+
+def _kept(function: Callable[..., object], options: Mapping[str, Any]) -> Any:
     """Return a dispatcher that keeps its code where numba can, or else in a folder of the user's own."""
     try:
         with known_home():
@@ -427,7 +434,7 @@ def _briskly() -> Iterator[None]:
     live on, and the garbage collector would search them again and again.
     """
     settings: Any = config  # its attributes are made on import
-    with typing_remembered():
+    with briskly():
         level, collects = settings.OPT, gc.isenabled()
         settings.OPT = type(level)(min(2, level))
         gc.disable()
@@ -436,6 +443,8 @@ def _briskly() -> Iterator[None]:
         finally:
             settings.OPT = level
             if collects:
+                if lifetime.ends_with_job:
+                    gc.freeze()
                 gc.enable()
 
 
@@ -453,6 +462,8 @@ def _forget_other_sources(directory: Path, function: Callable[..., object]) -> N
         pass
 
 
+# Modules of this folder that decide what functions become.
+_HOW = "jit", "brisk", "indexing", "linking", "addresses", "outward"
 # Folders whose modules may have compiled functions.
 _ROOMS = ("plants", "results", "simulation", "analysis")
 
@@ -461,10 +472,10 @@ def _digest_sources() -> str:
     """Return a digest of all modules that hold compiled functions, and of the constants these use."""
     package = Path(__file__).parents[1]
     own = (path.read_bytes() for path in sorted(package.glob("law/*.py")))
-    marks = b"@compiled", b"@inlined", b"@entry", b"@apart"
+    marks = b"@compiled", b"@inlined", b"@entry", b"@long_entry", b"@apart"
     sources = [text for text in own if any(mark in text for mark in marks)]
     sources.append((package / "law/record.py").read_bytes())
-    sources += [(package / "law" / name).read_bytes() for name in ("jit.py", "linking.py", "addresses.py")]
+    sources += [(package / f"law/{name}.py").read_bytes() for name in _HOW]
     sources.append((package / "scenario/choices.py").read_bytes())
     others = (
         text

@@ -4,6 +4,7 @@ import math
 from typing import TypeAlias
 
 from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.outward import HERE, LANES, contribute, follow_first, follow_on
 
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
@@ -11,50 +12,53 @@ Quaternion: TypeAlias = tuple[float, float, float, float]
 FRAMES = ("world", "base", "site")
 WORLD, BASE, SITE = range(3)
 
+# Squared tangents below which six terms of the series of the arc tangent are exact: the next is 2⁻⁶⁰/13.
+SERIES_BELOW = 2.0**-10
+
 
 @compiled
-def geometric_jacobian(world: Record, point: Array, anchors: Array, axes: Array, J: Array) -> None:
-    """Write J (6, n), rows [v; ω], along world axes, for a point fixed to the last link.
+def geometric_jacobian(world: Record, anchors: Array, axes: Array) -> None:
+    """Write J (6, n), rows [v; ω], along world axes, for the site at `world.pose`.
 
     The axes come from MuJoCo's up-to-date kinematics, so nothing is differentiated.
 
     Args:
-        world: Read: ids, kinds, pitches and ratios of the axes. Their own columns are written where some
-            joints follow others.
-        point: The site's origin, (3,) [m].
+        world: Read: ids, kinds, pitches and ratios of the axes, and the site's pose. Written: `outward`, J,
+            and the columns of the axes where some joints follow others.
         anchors: A point on each of MuJoCo's joint axes, (njnt, 3) [m].
         axes: Unit vector of each joint axis, (njnt, 3).
-        J: Written, (6, n).
     """
-    if world.axes == world.n:
-        write_columns(world, point, anchors, axes, J)
-    else:
-        write_columns(world, point, anchors, axes, world.columns)
-        gather(world, world.columns, J)
-
-
-@compiled
-def write_columns(world: Record, point: Array, anchors: Array, axes: Array, columns: Array) -> None:
-    """Write the contribution of each axis to the twist of a point, (6, ℓ); see `geometric_jacobian`."""
     for a in range(world.axes):
         joint = world.joint[a]
-        write_column(world, a, point, anchors[joint], axes[joint], columns)
+        for i in range(3):
+            world.outward[i, a], world.outward[3 + i, a] = axes[joint, i], anchors[joint, i]
+    chain_jacobian(world)
 
 
 @compiled
-def second_jacobian(world: Record, point: Array, anchors: Array, axes: Array) -> None:
-    """Write J_2 of the second task's site like `geometric_jacobian`; joints behind it do not move it."""
+def chain_jacobian(world: Record) -> None:
+    """Write J like `geometric_jacobian`, with the axes that were found last."""
     if world.axes == world.n:
-        write_moving(world, point, anchors, axes, world.J_2)
+        write_columns(world, world.pose, world.J)
     else:
-        write_moving(world, point, anchors, axes, world.columns_2)
+        write_columns(world, world.pose, world.columns)
+        gather(world, world.columns, world.J)
+
+
+@compiled
+def second_jacobian(world: Record) -> None:
+    """Write J_2 of the second task's site, after J; joints behind that site do not move it."""
+    if world.axes == world.n:
+        write_moving(world, world.J_2)
+    else:
+        write_moving(world, world.columns_2)
         gather(world, world.columns_2, world.J_2)
 
 
 @compiled
-def write_moving(world: Record, point: Array, anchors: Array, axes: Array, columns: Array) -> None:
+def write_moving(world: Record, columns: Array) -> None:
     """Write the contribution of each axis to the twist of the second task's site, (6, ℓ)."""
-    write_columns(world, point, anchors, axes, columns)
+    write_columns(world, world.pose_2, columns)
     for a in range(world.axes):
         if not world.moves_2[a]:
             for i in range(6):
@@ -62,15 +66,14 @@ def write_moving(world: Record, point: Array, anchors: Array, axes: Array, colum
 
 
 @compiled
-def chain_jacobian(world: Record, J: Array) -> None:
-    """Write J (6, n) like `geometric_jacobian`, at the configuration of the last `follow_chain`."""
-    if world.axes == world.n:
-        for j in range(world.n):
-            write_column(world, j, world.pose, world.anchor[j], world.axis[j], J)
-    else:
-        for a in range(world.axes):
-            write_column(world, a, world.pose, world.anchor[a], world.axis[a], world.columns)
-        gather(world, world.columns, J)
+def write_columns(world: Record, point: Array, columns: Array) -> None:
+    """Write the contribution of each axis to the twist of a point, (6, ℓ).
+
+    A revolute joint with axis z through o contributes [z × (p − o); z], a prismatic one [z; 0]
+    [Whitney72], and a helical one of pitch h [z × (p − o) + h z; z] [Selig92].
+    """
+    for first in range(0, world.axes, LANES):
+        contribute(world.chain, world.outward, point, columns, first)
 
 
 @compiled
@@ -84,28 +87,6 @@ def gather(world: Record, columns: Array, J: Array) -> None:
 
 
 @compiled
-def write_column(world: Record, j: int, point: Array, anchor: Array, axis: Array, J: Array) -> None:
-    """Write the contribution of axis j to the twist of a point.
-
-    A revolute joint with axis z through o contributes [z × (p − o); z], a prismatic one [z; 0]
-    [Whitney72], and a helical one of pitch h [z × (p − o) + h z; z] [Selig92].
-    """
-    zx, zy, zz = axis[0], axis[1], axis[2]
-    if world.is_slide[j]:
-        J[0, j], J[1, j], J[2, j] = zx, zy, zz
-        J[3, j] = J[4, j] = J[5, j] = 0.0
-    else:
-        rx, ry, rz = point[0] - anchor[0], point[1] - anchor[1], point[2] - anchor[2]
-        h = world.pitch[j]
-        J[0, j], J[1, j], J[2, j] = (
-            zy * rz - zz * ry + h * zx,
-            zz * rx - zx * rz + h * zy,
-            (zx * ry - zy * rx + h * zz),
-        )
-        J[3, j], J[4, j], J[5, j] = zx, zy, zz
-
-
-@compiled
 def follow_chain(world: Record, q: Array) -> None:
     """Write the axes, their anchors and the site at joint positions q, by the product of exponentials.
 
@@ -114,28 +95,15 @@ def follow_chain(world: Record, q: Array) -> None:
     followers are among them, and move with their leaders.
 
     Args:
-        world: Read: the arm's geometry at 0. Written: `anchor`, `axis` and `pose`.
+        world: Read: the arm's geometry at 0. Written: `outward` and `pose`.
         q: Joint positions, (n,).
     """
-    x = y = z = 0.0
-    turn = (1.0, 0.0, 0.0, 0.0)
-    for j in range(world.axes):
-        moved = world.ratio[j] * q[world.leader[j]]
-        dx, dy, dz = turned(turn, world.zero_step[j])
-        x, y, z = x + dx, y + dy, z + dz
-        ax, ay, az = turned(turn, world.zero_axis[j])
-        world.anchor[j, 0], world.anchor[j, 1], world.anchor[j, 2] = x, y, z
-        world.axis[j, 0], world.axis[j, 1], world.axis[j, 2] = ax, ay, az
-        if world.is_slide[j]:
-            way = moved
-        else:
-            way = world.pitch[j] * moved
-            c, s = math.cos(0.5 * moved), math.sin(0.5 * moved)
-            turn = quat_product((c, s * ax, s * ay, s * az), turn)
-        x, y, z = x + way * ax, y + way * ay, z + way * az
+    place = follow_first(world.chain, world.leader, q, world.outward, 0, HERE)
+    for first in range(LANES, world.axes, LANES):
+        place = follow_on(world.chain, world.leader, q, world.outward, first, place)
+    turn, tip = (place[0], place[1], place[2], place[3]), world.tip_quat
     dx, dy, dz = turned(turn, world.tip_step)
-    world.pose[0], world.pose[1], world.pose[2] = x + dx, y + dy, z + dz
-    tip = world.tip_quat
+    world.pose[0], world.pose[1], world.pose[2] = place[4] + dx, place[5] + dy, place[6] + dz
     world.pose[3], world.pose[4], world.pose[5], world.pose[6] = quat_product(
         turn, (tip[0], tip[1], tip[2], tip[3])
     )
@@ -148,32 +116,17 @@ def follow_second(world: Record, q: Array) -> None:
     for a in range(last + 1):
         if not world.is_slide[a]:
             moved = 0.5 * world.ratio[a] * q[world.leader[a]]
-            c, s, axis = math.cos(moved), math.sin(moved), world.axis[a]
-            turn = quat_product((c, s * axis[0], s * axis[1], s * axis[2]), turn)
+            c, s, axis = math.cos(moved), math.sin(moved), world.outward[:3]
+            turn = quat_product((c, s * axis[0, a], s * axis[1, a], s * axis[2, a]), turn)
     moved = world.ratio[last] * q[world.leader[last]]
     way = moved if world.is_slide[last] else world.pitch[last] * moved
     step, tip = turned(turn, world.tip_step_2), world.tip_quat_2
     for i in range(3):
-        world.pose_2[i] = world.anchor[last, i] + way * world.axis[last, i] + step[i]
+        world.pose_2[i] = world.outward[3 + i, last] + way * world.outward[i, last] + step[i]
     world.pose_2[3], world.pose_2[4], world.pose_2[5], world.pose_2[6] = quat_product(
         turn, (tip[0], tip[1], tip[2], tip[3])
     )
-    if world.axes == world.n:
-        write_followed(world, world.J_2)
-    else:
-        write_followed(world, world.columns_2)
-        gather(world, world.columns_2, world.J_2)
-
-
-@compiled
-def write_followed(world: Record, columns: Array) -> None:
-    """Write the contribution of each axis of the chain to the twist of the second task's site, (6, ℓ)."""
-    for a in range(world.axes):
-        if a <= world.last_2:
-            write_column(world, a, world.pose_2, world.anchor[a], world.axis[a], columns)
-        else:
-            for i in range(6):
-                columns[i, a] = 0.0
+    second_jacobian(world)
 
 
 @compiled
@@ -203,8 +156,8 @@ def quat_product(a: Quaternion, b: Quaternion) -> Quaternion:
 def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
     """Write [p_ref − p; log(R_ref Rᵀ)], (6,) [m, rad], along world axes.
 
-    The rotation vector comes from the quaternion by atan2, which keeps full precision for small errors, where
-    acos of the trace loses half the digits.
+    The rotation vector comes from the quaternion by the arc tangent, which keeps full precision for small
+    errors, where acos of the trace loses half the digits. Its series serves for small errors.
     """
     for i in range(3):
         error[i] = pose_ref[i] - pose[i]
@@ -216,8 +169,14 @@ def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
     z = aw * bz + ax * by - ay * bx + az * bw
     if w < 0.0:  # the shorter way round
         w, x, y, z = -w, -x, -y, -z
-    sine = math.sqrt(x * x + y * y + z * z)
-    factor = 2.0 if sine == 0.0 else 2.0 * math.atan2(sine, w) / sine
+    sine2 = x * x + y * y + z * z
+    if sine2 < SERIES_BELOW * w * w:
+        t = sine2 / (w * w)
+        t2 = t * t
+        factor = (2.0 / w) * ((1.0 - t / 3.0) + t2 * ((1.0 / 5.0 - t / 7.0) + t2 * (1.0 / 9.0 - t / 11.0)))
+    else:
+        sine = math.sqrt(sine2)
+        factor = 2.0 if sine == 0.0 else 2.0 * math.atan2(sine, w) / sine
     error[3], error[4], error[5] = factor * x, factor * y, factor * z
 
 

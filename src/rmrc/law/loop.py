@@ -188,7 +188,7 @@ class Loop:
 
 
 class _Shadow:
-    """What another thread may read during a step: a copy of the records as the last step left them.
+    """A copy of the records as the last step left them, for other threads to read during a step.
 
     The bytes are copied in one operation, which Python's lock does not interrupt.
     """

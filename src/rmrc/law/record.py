@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 ROWS = 6  # a twist has six rows; a task, and so sigma, has at most as many
 JOINTS = -1  # in the size of a field: the number of joints that the record holds
 CHAIN = -2  # the number of axes of the chain: more than joints, where some follow others
+# Rows of a chain, per axis: half its angle and its way along itself, per position of its joint; the axis, and
+# the step from the one before, at 0; 1 if it turns or 0; its way per radian, or 1 if it slides.
+HALF, ALONG, AXIS, STEP, TURNS, ADVANCE, ROWS_OF_CHAIN = 0, 1, 2, 5, 8, 9, 10
 CAPACITY = 8  # joints of the smallest record; larger arms get the next power of two
 
 
@@ -78,11 +81,11 @@ MEMORY = (
     Field("active", size=(JOINTS,)), Field("active_age", np.int64),
 )  # fmt: skip
 
-# Scratch of one tick: axes of the arm's own chain; the task, with the twist wanted along the axes of its
-# frame; bounds and parts of the rates; a second decomposition, of the remaining A for a second task, or for
-# the joints that are not saturated.
+# Scratch of one tick: axes of the arm's own chain, and their anchors; the task, with the twist wanted along
+# the axes of its frame; bounds and parts of the rates; a second decomposition, of the remaining A for a
+# second task, or for the joints that are not saturated.
 SCRATCH = (
-    Field("axis", size=(CHAIN, 3)), Field("anchor", size=(CHAIN, 3)), Field("axis_rate", size=(CHAIN,)),
+    Field("outward", size=(6, CHAIN)), Field("axis_rate", size=(CHAIN,)),
     Field("twist_task", size=(6,)), Field("twist_cmd", size=(6,)),
     Field("task", size=(ROWS,)), Field("asked", size=(ROWS,)), Field("error"),
     Field("A", size=(ROWS, JOINTS)), Field("angles", size=(ROWS, JOINTS)), Field("qdot0", size=(JOINTS,)),
@@ -98,7 +101,8 @@ SCRATCH = (
     Field("u_B", size=(ROWS, JOINTS)), Field("v_B", size=(ROWS, JOINTS)),
     Field("direction", size=(ROWS,)), Field("missing", size=(ROWS,)), Field("pull", size=(ROWS,)),
     Field("magnitude", size=(ROWS,)),
-    # the metric of the joints: poses of their links, the inertias that these carry, its factors
+    # the metric of the joints: their axes, poses of their links, the inertias that these carry, its factors
+    Field("axis", size=(CHAIN, 3)), Field("anchor", size=(CHAIN, 3)),
     Field("turn", size=(CHAIN, 4)), Field("point", size=(3,)), Field("half_turned", size=(3, 3)),
     Field("moving_mass", size=(CHAIN,)), Field("moving_moment", size=(CHAIN, 3)),
     Field("moving_inertia", size=(CHAIN, 3, 3)),

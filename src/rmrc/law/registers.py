@@ -117,7 +117,7 @@ def _typed_times(_: Any, to: Any, a: Any, b: Any) -> Any:
 
 
 def _typed_turn(shares: Sequence[float]) -> Any:
-    """Return what types and writes rows + Σ share · angles^power · rows, of the powers from 1 on."""
+    """Return the generator of code for rows + Σ share · angles^power · rows, of the powers from 1 on."""
 
     def typed(_: Any, rows: Any, angles: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:

@@ -36,12 +36,13 @@ def stuck(world: Record, tick: Record, status: int) -> int:
         row, scale, moved = world.row[i], world.row_scale[i], 0.0
         for j in range(world.n):
             moved += world.J[row, j] * tick.qdot_cmd[j]
-        wanted += (scale * world.twist_task[row]) ** 2
-        asked += world.task[i] ** 2
-        done += (scale * moved) ** 2
-    moves = wanted > SLOWEST**2
+        wants, moved = scale * world.twist_task[row], scale * moved
+        wanted += wants * wants
+        asked += world.task[i] * world.task[i]
+        done += moved * moved
+    moves = wanted > SLOWEST * SLOWEST
     wished = wanted if moves else asked
-    if wished <= SLOWEST**2 or done > max(SHARE**2 * wished, CREEPS**2):
+    if wished <= SLOWEST * SLOWEST or done > max(SHARE * SHARE * wished, CREEPS * CREEPS):
         world.still = 0.0
     elif moves:
         world.still += world.period

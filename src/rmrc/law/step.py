@@ -195,15 +195,15 @@ def look(world: Record, xpos: Array, xquat: Array, anchors: Array, axes: Array) 
     """Write poses and Jacobians, from the arm's own chain or from MuJoCo's data."""
     if world.sites == CHAIN_ALONE:
         follow_chain(world, world.q)
-        chain_jacobian(world, world.J)
+        chain_jacobian(world)
         if world.m_2 > 0:
             follow_second(world, world.q)
     elif world.sites > 0:
         see(world, 0, xpos, xquat, world.pose)
-        geometric_jacobian(world, world.pose, anchors, axes, world.J)
+        geometric_jacobian(world, anchors, axes)
         if world.sites == 2:
             see(world, 1, xpos, xquat, world.pose_2)
-            second_jacobian(world, world.pose_2, anchors, axes)
+            second_jacobian(world)
 
 
 @compiled

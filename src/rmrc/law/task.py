@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.record import CHAIN, JOINTS, ROWS, Field
+from rmrc.law.record import CHAIN, JOINTS, ROWS, ROWS_OF_CHAIN, Field
 from rmrc.scenario import Frame
 from rmrc.support.spatial import (
     AXES,
@@ -133,7 +133,7 @@ class Task:
         # axes of the chain, outward: the joint that moves each, its ratio, its kind, and its place at 0
         Field("axes", np.int64), Field("leader", np.int64, (CHAIN,)), Field("ratio", size=(CHAIN,)),
         Field("is_slide", np.int64, (CHAIN,)), Field("pitch", size=(CHAIN,)),
-        Field("zero_axis", size=(CHAIN, 3)), Field("zero_step", size=(CHAIN, 3)),
+        Field("chain", size=(ROWS_OF_CHAIN, CHAIN)),
         Field("tip_step", size=(3,)), Field("tip_quat", size=(4,)),
     )  # fmt: skip
 
@@ -192,7 +192,9 @@ class Task:
         axes = world["axes"] = len(chain.names)
         world["leader"][:axes], world["ratio"][:axes] = chain.leader, chain.ratio
         world["is_slide"][:axes], world["pitch"][:axes] = np.isinf(chain.pitch), chain.pitch
-        world["zero_axis"][:axes], world["zero_step"][:axes] = chain.axis, chain.step
+        turns, advance = np.isfinite(chain.pitch), np.where(np.isinf(chain.pitch), 1.0, chain.pitch)
+        half, way = 0.5 * chain.ratio * turns, chain.ratio * advance
+        world["chain"][:, :axes] = half, way, *chain.axis.T, *chain.step.T, turns, advance
         world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
 
 

@@ -1,4 +1,4 @@
-"""What a block does around the law of each tick: MuJoCo's part, called at its addresses by compiled code."""
+"""The part of MuJoCo in each tick of a block, called at its addresses by compiled code."""
 
 from rmrc.law.addresses import call_c, words_at
 from rmrc.law.jit import compiled

@@ -34,8 +34,8 @@ Four = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
 Words: TypeAlias = NDArray[np.int64]
 
 
-def _ziggurat() -> tuple[Array, Array, Array]:
-    """Return the width of each layer, the extent of its inside, both per 2⁻⁵² of it, and its density."""
+def _ziggurat() -> Array:
+    """Return the width of each layer, the extent of its inside, per 2⁻⁵² of it, and its density, (256, 3)."""
     width = np.empty(_LAYERS)
     width[0], width[-1] = _AREA / math.exp(-0.5 * _EDGE**2), _EDGE
     for i in range(_LAYERS - 1, 1, -1):
@@ -43,10 +43,10 @@ def _ziggurat() -> tuple[Array, Array, Array]:
     inside = np.roll(width, 1) / width * 2.0**52
     inside[0], inside[1] = _EDGE / width[0] * 2.0**52, 0.0
     density = np.array([1.0, *(math.exp(-0.5 * x**2) for x in width[1:])])
-    return width * 2.0**-52, inside.astype(np.int64), density
+    return np.stack([width * 2.0**-52, np.trunc(inside), density], axis=1)
 
 
-_WIDTH, _INSIDE, _DENSITY = _ziggurat()
+_LAYER = _ziggurat()
 
 
 def word(seed: int) -> int:
@@ -106,48 +106,51 @@ def normals(seed: int, stream: int, tick: int, count: int, drawn: Words, found: 
     for k in range(0, count, 4):
         drawn[k], drawn[k + 1], drawn[k + 2], drawn[k + 3] = words(seed, stream, k // 4, tick)
     for k in range(count):
-        layer, inward = drawn[k] & _BYTE, (drawn[k] >> 9) & _MANTISSA
-        if inward >= _INSIDE[layer]:
-            _draw_on(seed, stream, tick, k, count, found)
+        of_layer, inward = _LAYER[drawn[k] & _BYTE], float((drawn[k] >> 9) & _MANTISSA)
+        if inward >= of_layer[1]:
+            _draw_on(seed, stream, tick, k, count, drawn, found)
             return
-        found[k] = (1 - ((drawn[k] >> 7) & 2)) * (inward * _WIDTH[layer])
+        found[k] = (1 - ((drawn[k] >> 7) & 2)) * (inward * of_layer[0])
 
 
 @compiled
-def _draw_on(seed: int, stream: int, tick: int, first: int, count: int, found: Array) -> None:
+def _draw_on(seed: int, stream: int, tick: int, first: int, count: int, drawn: Words, found: Array) -> None:
     """Write normal numbers from the first on, which starts with the word at its index and takes more."""
     place = first
     for k in range(first, count):
-        found[k], place = _draw(seed, stream, tick, place)
+        found[k], place = _draw(seed, stream, tick, place, count, drawn)
 
 
 @compiled
-def _draw(seed: int, stream: int, tick: int, place: int) -> tuple[float, int]:
+def _draw(seed: int, stream: int, tick: int, place: int, count: int, drawn: Words) -> tuple[float, int]:
     """Return a normal number from the word at a place or from several, and the place behind them."""
     while True:
-        word = _word(seed, stream, tick, place)
+        word = _word(seed, stream, tick, place, count, drawn)
         layer, inward = word & _BYTE, (word >> 9) & _MANTISSA
-        x, sign, place = inward * _WIDTH[layer], 1 - ((word >> 7) & 2), place + 1
-        if inward < _INSIDE[layer]:
+        x, sign, place = inward * _LAYER[layer, 0], 1 - ((word >> 7) & 2), place + 1
+        if inward < _LAYER[layer, 1]:
             return sign * x, place
         if layer == 0:  # beyond the edge, by exponential numbers [Marsaglia64]
             beyond, fall = 1.0, 0.0
             while 2.0 * fall <= beyond * beyond:
-                beyond = -math.log1p(-_unit(seed, stream, tick, place)) / _EDGE
-                fall, place = -math.log1p(-_unit(seed, stream, tick, place + 1)), place + 2
+                beyond = -math.log1p(-_unit(seed, stream, tick, place, count, drawn)) / _EDGE
+                fall = -math.log1p(-_unit(seed, stream, tick, place + 1, count, drawn))
+                place += 2
             return (1 - ((inward >> 7) & 2)) * (_EDGE + beyond), place
-        low, high, place = _DENSITY[layer], _DENSITY[layer - 1], place + 1
-        if low + (high - low) * _unit(seed, stream, tick, place - 1) < math.exp(-0.5 * x * x):
+        low, high, place = _LAYER[layer, 2], _LAYER[layer - 1, 2], place + 1
+        if low + (high - low) * _unit(seed, stream, tick, place - 1, count, drawn) < math.exp(-0.5 * x * x):
             return sign * x, place
 
 
 @compiled
-def _word(seed: int, stream: int, tick: int, place: int) -> np.int64:
-    """Return a word of a tick."""
+def _word(seed: int, stream: int, tick: int, place: int, count: int, drawn: Words) -> np.int64:
+    """Return a word of a tick, of which those up to a multiple of four have been drawn."""
+    if place < (count + 3) // 4 * 4:
+        return np.int64(drawn[place])
     return np.int64(words(seed, stream, place // 4, tick)[place % 4])
 
 
 @compiled
-def _unit(seed: int, stream: int, tick: int, place: int) -> float:
+def _unit(seed: int, stream: int, tick: int, place: int, count: int, drawn: Words) -> float:
     """Return a number from [0, 1), made from a word of a tick."""
-    return (np.uint64(_word(seed, stream, tick, place)) >> _REST) * _SCALE
+    return (np.uint64(_word(seed, stream, tick, place, count, drawn)) >> _REST) * _SCALE

@@ -110,9 +110,9 @@ def tick(
                 going = world.diverged_joint < -1
                 if going:
                     if not is_misled:
-                        geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w], world.J)
+                        geometric_jacobian(world, xanchor[w], xaxis[w])
                     if world.m_2 > 0:
-                        measure_second(world, is_misled, site_xpos[w], site_xquat[w], xanchor[w], xaxis[w])
+                        measure_second(world, is_misled, site_xpos[w], site_xquat[w])
                     out.time = t_w * world.period
                     read_reference(world, out, reference[world.reference])
                     control(world, out)
@@ -168,7 +168,7 @@ def sense_by_stages(world: Record, out: Record, ticks: Record, w: int, t: int) -
     for j in range(world.n):
         out.q_believed[j] = world.q[j]
     follow_chain(world, world.q)
-    chain_jacobian(world, world.J)
+    chain_jacobian(world)
 
 
 @compiled
@@ -186,15 +186,13 @@ def read_loads(world: Record, out: Record, gravcomp: Array) -> int:
 
 
 @apart("call_second", m_2=())
-def measure_second(
-    world: Record, is_misled: bool, site_xpos: Array, site_xquat: Array, xanchor: Array, xaxis: Array
-) -> None:
+def measure_second(world: Record, is_misled: bool, site_xpos: Array, site_xquat: Array) -> None:
     """Write pose and Jacobian of the second task's site, from the state that the law uses."""
     if is_misled:
         follow_second(world, world.q)
     else:
         see_second(world, site_xpos, site_xquat)
-        second_jacobian(world, site_xpos[world.site_2], xanchor, xaxis)
+        second_jacobian(world)
 
 
 @compiled
@@ -251,17 +249,17 @@ def send(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
     if world.is_eased:
         keep_changes(world, out.qdot_cmd)
     for j in range(world.n):
-        world.qdot_cmd_last[j] = world.qdot_sent[j] = out.qdot_arrived[j] = out.qdot_cmd[j]
+        world.qdot_cmd_last[j] = world.qdot_sent[j] = out.qdot_cmd[j]
     if world.is_sent:
         send_by_stages(world, out, ticks, w, t)
+    for j in range(world.n):
+        out.qdot_arrived[j] = world.qdot_sent[j]
 
 
 @apart("call_sent", is_sent=())
 def send_by_stages(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
     """Apply the stages after the law to the command."""
     sent(world, out, ticks, w, t)
-    for j in range(world.n):
-        out.qdot_arrived[j] = world.qdot_sent[j]
 
 
 @compiled

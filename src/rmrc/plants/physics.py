@@ -147,7 +147,7 @@ class Physical(Plant):
             name = integrator.name.removeprefix("mjINT_")
             yield Assumed(
                 f"integrator implicitfast instead of the model's {name}",
-                integrator != mujoco.mjtIntegrator.mjINT_EULER,  # what a model has that names none
+                integrator != mujoco.mjtIntegrator.mjINT_EULER,  # the integrator of a model that names none
             )
         if model.opt.timestep != self.timestep:
             text = f"timestep {self.timestep:g} s instead of the model's {model.opt.timestep:g} s"

@@ -65,6 +65,22 @@ def _nothing(count: int) -> Array:
     return nothing
 
 
+def bound(
+    batch: Batch, plants: Sequence[Plant], model: mujoco.MjModel, wiring: Wiring, worlds: NDArray[np.void],
+    qpos: Array, held: tuple[Array, Array],
+) -> tuple[Any, ...]:  # fmt: skip
+    """Wire worlds to a batch, set their start, and return the batch's arrays for `lockstep.tick`.
+
+    The first forward pass of the batch fills them. The other arguments are those of a `Stepper`.
+    """
+    begin(batch, plants, qpos, held)
+    write_wiring(worlds, model, wiring, plants, partial(column, model))
+    fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", type(plants[0]).forces)
+    is_compensated = plants[0].has_physics and model.ngravcomp > 0
+    weights = batch.bind("qfrc_gravcomp") if is_compensated else _nothing(len(worlds))
+    return batch.state, batch.warning, *map(batch.bind, fields), weights
+
+
 class Stepper:
     """Worlds of one arm under one plant, stepped together on one thread.
 
@@ -116,13 +132,13 @@ class Stepper:
         self._blocks, self._before, self._stage = None, None, int(kind.stage)
         touches = plants[0].has_physics and can_touch(model, wiring)
         differences = [plant.difference(model, wiring) for plant in plants]
-        is_compensated = plants[0].has_physics and model.ngravcomp > 0
         if not touches and not kind.works_between and native.serves(model):
             self._batch: Batch | Native = (own := batches.take(model, differences, in_blocks=True))
             self._lent.append(own)
             begin(own, plants, qpos, held)
             write_wiring(worlds, model, wiring, plants, own.place)
             given = worlds, ticks, reference
+            is_compensated = plants[0].has_physics and model.ngravcomp > 0
             self._blocks = Blocks(own, kind.forces, self._substeps, given, is_compensated, self.positions)
             return
 
@@ -132,13 +148,8 @@ class Stepper:
             return batch
 
         batch = self._batch = take(differences)
-        begin(batch, plants, qpos, held)
-        write_wiring(worlds, model, wiring, plants, partial(column, model))
-        # bound before the first forward, which then fills them
-        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)
-        seen = [batch.bind(field) for field in fields]
-        seen.append(batch.bind("qfrc_gravcomp") if is_compensated else _nothing(len(worlds)))
-        arrays: tuple[Any, ...] = (worlds, ticks, reference, batch.state, batch.warning, *seen, 0)
+        seen = bound(batch, plants, model, wiring, worlds, qpos, held)
+        arrays: tuple[Any, ...] = (worlds, ticks, reference, *seen, 0)
         self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0), *arrays)
         if touches:
             self.contacts = Contacts(model, wiring, batch, worlds, ticks)

@@ -22,14 +22,19 @@ def carry(world: Record, out: Record, past: Record, t: int) -> None:
     if world.jitter > 0.0 or world.loss > 0.0:
         carry_by_chance(world, out, past, t)
         return
-    newest, rows = t - math.floor(world.latency), past.shape[0]
+    newest, rows, sent = t - math.floor(world.latency), past.shape[0], world.qdot_sent
     arrival = newest + world.latency  # within this tick, or with it
-    for j in range(world.n):
-        world.qdot_sent[j] = -0.0 if newest >= 0 else 0.0  # a sum that begins with -0 keeps the sign of zero
-    if newest >= 0:
-        add(world, t + 1.0 - arrival, past[newest % rows].qdot_cmd)
-    if arrival > t and newest > 0:
-        add(world, arrival - t, past[(newest - 1) % rows].qdot_cmd)
+    share, last = t + 1.0 - arrival, past[newest % rows].qdot_cmd
+    if newest < 0:
+        for j in range(world.n):
+            sent[j] = 0.0
+    elif arrival > t and newest > 0:
+        before = past[(newest - 1) % rows].qdot_cmd
+        for j in range(world.n):
+            sent[j] = share * last[j] + (arrival - t) * before[j]
+    else:
+        for j in range(world.n):
+            sent[j] = share * last[j]
 
 
 @compiled
@@ -43,7 +48,7 @@ def carry_by_chance(world: Record, out: Record, past: Record, t: int) -> None:
     out.arrival = math.inf if chance < world.loss else t + world.latency + world.jitter * later
     end, newest, rows = t + 1.0, -1, past.shape[0]
     for j in range(world.n):
-        world.qdot_sent[j] = -0.0
+        world.qdot_sent[j] = -0.0  # a sum that begins with -0 keeps the sign of zero
     for k in range(min(t, math.floor(end - world.latency)), max(world.arrived, t - world.span - 1), -1):
         command = past[k % rows]
         if command.arrival < end:

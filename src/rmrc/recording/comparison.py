@@ -90,7 +90,7 @@ LIFT = 3e-4
 # Pixels of the curves; those drawn first are wider, and so leave a border to be seen.
 WIDEST, NARROWEST = 5.5, 2.0
 
-TITLES = {"table": "Table", "limits": "Limits", "legend": "What you see", "scenario": "Scenario"}
+TITLES = {"table": "Table", "limits": "Limits", "legend": "Legend", "scenario": "Scenario"}
 
 LEGEND = """\
 Each variant has its color, in the picture and in the plots, whose legends name them.

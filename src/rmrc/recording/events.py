@@ -1,4 +1,4 @@
-"""What happens to a run, in words, on one strip: states as long as they are, short ones told beside them."""
+"""Events of a run, in words, on one strip: states as long as they last, short ones named beside them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -48,8 +48,8 @@ LEGEND = f"""\
 |---|---|
 | **white line** | path of the target; **white ball**: target, if the tip lags |
 | **trail**, **ball** | end effector (tip), past and now; **red** near a singularity |
-{{pale}}| **green ellipsoid** | tip velocities at joint rates of norm 1; **flat**: lost |
-| **pink wires** | tip forces at joint torques of norm 1 |
+{{pale}}| **green ellipsoid** | tip velocities at unit-norm joint rates; **flat**: lost |
+| **pink wires** | tip forces at unit-norm joint torques |
 | **thick double arrow** | direction lost first (u_min); **red** as σ_min goes to 0 |
 | **thin double arrow** | its rotational part, as an axis; from cyan to red |
 
@@ -237,7 +237,7 @@ def callout(
     place: tuple[NDArray[np.float64], NDArray[np.float64]],
     color: int = WHITE,
 ) -> dict[str, list[rr.AsComponents]]:
-    """Return a ball where the tip is, (3,), and a line from it to a text, by what their entities end with.
+    """Return a ball where the tip is, (3,), and a line from it to a text, by the ends of their entities.
 
     Without a text, the ball alone. The place is that of `aside`.
     """
@@ -291,7 +291,7 @@ def page(
 
 
 class Page(rrb.Blueprint):
-    """A layout with one write for each of its entities, and without what the viewer assumes anyway.
+    """A layout with one write for each of its entities, and without the viewer's own defaults.
 
     Each write takes a kilobyte or two, and each component of an entity another; rerun makes several writes
     of a curve, with the time of each.
@@ -306,7 +306,7 @@ class Page(rrb.Blueprint):
 
 
 class _Writes:
-    """What a layout writes, by entity, and whether it is static."""
+    """The writes of a layout, by entity, and whether they are static."""
 
     def __init__(self) -> None:
         self.found: dict[tuple[str, bool], list[rr.AsComponents]] = {}

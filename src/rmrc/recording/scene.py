@@ -36,7 +36,7 @@ POINT = 1e-6
 # Room around the path for the ellipsoids and arrows at the tip, as a part of the reach.
 MARGIN = 0.3
 
-# Room around the hand in a picture of it alone: as a part of the reach, and of what it is off by, at least.
+# Room around the hand in a picture of it alone: as a part of the reach, and of its error, at least.
 CLOSEST, OFF = 0.1, 4.0
 
 # A geometry has a color, and is not gray, if its red, green and blue differ by so much.
@@ -199,8 +199,8 @@ class Scene:
 
         Both ellipsoids belong to M = J_v S_q (1 - J_w⁺ J_w): J_v has the translations that the task
         has, J_w = J_ω S_q its rotations, which are held, and S_q measures joint rates as the law does.
-        At joint rates of norm 1 the tip reaches velocities sigma_i along u_i of M; at joint torques
-        of norm 1 it holds forces 1/sigma_i [Yoshikawa85]. Without the projector, M would stay
+        At unit-norm joint rates the tip reaches velocities sigma_i along u_i of M; at unit-norm
+        joint torques it holds forces 1/sigma_i [Yoshikawa85]. Without the projector, M would stay
         round at a wrist singularity, where translations are only possible with a turn.
 
         Args:

@@ -64,7 +64,7 @@ from rmrc.simulation.prepare import Prepared
 
 # The line of numbers changes so often [s]: a reader takes in no more.
 READ_PERIOD = 0.05
-TITLES = {"legend": "What you see", "scorecard": "Scorecard", "scenario": "Scenario"}
+TITLES = {"legend": "Legend", "scorecard": "Scorecard", "scenario": "Scenario"}
 # Begins the entities of a baseline.
 BASELINE = "baseline/"
 
@@ -339,7 +339,7 @@ class _Story(Track):
 def read_columns(
     path: Path, variant: str | None = None, baseline: bool = False
 ) -> dict[str, NDArray[np.generic]]:
-    """Return all columns of a recording, or of what a killed process left of one, bit for bit.
+    """Return all columns of a recording, or of the rest that a killed process left, bit for bit.
 
     Args:
         path: A `.rrd` or `.rrd.part` file.

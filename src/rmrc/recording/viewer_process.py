@@ -39,7 +39,7 @@ class Stopped(Exception):  # noqa: N818 -- no error, as KeyboardInterrupt is non
 
 
 class Events:
-    """What happens while a program runs: it ends, or signals ask to stop.
+    """Events while a program runs: it ends, or signals ask to stop.
 
     A signal is noted here and raised where somebody looks, so that none tears what cleans up.
 
@@ -110,7 +110,7 @@ class Program:
     Args:
         arguments: Arguments of its command line.
         events: Where its end is noted, and where signals come.
-        stderr: A file for what it says, instead of the terminal.
+        stderr: A file for its messages, instead of the terminal.
     """
 
     def __init__(self, arguments: list[str], events: Events, stderr: IO[bytes] | None = None) -> None:

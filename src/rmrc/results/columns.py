@@ -41,7 +41,7 @@ COLUMNS: Mapping[str, Column] = {
     "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
     "twist_ref": Column("m/s, rad/s", "reference twist, [v; ω] along world axes", "6"),
     "pose_error": Column("m, rad", "[p_ref − p; log(R_ref Rᵀ)] of the true pose, along task.frame", "6"),
-    "sigma": Column("1", "singular values of the scaled task Jacobian, falling", "k"),
+    "sigma": Column("1", "singular values of the scaled task Jacobian, in descending order", "k"),
     "gain": Column("1", "filter g(σ) of the inverse", "k"),
     "damping": Column("1", "λ, in the units of σ"),
     "manipulability": Column("1", "w, the product of the singular values"),

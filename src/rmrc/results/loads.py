@@ -6,7 +6,7 @@ from rmrc.results.scorecard import Scorecard
 
 
 def told(card: Scorecard, expected: Collection[str]) -> Iterator[str]:
-    """Yield how long and since when the arm touched something, and an actuator was at its limit.
+    """Yield duration and start of contacts, and of actuators at their limit.
 
     Args:
         card: Scorecard of the run.

@@ -305,7 +305,6 @@ def check(card: Scorecard, expect: Mapping[str, Check | str]) -> list[Outcome]:
 
     Returns:
         One outcome per check, in the order of `expect`.
-        One outcome a check, in the order of `expect`.
 
     Raises:
         ScenarioError: Names that are no metrics of this run, or not numbers; all of them.
@@ -408,7 +407,7 @@ def _named(arm: Recorded, joints: NDArray[np.intp], values: Sequence[float]) -> 
 
 
 def _chatter(arm: Recorded, tallies: NDArray[np.void]) -> _Figures:
-    """Yield how often per second the commanded acceleration changes its sign again soon, see `tally`."""
+    """Yield the rate of quick sign changes of the commanded acceleration, see `tally`."""
     ticks, n = tallies["ticks"], len(arm.joints)
     seconds = np.where(ticks, ticks, math.nan) * tallies["period"]
     counts = tallies["chatter"][:, :n]
@@ -516,7 +515,7 @@ def _status_times(tallies: NDArray[np.void]) -> _Figures:
 
 
 def _loads(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
-    """Yield how long and since when the arm touches something or an actuator is at its limit, and which."""
+    """Yield duration and start of contacts and of actuators at their limit, with bodies and joints."""
 
     def times(one: Status) -> tuple[list[float], list[float]]:
         seconds = tallies["status"][:, one.bit_length()] * tallies["period"]
@@ -535,7 +534,7 @@ def _loads(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
 
 
 def _profile(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
-    """Yield how many commands the robot of a profile refuses, and which condition the first one breaks."""
+    """Yield the number of commands that a profile refuses, and the condition that the first violates."""
     is_held, broken = tallies["is_held"] == 1, tallies["broken"]
     where, what = tallies["broken_joint"], tallies["broken_condition"]
     counts = np.where(is_held, broken, math.nan)
@@ -549,10 +548,11 @@ def _profile(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
         "number of commands that the profile refuses; undefined without a profile",
     )
     yield "profile.first_time", tallies["broken_time"].tolist(), "s", f"when {first} was sent"
-    yield "profile.first_joint", joints, "", f"joint of {first} is for"
-    yield "profile.first_condition", conditions, "", f"what {first} breaks: {', '.join(CONDITIONS)}"
-    yield "profile.first_value", tallies["broken_value"].tolist(), "SI", f"{first}, its value there"
-    yield "profile.first_bound", tallies["broken_bound"].tolist(), "SI", f"{first}, the bound there"
+    yield "profile.first_joint", joints, "", f"joint of {first}"
+    broke = f"condition that {first} violates: {', '.join(CONDITIONS)}"
+    yield "profile.first_condition", conditions, "", broke
+    yield "profile.first_value", tallies["broken_value"].tolist(), "SI", f"value of {first}"
+    yield "profile.first_bound", tallies["broken_bound"].tolist(), "SI", f"bound that {first} violates"
 
 
 def _effort(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:

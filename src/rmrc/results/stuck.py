@@ -1,4 +1,4 @@
-"""Where an arm that should have moved stood still, in a line."""
+"""The standstill of an arm that should have moved, in a line."""
 
 import numpy as np
 from numpy.typing import NDArray

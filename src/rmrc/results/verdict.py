@@ -87,7 +87,7 @@ def _place(run: Recorded) -> str:
 
 
 def _stretched(run: Recorded) -> NDArray[np.bool_]:
-    """Return at which ticks the arm is stretched out as far from its shoulder as it can be, (T,)."""
+    """Return the ticks at which the arm is fully stretched out from its shoulder, (T,)."""
     if run.reach <= 0.0:
         return np.zeros(len(run), dtype=bool)
     outward = run["pose"][:, :3] - run.shoulder

@@ -1,4 +1,4 @@
-"""Lessons for `rmrc explore`: a scenario with questions, what to try, and a number to find, as YAML."""
+"""Lessons for `rmrc explore`: a scenario with questions, hints, and a number to find, as YAML."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -42,7 +42,7 @@ class Sought(Section):
     figure: Text = key("its name in the scorecard")
     unit: Text = key("in which it is told")
     per: Positive = key("how many SI units are one of that", 1.0)
-    value: Number = key("what it is")
+    value: Number = key("the right answer")
     within: Positive = key("how far from it an answer may be")
 
     def is_met(self, text: str) -> bool | None:
@@ -58,7 +58,7 @@ class Lesson(Section):
 
     title: Text = key("above the lesson")
     scenario: Text = key("a shipped scenario by its name, or a file beside the lesson")
-    about: Text = key("what the scene is")
+    about: Text = key("the scene, in a sentence")
     shows: tuple[Mark, ...] = key("of the marks in the picture, those that are shown", ("velocity", "lost"))
     questions: Annotated[tuple[Question, ...], Count(3, 3)] = key("three of them")
     number: Sought = key("the number to find")

@@ -48,7 +48,7 @@ APART = 30.0
 POINT, SMALLEST = 1e-6, 0.01
 GRAY = "0.45"
 DOTTED = (0, (1, 1.5))
-# What of a formula takes no width, and digits above a line.
+# Characters of a formula that take no width, and digits above a line.
 _MARKS = str.maketrans("", "", "${}^_")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

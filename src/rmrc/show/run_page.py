@@ -23,7 +23,7 @@ FIGURES = (
     "position_error.end", "orientation_error.max", "orientation_error.end", "sigma.min", "condition.max",
     "damping.max", "path_rate.min", "duration", "completed",
 )  # fmt: skip
-# What the panels of a figure show.
+# The contents of the panels of a figure.
 DRAWN = {
     "path": "path", "rates": "rates", "sigma": "singular values", "error": "errors", "torque": "torques",
     "pace": "pace", "status": "status", "g": "filter g(σ)",

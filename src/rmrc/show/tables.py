@@ -76,7 +76,7 @@ class _Beside:
 def markdown(
     card: "Scorecard", outcomes: Sequence["Outcome"] = (), baseline: "Scorecard | None" = None
 ) -> str:
-    """Return what `render` shows as a markdown document.
+    """Return the tables of `render` as a markdown document.
 
     Args:
         card: The scorecard.
@@ -93,7 +93,7 @@ def schema(rows: Sequence[SchemaRow]) -> RenderableType:
 
 
 class _Keys:
-    """Keys with what there is to say about each, words whole."""
+    """Keys with a description of each, words whole."""
 
     GAP, INDENT = 2, 4
 

@@ -14,8 +14,7 @@ from rmrc.plants.batches import Batches
 from rmrc.plants.halves import halves
 from rmrc.plants.hardware import Hardware
 from rmrc.plants.plant import Difference, Wired
-from rmrc.plants.stepping import begin
-from rmrc.plants.wiring import column, write_wiring
+from rmrc.plants.stepping import bound
 from rmrc.results.columns import COLUMNS
 from rmrc.results.run import Run
 from rmrc.simulation.prepare import Prepared, world_records
@@ -57,14 +56,9 @@ class Live:
         self._ticks = np.zeros((1, max(kept, prepared.hardware.span + 2)), tick_type(n))
         self._positions = np.empty((self._ticks.shape[1], model.nq))
         batch = batches.take(model, [plant.difference(model, wiring)])
-        held = tuple(one[None] for one in prepared.held)
-        begin(batch, [plant], prepared.qpos[None], (held[0], held[1]))
-        write_wiring(self._worlds, model, wiring, [plant], partial(column, model))
-        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces, "qfrc_gravcomp")
-        seen = [batch.bind(name) for name in fields]
-        self._sense, self._obey = halves(
-            self._worlds, self._ticks, np.zeros((1, 1, 13)), batch.state, batch.warning, *seen
-        )
+        held = prepared.held[0][None], prepared.held[1][None]
+        seen = bound(batch, [plant], model, wiring, self._worlds, prepared.qpos[None], held)
+        self._sense, self._obey = halves(self._worlds, self._ticks, np.zeros((1, 1, 13)), *seen)
         lent = list[Any]()
 
         def take(differences: Sequence[Difference]) -> Any:

@@ -53,7 +53,7 @@ class ScenarioError(RmrcError, ValueError):
 
 
 class ModelError(RmrcError, ValueError):
-    """A model cannot be loaded, or lacks what the scenario names.
+    """A model cannot be loaded, or lacks a part that the scenario names.
 
     Attributes:
         about: Unknown names: `model`, `site`, `joints` or `start`.

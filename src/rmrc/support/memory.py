@@ -64,7 +64,7 @@ def excess(held: float, reserved: float = 0.0) -> str | None:
         if need > SHARE * left.size:
             return (
                 f"{shown(need)} of memory, and {shown(SHARE * left.size)} may be taken: "
-                f"{SHARE:.0%} of what {left.bound} leaves"
+                f"{SHARE:.0%} of the memory that {left.bound} leaves"
             )
     return None
 

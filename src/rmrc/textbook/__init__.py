@@ -3,7 +3,7 @@
 This is an independent implementation: nothing here uses MuJoCo, so its results can check the simulation.
 Arrays in, arrays out, over any leading axes; rad and m.
 
-Each function is an attribute of the package as well; its modules are read on first use:
+Each function is also an attribute of the package. The modules load on first use:
 
     >>> from rmrc import textbook
     >>> float(textbook.planar_rp_determinant([0.0, 0.5]))

@@ -69,7 +69,7 @@ def anthropomorphic_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.flo
         Rows [v; ω], (..., 6, 3).
 
     Example:
-        Stretched out, shoulder and elbow both lift the tip and do nothing else:
+        Stretched out, shoulder and elbow only lift the tip:
 
         >>> anthropomorphic_jacobian([0.8, 0.6], [0, 0, 0])[:3].round(3) + 0.0
         array([[-1.4,  0. ,  0. ],
@@ -93,7 +93,7 @@ def anthropomorphic_determinant(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.
     """Return det J_v = −L₂ L₃ s₃ (L₂ c₂ + L₃ c₂₃), of the three linear rows.
 
     s₃ = 0: the elbow is stretched or folded, a boundary. The bracket is the distance of the tip from
-    the waist's axis: where it is 0 the waist moves nothing, whatever its angle.
+    the waist's axis: where it is 0, the waist does not move the tip, at any angle.
 
     Args:
         lengths: L₂, L₃, (..., 2) [m].

@@ -1,6 +1,6 @@
 """Denavit-Hartenberg chains: link transforms, forward kinematics, geometric Jacobian.
 
-Both conventions are here because the sources use both: [Craig05] and [Khatib08] put frame i on the
+The sources use two conventions: [Craig05] and [Khatib08] put frame i on the
 axis of joint i ("modified"), [Denavit55] and [Paul81] on the axis of joint i+1 ("standard").
 """
 
@@ -88,8 +88,8 @@ def modified_dh_transform(
 class DHChain:
     """A serial arm as its Denavit-Hartenberg table.
 
-    The joint position is added to θ of a revolute and to d of a prismatic joint, so the table's own
-    entry there is the offset of the joint's zero.
+    The joint position is added to θ of a revolute joint and to d of a prismatic one. The entry of the table
+    is therefore the offset of the joint's zero.
 
     Attributes:
         table: One row (α, a, d, θ) a joint, n rows [rad, m, m, rad].
@@ -97,11 +97,11 @@ class DHChain:
         convention: "modified" (rows α_i-1, a_i-1, d_i, θ_i) or "standard" (α_i, a_i, d_i, θ_i).
 
     Raises:
-        ModelError: If table and kinds differ in length, or a word is not one of those above.
+        ModelError: Table and kinds differ in length, or a word is not one of the above.
 
     Example:
-        Two links of 1 m, the first at 90°, the second bent back by 90°; the tool is at the end of
-        the second, so at (1, 1):
+        Two links of 1 m, the first at 90°, the second bent back by 90°. The tool at the end of the second is
+        at (1, 1):
 
         >>> arm = DHChain(((0, 0, 0, 0), (0, 1, 0, 0)), ("revolute", "revolute"))
         >>> q = np.array([np.pi / 2, -np.pi / 2])
@@ -118,7 +118,7 @@ class DHChain:
     convention: Convention = "modified"
 
     def __post_init__(self) -> None:
-        """Check the table once, so that everything below can trust it."""
+        """Check the table once, for all later calls."""
         if len(self.table) != len(self.kinds):
             raise ModelError(
                 f"DH chain: {len(self.table)} rows in the table but {len(self.kinds)} joint kinds; "

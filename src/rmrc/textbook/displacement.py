@@ -1,4 +1,4 @@
-"""What small joint displacements do to the tip: Taylor's theorem, and errors that spread through J."""
+"""The effect of small joint displacements on the tip: Taylor's theorem, and errors that spread through J."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 def taylor_remainder(
     position: Callable[[Array], Array], jacobian: Callable[[Array], Array], q: ArrayLike, dq: ArrayLike
 ) -> Array:
-    """Return what the linear approximation misses: k(q + Δ) − k(q) − J(q) Δ [Selig92, §6.1].
+    """Return the error of the linear approximation: k(q + Δ) − k(q) − J(q) Δ [Selig92, §6.1].
 
     Args:
         position: k, from joint positions (..., n) to task coordinates (..., m).
@@ -43,7 +43,7 @@ def taylor_order(
     direction: ArrayLike,
     largest: float = 1e-2,
 ) -> float:
-    """Return the order of what the linear approximation misses: 2 if J is the Jacobian of k.
+    """Return the order of the error of the linear approximation: 2 if J is the Jacobian of k.
 
     The slope of log ‖k(q + hΔ) − k(q) − h J Δ‖ over log h, for h from `largest` down to a tenth of
     it. It is 1 if J is wrong, and 3 or more where the second derivative along Δ happens to be 0
@@ -76,7 +76,7 @@ def taylor_order(
 
 
 def tip_error(jacobian: ArrayLike, joint_error: ArrayLike) -> Array:
-    """Return the error of the tip that joint errors cause, to first order: Δx = J Δθ [Selig92, §6.2].
+    """Return the error of the tip due to joint errors, to first order: Δx = J Δθ [Selig92, §6.2].
 
     Args:
         jacobian: J, (..., m, n).
@@ -112,8 +112,7 @@ def tip_covariance(jacobian: ArrayLike, joint_covariance: ArrayLike) -> Array:
         J Σ Jᵀ, in the rows of J, (..., m, m).
 
     Example:
-        Encoders that are off by 1 mrad each, on two links of 1 m at a right angle, give 1.4 mm in x
-        and 1 mm in y:
+        Encoder errors of 1 mrad each, on two links of 1 m at a right angle, give 1.4 mm in x and 1 mm in y:
 
         >>> from rmrc.textbook.two_link import two_link_jacobian
         >>> J = two_link_jacobian([1, 1], np.radians([0, 90]))

@@ -25,10 +25,11 @@ class Ellipsoid:
 
 
 def velocity_ellipsoid(jacobian: ArrayLike) -> Ellipsoid:
-    """Return the velocities that joint rates of norm 1 can give: half axes σ_i along u_i.
+    """Return the velocities reachable with unit-norm joint rates: half axes σ_i along u_i.
 
-    ξᵀ (J Jᵀ)⁻¹ ξ = 1 with J = Σ σ_i u_i v_iᵀ [Yoshikawa85]. For m ≥ n unit rates give points on it;
-    for m < n those in it too, as a part of the rates may do nothing. A direction that is lost has 0.
+    ξᵀ (J Jᵀ)⁻¹ ξ = 1 with J = Σ σ_i u_i v_iᵀ [Yoshikawa85]. For m ≥ n, unit rates give points on the
+    ellipsoid. For m < n they also give points inside it, because a part of the rates may have no effect. A
+    lost direction has 0.
 
     Args:
         jacobian: J, (..., m, n); rows of one unit, or the lengths mean nothing.
@@ -52,9 +53,9 @@ def velocity_ellipsoid(jacobian: ArrayLike) -> Ellipsoid:
 
 
 def force_ellipsoid(jacobian: ArrayLike) -> Ellipsoid:
-    """Return the forces that joint torques of norm 1 can hold: half axes 1/σ_i along the same u_i.
+    """Return the forces that unit-norm joint torques can hold: half axes 1/σ_i along the same u_i.
 
-    Fᵀ (J Jᵀ) F = 1, since τ = Jᵀ F [Yoshikawa85]: where the tip is slow it is strong, and a lost
+    Fᵀ (J Jᵀ) F = 1, because τ = Jᵀ F [Yoshikawa85]. In slow directions the tip is strong, and a lost
     direction holds any force. For m < n not all torques are those of a force.
 
     Args:
@@ -77,7 +78,7 @@ def force_ellipsoid(jacobian: ArrayLike) -> Ellipsoid:
 def holding_jacobian(moving: ArrayLike, held: ArrayLike) -> NDArray[np.float64]:
     """Return the Jacobian of some rows while others are held at 0: M = J_a (1 − J_b⁺ J_b).
 
-    The projector takes from all joint rates those that leave the held rows at rest [Liegeois77].
+    The projector keeps the joint rates that leave the held rows at rest [Liegeois77].
 
     Args:
         moving: J_a, (..., a, n).
@@ -87,14 +88,14 @@ def holding_jacobian(moving: ArrayLike, held: ArrayLike) -> NDArray[np.float64]:
         M, (..., a, n).
 
     Example:
-        A planar arm of three links of 1 m along x: its tip, held level, still goes along y.
+        A planar arm of three links of 1 m along x: its tip still moves along y with a fixed orientation.
 
         >>> holding_jacobian([[0, 0, 0], [3, 2, 1]], [[1, 1, 1]]).round(3) + 0.0
         array([[ 0.,  0.,  0.],
                [ 1.,  0., -1.]])
     """
     M, rows = np.asarray(moving, dtype=np.float64), np.asarray(held, dtype=np.float64)
-    # where a held row is lost, what rounding leaves of it is no row
+    # a lost row has only rounding left, which is no row
     return M - M @ np.linalg.pinv(rows, rcond=1e-6) @ rows if rows.shape[-2] else M
 
 
@@ -139,7 +140,7 @@ def ellipsoid_points(ellipsoid: Ellipsoid, count: int = 64) -> NDArray[np.float6
 def manipulability(jacobian: ArrayLike) -> NDArray[np.float64]:
     """Return w = √det(J Jᵀ): the product of the half axes of the velocity ellipsoid [Yoshikawa85].
 
-    It is taken as that product, since the determinant of a square has lost half of the digits.
+    The function computes that product, because the determinant of J Jᵀ loses half of the digits.
 
     Args:
         jacobian: J, (..., m, n). For m > n it is 0: some direction cannot move at all.

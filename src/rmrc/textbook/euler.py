@@ -1,8 +1,8 @@
 """Z-Y-Z Euler angles (α, β, γ), their rates, and the Jacobian that has these rates as its rows.
 
-R = Rot(z, α) Rot(y, β) Rot(z, γ): each turn is about an axis of the frame that turned so far. At
-β = 0 and π the first and the last axis are one. The *representation* is singular there, whatever
-the arm does: no rates of the angles give a rotation about the axis that is missing.
+R = Rot(z, α) Rot(y, β) Rot(z, γ): each rotation is about an axis of the frame as rotated so far. At β = 0 and
+π the first and the last axis coincide. The *representation* is singular there, for any arm: no rates of the
+angles give a rotation about the missing axis.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 SINGULAR = 1e-12
-"""|sin β| up to which α and γ are not told apart: the sine of a rounded π is 1.2e-16, and R errs alike."""
+"""Largest |sin β| at which α and γ count as inseparable: the sine of a rounded π is 1.2e-16, and R has
+similar errors."""
 
 
 def zyz_matrix(angles: ArrayLike) -> Array:
@@ -44,7 +45,7 @@ def zyz_angles(R: ArrayLike, *, flip: bool = False) -> Array:
 
     α = atan2(r₂₃, r₁₃), β = atan2(√(r₁₃² + r₂₃²), r₃₃) in [0, π], and γ from the row of
     Rot(z, α)ᵀ R that is (s_γ, c_γ, 0) [Craig05, §2.8]. The other branch is (α + π, −β, γ + π).
-    Where sin β vanishes only α + γ (β = 0) or α − γ (β = π) is known; there α = 0.
+    Where sin β vanishes, only α + γ (β = 0) or α − γ (β = π) is determined, and α = 0.
 
     Args:
         R: Rotations, (..., 3, 3).
@@ -65,7 +66,7 @@ def zyz_angles(R: ArrayLike, *, flip: bool = False) -> Array:
     sine = np.hypot(R[..., 0, 2], R[..., 1, 2])
     alpha = np.where(sine > SINGULAR, np.arctan2(R[..., 1, 2], R[..., 0, 2]), 0.0)
     beta = np.arctan2(sine, R[..., 2, 2])
-    # γ follows from α, so that all three give R back also where α itself is badly known.
+    # γ follows from α, so that the angles reproduce R even if α is inaccurate.
     ca, sa = np.cos(alpha), np.sin(alpha)
     gamma = np.arctan2(ca * R[..., 1, 0] - sa * R[..., 0, 0], ca * R[..., 1, 1] - sa * R[..., 0, 1])
     if flip:
@@ -74,7 +75,7 @@ def zyz_angles(R: ArrayLike, *, flip: bool = False) -> Array:
 
 
 def zyz_rate_matrix(angles: ArrayLike) -> Array:
-    """Return the matrix E that makes an angular velocity of the rates of Z-Y-Z angles: Ω = E Θ̇.
+    """Return the matrix E from the rates of Z-Y-Z angles to the angular velocity: Ω = E Θ̇.
 
     E = [[0, −s_α, c_α s_β], [0, c_α, s_α s_β], [1, 0, c_β]]: its columns are the three axes, along
     the axes of the frame at rest [Craig05, example 5.2].
@@ -144,7 +145,7 @@ def analytic_jacobian(jacobian: ArrayLike, angles: ArrayLike) -> Array:
         numpy.linalg.LinAlgError: If the representation is singular, |sin β| at most 1e-12.
 
     Example:
-        A wrist whose joints are z, y and z once more has the angles for its joints:
+        The joints of a wrist with axes z, y and z are the angles themselves:
 
         >>> angles = np.radians([20, 30, 40])
         >>> wrist = np.vstack([np.zeros((3, 3)), zyz_rate_matrix(angles)])

@@ -1,9 +1,9 @@
 """An arm with a helical joint: a screw column, a boom that slides out of it, a crank on the boom.
 
-The screw turns about z of frame {0} and rises by h = p/2π in a radian, p in a turn [Selig92, §6.6].
-The boom slides along the turning x axis; the crank, of length l, turns about the boom and at 0
-points sideways. q = (θ₁, d₂, θ₃). The arm is our choice: the crank can move the tip along the
-screw's helix, and so the pitch changes which configurations are singular.
+The screw turns about z of frame {0} and rises by h = p/2π per radian, p per turn [Selig92, §6.6].
+The boom slides along the rotating x axis. The crank, of length l, turns about the boom, and points sideways
+at 0. q = (θ₁, d₂, θ₃). The arm is not from the notes: its crank can move the tip along the screw's helix, so
+the singular configurations depend on the pitch.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def helical_position(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDArra
         [x, y, z], (..., 3) [m].
 
     Example:
-        A turn rises by 2π h and changes nothing else:
+        A full turn raises the tip by 2π h, without another change:
 
         >>> helical_position(0.5 / (2 * np.pi), 0.4, [2 * np.pi, 0.8, 0.0]).round(3)
         array([0.8, 0.4, 0.5])
@@ -74,8 +74,8 @@ def helical_jacobian(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDArra
 def helical_determinant(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
     """Return det J_v = −l (d₂ c₃ + h s₃), of the three linear rows.
 
-    It is 0 where the crank can move the tip only along the helix on which the screw carries it:
-    tan θ₃ = −d₂/h. With pitch 0 that is the crank straight up or down; the pitch tilts it.
+    It is 0 where the crank can move the tip only along the helix of the screw:
+    tan θ₃ = −d₂/h. With pitch 0 the crank then points straight up or down; the pitch tilts it.
 
     Args:
         pitch: h, the rise in a radian, (...) [m/rad].

@@ -1,8 +1,8 @@
-"""Velocities of points and of bodies: who observes, who writes, and what turns.
+"""Velocities of points and bodies: observer, writer, and angular velocity.
 
-A velocity has two frames: that of the *observer*, in which the differentiation is done, and that of
-the *writer*, along whose axes the numbers are. In the notes ᴬ(ᴮV_Q) is what {B} observes and {A}
-writes, and a single superscript is both.
+A velocity has two frames. The *observer*'s frame is that of the differentiation, and the *writer*'s frame has
+the axes of the components. In the notes, {B} observes ᴬ(ᴮV_Q) and {A} writes it; a single superscript stands
+for both.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def written_in(R_a_b: ArrayLike, vector_b: ArrayLike) -> Array:
 def point_velocity(
     velocity_a_b: ArrayLike, R_a_b: ArrayLike, velocity_b: ArrayLike, omega_a_b: ArrayLike, point_b: ArrayLike
 ) -> Array:
-    """Return the velocity of a point that moves in a moving frame, as the frame at rest sees it.
+    """Return the velocity of a point that moves in a moving frame, observed in the frame at rest.
 
     ᴬV_Q = ᴬV_BORG + ᴬR_B ᴮV_Q + ᴬΩ_B × ᴬR_B ᴮQ [Craig05, §5.3].
 
@@ -54,8 +54,8 @@ def point_velocity(
         ᴬV_Q, observed and written by a, (..., 3) [m/s].
 
     Example:
-        A bead slides outwards at 1 m/s on a rod that turns at 3 rad/s, 2 m from the axis; the rod
-        is along y just now, and its axis moves along x at 5 m/s:
+        A bead slides outward at 1 m/s on a rod that turns at 3 rad/s, 2 m from the axis. At this instant the
+        rod is along y, and its axis moves along x at 5 m/s:
 
         >>> rod = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
         >>> point_velocity([5, 0, 0], rod, [1, 0, 0], [0, 0, 3], [2, 0, 0])
@@ -75,7 +75,7 @@ def angular_velocity_matrix(R: ArrayLike, R_rate: ArrayLike) -> Array:
         R_rate: Its derivative Ṙ, (..., 3, 3) [1/s].
 
     Returns:
-        S along the axes of a, skew as far as R and Ṙ belong together, (..., 3, 3) [rad/s].
+        S along the axes of a, skew if R and Ṙ are consistent, (..., 3, 3) [rad/s].
 
     Example:
         >>> angular_velocity_matrix(np.eye(3), [[0, -2, 0], [2, 0, 0], [0, 0, 0]])
@@ -90,13 +90,13 @@ def angular_velocity_matrix(R: ArrayLike, R_rate: ArrayLike) -> Array:
 def vee(S: ArrayLike, tolerance: float = 1e-9) -> Array:
     """Return the vector Ω of a skew matrix, S p = Ω × p: the inverse of `rmrc.support.spatial.skew`.
 
-    Each component is the mean of its two entries, Ω_x = (s₃₂ − s₂₃)/2 and so on, which leaves out
-    the symmetric part; so that part is looked at first, and may only be rounding.
+    Each component is the mean of its two entries, Ω_x = (s₃₂ − s₂₃)/2 and so on. The mean ignores the
+    symmetric part, so the function first checks that this part is only rounding.
 
     Args:
         S: (..., 3, 3) [rad/s].
-        tolerance: The largest entry of the symmetric part, at most, over the largest of S. 1e-9 is
-            far above rounding and far below any mistake; a difference quotient needs its own.
+        tolerance: The largest entry of the symmetric part, at most, over the largest of S. 1e-9 is far above
+            rounding and far below any mistake. A difference quotient needs a larger one.
 
     Returns:
         Ω, (..., 3) [rad/s].
@@ -147,7 +147,7 @@ def angular_velocity(R: ArrayLike, R_rate: ArrayLike) -> Array:
 
 
 def rotation_rate(R: ArrayLike, omega: ArrayLike) -> Array:
-    """Return how a rotation changes: Ṙ = skew(Ω) R.
+    """Return the derivative of a rotation: Ṙ = skew(Ω) R.
 
     At R = I it is skew(Ω) itself [Craig05, §5.4] [Selig92, §6.5].
 
@@ -175,7 +175,7 @@ def instantaneous_axis(omega: ArrayLike) -> tuple[Array, Array]:
         K, of length 1, (..., 3), and θ̇ > 0, (...) [rad/s].
 
     Raises:
-        ValueError: A body does not turn: it has no axis.
+        ValueError: A body does not turn, so it has no axis.
 
     Example:
         >>> instantaneous_axis([0.0, 3.0, -4.0])

@@ -1,4 +1,4 @@
-"""Newton and Raphson's method for the joint positions of a goal, every iterate kept."""
+"""The Newton-Raphson method for the joint positions of a goal, with all iterates."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ NewtonStatus = Literal["converged", "singular", "not converged"]
 
 @dataclass(frozen=True, eq=False)
 class NewtonIterates:
-    """What the method went through; k steps were made.
+    """The iterates of the method, with k steps.
 
     Attributes:
         q: θ⁽⁰⁾..θ⁽ᵏ⁾, (k + 1, n) [rad or m].
         error: f(θ⁽ⁱ⁾) = k(θ⁽ⁱ⁾) − goal, (k + 1, n).
         step: h⁽ⁱ⁾ = θ⁽ⁱ⁾ − θ⁽ⁱ⁺¹⁾, (k, n) [rad or m].
-        status: "converged"; "singular" if J has no inverse at the last iterate; "not converged" if all
-            steps that were allowed did not suffice.
+        status: "converged"; "singular" if J has no inverse at the last iterate; "not converged" if the
+            allowed steps did not suffice.
     """
 
     q: Array
@@ -44,9 +44,9 @@ def newton_raphson(
 ) -> NewtonIterates:
     """Solve k(θ) = goal by θ⁺ = θ − h, where J(θ) h = k(θ) − goal [Selig92, §6.3].
 
-    Near a root where J has an inverse, each error is about the square of the one before. Far from it
-    nothing is promised: a step near a singularity can lead anywhere. It is also Whitney's tick
-    θ⁺ = θ + J⁻¹ (x_d − x) [Whitney72], repeated for a goal that stands still.
+    Near a root where J has an inverse, each error is about the square of the previous one. Far from a root,
+    convergence is not guaranteed: a step near a singularity can lead anywhere. It is also Whitney's tick θ⁺ =
+    θ + J⁻¹ (x_d − x) [Whitney72], repeated for a goal that stands still.
 
     Args:
         position: k, from (n,) to (n,). Angles among its rows must not be wrapped, nor those of the goal.
@@ -63,7 +63,7 @@ def newton_raphson(
         ModelError: If J is not square.
 
     Example:
-        The notes' three links of 2, 1 and 1 m, whose tip is to come down from 3.6 m to 3 m:
+        The notes' three links of 2, 1 and 1 m; the goal lowers the tip from 3.6 m to 3 m:
 
         >>> from rmrc.textbook.planar import three_link_jacobian, three_link_position
         >>> found = newton_raphson(
@@ -94,7 +94,7 @@ def newton_raphson(
                 f"Newton-Raphson: J is {J.shape[0]} x {J.shape[1]}, for {len(q[0])} joints and "
                 f"{len(goal)} coordinates; it needs as many of one as of the other"
             )
-        # Gauss's elimination meets a pivot that is exactly 0 only by luck: sin(pi) is 1e-16.
+        # Gaussian elimination rarely meets a pivot that is exactly 0: sin(pi) is 1e-16.
         if np.linalg.matrix_rank(J) < len(J):
             return ended("singular")
         steps.append(np.linalg.solve(J, errors[-1]))

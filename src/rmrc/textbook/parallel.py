@@ -1,7 +1,7 @@
 """The planar 3-RPR platform: a triangle on three legs that slide, hinged at both ends.
 
-For a parallel mechanism it is the inverse kinematics that is a mapping: from the pose of the
-platform to the lengths of the legs. So it is the inverse Jacobian that is written down at once.
+For a parallel mechanism, the inverse kinematics is a function: the pose of the platform determines the
+lengths of the legs. The inverse Jacobian therefore has a closed form.
 """
 
 from __future__ import annotations
@@ -36,9 +36,8 @@ def platform_inverse_jacobian(base: ArrayLike, platform: ArrayLike, pose: ArrayL
     """Return K with ḋ = K (ẋ, ẏ, φ̇), the inverse of the Jacobian of the platform.
 
     Row i is the line of leg i: its unit vector u_i from the ground to the platform, and its moment
-    (R b_i) × u_i about the origin of the platform's frame [Selig92, exercise 6.2]. K loses rank
-    when the three lines meet in one point or are parallel: the platform can then move a little
-    although all legs are held.
+    (R b_i) × u_i about the origin of the platform's frame [Selig92, exercise 6.2]. K loses rank if the three
+    lines meet in one point or are parallel. The platform can then move although all legs are locked.
 
     Args:
         base: Hinges a_i on the ground, (..., 3, 2) [m].
@@ -49,10 +48,10 @@ def platform_inverse_jacobian(base: ArrayLike, platform: ArrayLike, pose: ArrayL
         K, columns x, y, φ, (..., 3, 3) [1, 1, m].
 
     Raises:
-        numpy.linalg.LinAlgError: If a leg has length 0, for it then has no line.
+        numpy.linalg.LinAlgError: A leg has length 0, and therefore no line.
 
     Example:
-        Three legs that point up push the platform up or tip it, but none moves it along x:
+        Three vertical legs lift or tilt the platform, but do not move it along x:
 
         >>> base, platform = [[-1, 0], [0, 0], [1, 0]], [[-1, 0], [0, 0], [1, 0]]
         >>> platform_inverse_jacobian(base, platform, [0, 2, 0])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def planar_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
-    """Return where the tip of an n-link arm is and where it points.
+    """Return the position and direction of the tip of an n-link arm.
 
     x = Σ l_i cos φ_i, y = Σ l_i sin φ_i, rz = φ_n, with φ_i = q_1 + ... + q_i [Khatib08].
 
@@ -20,7 +20,7 @@ def planar_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
         q: Joint positions, (..., n) [rad].
 
     Returns:
-        [x, y, rz], (..., 3) [m, m, rad]; rz is the plain sum, not wrapped.
+        [x, y, rz], (..., 3) [m, m, rad]; rz is the sum of the angles, not wrapped.
 
     Example:
         >>> planar_position([1, 1, 1], np.radians([90, -90, -90])).round(3)
@@ -37,7 +37,7 @@ def planar_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
     """Return the Jacobian of the tip of an n-link arm.
 
     Column i is (−Σ_k l_k sin φ_k, Σ_k l_k cos φ_k, 1) with k = i..n [Khatib08].
-    With l_n = 0 it is that of the wrist point, which turns with the last link: J_W of the notes.
+    With l_n = 0 it is the Jacobian of the wrist point, which turns with the last link: J_W of the notes.
 
     Args:
         lengths: l, (..., n) [m].
@@ -61,10 +61,10 @@ def planar_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
 
 
 def planar_jacobian_from_centers(centers: ArrayLike, point: ArrayLike) -> NDArray[np.float64]:
-    """Return the Jacobian of a point from where the joints are: no derivative is taken.
+    """Return the Jacobian of a point from the positions of the joints, without a derivative.
 
-    Each joint is the center of rotation of all that comes after it, so its column is
-    (j_y − y, x − j_x) for the joint at j and the point at (x, y); the angle gets 1 [Selig92, §6.4].
+    Each joint is the center of rotation of all later links, so its column is (j_y − y, x − j_x) for the joint
+    at j and the point at (x, y), and 1 for the angle [Selig92, §6.4].
 
     Args:
         centers: Positions j_1..j_n of the joints, (..., n, 2) [m].
@@ -106,7 +106,7 @@ def embed_planar_jacobian(jacobian: ArrayLike) -> NDArray[np.float64]:
 
 
 def three_link_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
-    """Return the tip of the three-link arm and where it points.
+    """Return the position and direction of the tip of the three-link arm.
 
     x = l₁ c₁ + l₂ c₁₂ + l₃ c₁₂₃, y = l₁ s₁ + l₂ s₁₂ + l₃ s₁₂₃, rz = θ₁ + θ₂ + θ₃
     [Khatib08].

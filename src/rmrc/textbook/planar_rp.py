@@ -1,7 +1,7 @@
 """The planar arm of exercise 6.3: a revolute joint at the origin, then a sliding one [Selig92].
 
-At home the rod lies along x and its point Q is at (r₀, 0), with r₀ = 1 in the exercise. q = (θ, d):
-the angle, and how far the rod has moved out from there.
+At home the rod lies along x and its point Q is at (r₀, 0), with r₀ = 1 in the exercise. q = (θ, d): the
+angle, and the displacement of the rod from home.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def planar_rp_chain() -> DHChain:
 
 
 def planar_rp_position(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[np.float64]:
-    """Return where Q is: (r cos θ, r sin θ) with r = r₀ + d [Selig92, exercise 6.3].
+    """Return the position of Q: (r cos θ, r sin θ) with r = r₀ + d [Selig92, exercise 6.3].
 
     Args:
         q: θ, d, (..., 2) [rad, m].
@@ -48,7 +48,7 @@ def planar_rp_position(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[np.
 
 
 def planar_rp_jacobian(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[np.float64]:
-    """Return the Jacobian of Q: the column of a sliding joint is its direction and turns nothing.
+    """Return the Jacobian of Q: the column of a sliding joint is its direction, without a rotation.
 
     J = [[−r sin θ, cos θ], [r cos θ, sin θ], [1, 0]] with r = r₀ + d [Selig92, exercise 6.3].
 
@@ -75,7 +75,8 @@ def planar_rp_jacobian(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[np.
 def planar_rp_determinant(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[np.float64]:
     """Return det J = −r = −(r₀ + d), of the rows x and y: singular where Q is on the pivot.
 
-    There the rotation moves nothing; it is no boundary, because Q leaves it along the rod either way.
+    There the rotation does not move Q. It is not a boundary, because Q can leave it along the rod in both
+    directions.
 
     Args:
         q: θ, d, (..., 2) [rad, m].

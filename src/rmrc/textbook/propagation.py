@@ -1,17 +1,16 @@
-"""From link to link: velocities outwards from the base, forces and moments inwards from the tip.
+"""Propagation from link to link: velocities outward from the base, forces and moments inward from the tip.
 
-A chain is its link transforms T_i-1_i(q) for i = 1..n, at one configuration: frame {i} is fixed in
-link i, its origin lies on the axis of joint i, and its z is along that axis. That is all; where x
-points, and how far along the axis the origin lies, is free, so that any serial arm can be written
-so, and a modified DH chain is. Frame {0} is at rest. The tip is fixed in link n.
+The input is the link transforms T_i-1_i(q) of a chain for i = 1..n, at one configuration. Frame {i} is fixed
+in link i, its origin lies on the axis of joint i, and its z is along that axis. The direction of x and the
+position of the origin along the axis are free. Any serial arm has this form, and so has a modified DH chain.
+Frame {0} is at rest. The tip is fixed in link n.
 
-What joint i does is its `pitch` in m/rad: 0 revolute, inf prismatic, else helical, see
+The `pitch` of joint i is in m/rad: 0 for revolute, inf for prismatic, else helical; see
 `rmrc.textbook.screws`.
 
-The notes have the frames of standard DH chains, whose {i} lies at the far end of link i and turns
-with it about ẑ_i-1; there ᶦ⁺¹v_i+1 has ω_i+1 where it has ω_i here. Both are the transport of a
-body's twist to another of its points, and the joint's own twist added on its axis: before the
-transport there, after it here.
+The notes use the frames of standard DH chains. Their {i} lies at the far end of link i and turns with it
+about ẑ_i-1, so ᶦ⁺¹v_i+1 contains ω_i+1 in place of ω_i. Both forms transport a body's twist to another of its
+points, and add the joint's own twist on its axis: the notes before the transport, these functions after it.
 """
 
 from __future__ import annotations
@@ -115,15 +114,15 @@ def jacobian_by_propagation(links: ArrayLike, pitch: ArrayLike, tip: ArrayLike |
 
 
 def inward_wrenches(links: ArrayLike, wrench: ArrayLike, tip: ArrayLike | None = None) -> Array:
-    """Return the force and moment that each link takes from the link before it.
+    """Return the force and moment on each link from the previous link.
 
     ᶦf_i = ᶦR_i+1 ᶦ⁺¹f_i+1, ᶦn_i = ᶦR_i+1 ᶦ⁺¹n_i+1 + ᶦP_i+1 × ᶦf_i [Craig05, §5.9] [Khatib08]: the whole
-    reaction, of which the drive gives one component, `actuator_torques`, and the bearings the rest.
+    reaction. The actuator provides one component of it, `actuator_torques`, and the bearings the rest.
 
     Args:
         links: T_i-1_i, (..., n, 4, 4).
-        wrench: [f; n] with which the tip presses on the world, at the tip and along its axes,
-            (..., 6) [N, N·m]. For one that acts on the arm, give its negative.
+        wrench: [f; n] of the tip on the world, at the tip and along its axes,
+            (..., 6) [N, N·m]. For a wrench on the arm, give its negative.
         tip: T_n_tip, (..., 4, 4); None: frame {n} itself.
 
     Returns:
@@ -145,7 +144,7 @@ def inward_wrenches(links: ArrayLike, wrench: ArrayLike, tip: ArrayLike | None =
         >>> actuator_torques(reactions, [0, 0]).round(12)
         array([-1.5, -0.5])
 
-        Stretched out upwards, at (90°, 0), not even 1000 N ask for a torque:
+        Stretched out upward, at (90°, 0), even 1000 N need no torque:
 
         >>> T1[:2, :2], T2[:2, :2] = [[0, -1], [1, 0]], np.eye(2)
         >>> actuator_torques(inward_wrenches([T1, T2], [-1000, 0, 0, 0, 0, 0], tip), [0, 0]) + 0.0
@@ -162,10 +161,10 @@ def inward_wrenches(links: ArrayLike, wrench: ArrayLike, tip: ArrayLike | None =
 
 
 def actuator_torques(wrenches: ArrayLike, pitch: ArrayLike) -> Array:
-    """Return what each actuator gives of its link's reaction, the bearings giving the rest.
+    """Return each actuator's component of its link's reaction; the bearings provide the rest.
 
     τ_i = ᶦn_i · Ẑ of a revolute, ᶦf_i · Ẑ of a prismatic joint [Craig05, §5.9] [Khatib08], and
-    ᶦn_i · Ẑ + h ᶦf_i · Ẑ of a helical one: the reaction's power in the joint's own motion, as the
+    ᶦn_i · Ẑ + h ᶦf_i · Ẑ of a helical one: the reaction's power in the joint's own motion, because the
     bearings do no work.
 
     Args:
@@ -179,7 +178,7 @@ def actuator_torques(wrenches: ArrayLike, pitch: ArrayLike) -> Array:
         ModelError: If wrenches and pitch differ in n, or a pitch is nan or −inf.
 
     Example:
-        A spindle that advances 10 mm a radian presses with 100 N along its axis:
+        A spindle that advances 10 mm per radian presses with 100 N along its axis:
 
         >>> actuator_torques([[0, 0, 100, 0, 0, 0]], [0.01])
         array([1.])

@@ -77,10 +77,10 @@ def puma_wrist_position(q: ArrayLike) -> NDArray[np.float64]:
 def puma_factors(q: ArrayLike) -> NDArray[np.float64]:
     """Return the three factors of the determinant, each 0 on a family of singularities.
 
-    Shoulder, r = a₂ c₂ + a₃ c₂₃ + d₄ s₂₃: the wrist point is in the plane of the first two axes, as
-    near to the waist's as the offset d₂ + d₃ allows. Elbow, d₄ c₃ − a₃ s₃: the wrist point, the third
-    and the second axis in one plane, arm straight (tan θ₃ = d₄/a₃, θ₃ = 92.7°) or folded (−87.3°).
-    Wrist, s₅: axes 4 and 6 aligned.
+    Shoulder, r = a₂ c₂ + a₃ c₂₃ + d₄ s₂₃: the wrist point is in the plane of the first two axes, as near to
+    the waist's axis as the offset d₂ + d₃ allows. Elbow, d₄ c₃ − a₃ s₃: the wrist point, the third and the
+    second axis in one plane, arm straight (tan θ₃ = d₄/a₃, θ₃ = 92.7°) or folded (−87.3°). Wrist, s₅: axes 4
+    and 6 aligned.
 
     Args:
         q: θ₁..θ₆, (..., 6) [rad].
@@ -152,6 +152,6 @@ def puma_gravity_torques(constants: ArrayLike, q: ArrayLike) -> NDArray[np.float
 
 
 def _radius(q: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a₂ c₂ + a₃ c₂₃ + d₄ s₂₃: how far out the wrist point is in the plane of the arm."""
+    """Return a₂ c₂ + a₃ c₂₃ + d₄ s₂₃: the horizontal distance of the wrist point in the plane of the arm."""
     q2, q23 = q[..., 1], q[..., 1] + q[..., 2]
     return np.asarray(UPPER_ARM * np.cos(q2) + ELBOW_OFFSET * np.cos(q23) + FOREARM * np.sin(q23))

@@ -1,8 +1,8 @@
 """Joint rates for a wanted twist when J is not square, by normal equations alone.
 
-m < n: of all rates that do the task, the weighted smallest; m > n: the rates whose twist comes
-nearest. There is no singular value decomposition here: this is the other opinion on the compiled law,
-and it refuses a J without full rank where the law damps.
+m < n: of all rates that fulfill the task, the weighted smallest; m > n: the rates with the nearest twist.
+These functions use no singular value decomposition. They are an independent check of the compiled law, and
+refuse a J without full rank, where the law damps.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from rmrc.support.errors import ModelError
 
 # A pivot of the normal matrix is sin² of the angle between a row and those before it, times its
-# length squared. Rounding makes this part of it: rows nearer than 1e-6 rad cannot be told from dependent.
+# length squared. This share of it is rounding: rows nearer than 1e-6 rad count as dependent.
 DEPENDENT = 1e-12
 
 
 def weighted_right_inverse(jacobian: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
-    """Return J⁺ = W⁻¹ Jᵀ (J W⁻¹ Jᵀ)⁻¹, for m ≤ n: the least q̇ᵀ W q̇ among the rates that do the task.
+    """Return J⁺ = W⁻¹ Jᵀ (J W⁻¹ Jᵀ)⁻¹, for m ≤ n: the least q̇ᵀ W q̇ among the rates that fulfill the task.
 
     From Lagrange's conditions W q̇ = Jᵀ λ, J q̇ = V [Whitney69]. J J⁺ = I_m; for m = n it is J⁻¹.
 
@@ -34,7 +34,7 @@ def weighted_right_inverse(jacobian: ArrayLike, weights: ArrayLike | None = None
         ModelError: If W is not symmetric and positive definite.
 
     Example:
-        Two joints that do the same share the work in inverse proportion to their weights:
+        Two joints with the same effect share the motion in inverse proportion to their weights:
 
         >>> weighted_right_inverse([[1, 1]]).T
         array([[0.5, 0.5]])
@@ -56,9 +56,9 @@ def weighted_right_inverse(jacobian: ArrayLike, weights: ArrayLike | None = None
 
 
 def weighted_left_inverse(jacobian: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
-    """Return J⁺ = (Jᵀ W J)⁻¹ Jᵀ W, for m ≥ n: the rates whose twist comes nearest to the wanted one.
+    """Return J⁺ = (Jᵀ W J)⁻¹ Jᵀ W, for m ≥ n: the rates with the twist nearest to the wanted one.
 
-    They make (V − J q̇)ᵀ W (V − J q̇) least: Jᵀ W (V − J q̇) = 0 [Whitney69]. J⁺ J = I_n.
+    They minimize (V − J q̇)ᵀ W (V − J q̇): Jᵀ W (V − J q̇) = 0 [Whitney69]. J⁺ J = I_n.
 
     Args:
         jacobian: J, (..., m, n).
@@ -72,7 +72,7 @@ def weighted_left_inverse(jacobian: ArrayLike, weights: ArrayLike | None = None)
         ModelError: If W is not symmetric and positive definite.
 
     Example:
-        One joint cannot give two velocities; a row of weight 3 is followed more closely:
+        One joint cannot follow two velocities; it follows a row of weight 3 more closely:
 
         >>> weighted_left_inverse([[1], [1]]) @ [0, 4]
         array([2.])
@@ -87,7 +87,7 @@ def weighted_left_inverse(jacobian: ArrayLike, weights: ArrayLike | None = None)
 
 
 def null_space_projector(jacobian: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
-    """Return N = I − J⁺ J with the weighted right inverse: what it lets through does not move the task.
+    """Return N = I − J⁺ J with the weighted right inverse: projected rates do not move the task.
 
     J N = 0 and N N = N; of all rates with J q̇ = 0, N q̇₀ is the nearest to q̇₀ in the metric W
     [Liegeois77].
@@ -115,7 +115,7 @@ def null_space_projector(jacobian: ArrayLike, weights: ArrayLike | None = None) 
 def resolved_rates(
     jacobian: ArrayLike, twist: ArrayLike, qdot0: ArrayLike | None = None, weights: ArrayLike | None = None
 ) -> NDArray[np.float64]:
-    """Return q̇ = J⁺ V + (I − J⁺ J) q̇₀, for m ≤ n: the task exactly, and of q̇₀ what does not disturb it.
+    """Return q̇ = J⁺ V + (I − J⁺ J) q̇₀, for m ≤ n: the task, and the part of q̇₀ that does not disturb it.
 
     Of all rates with J q̇ = V it has the least (q̇ − q̇₀)ᵀ W (q̇ − q̇₀) [Liegeois77].
 
@@ -133,7 +133,7 @@ def resolved_rates(
         ModelError: If W is not symmetric and positive definite.
 
     Example:
-        Two joints move one slide by 2; the wish that the first does all of it is granted:
+        Two joints move one slide by 2; the wished rates assign all of it to the first:
 
         >>> resolved_rates([[1, 1]], [2], qdot0=[2, 0])
         array([2., 0.])

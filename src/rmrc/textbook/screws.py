@@ -1,12 +1,12 @@
-"""Instantaneous screws: one column for every kind of joint, and the arm as a product of screw motions.
+"""Instantaneous screws: a column for each kind of joint, and the arm as a product of screw motions.
 
 A screw is [ω; v] with v the velocity of the body's point at the *origin*, the order of the notes; a
 twist elsewhere in this program is [v; ω] with v at the tip. `geometric_from_screws` goes from one to
 the other.
 
-The pitch h is in m/rad: how far a joint advances for each radian that it turns. The notes' p is the
-advance of a full turn, h = p/2π. h = 0 is a revolute joint, h = inf a prismatic one, whose position
-is in m; all else is a helical joint, whose position is in rad.
+The pitch h is in m/rad: the advance of a joint per radian. The notes' p is the
+advance of a full turn, h = p/2π. h = 0 is a revolute joint, and h = inf a prismatic one, whose position is in
+m. Any other h is a helical joint, whose position is in rad.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 def joint_screw(axis: ArrayLike, point: ArrayLike, pitch: ArrayLike = 0.0) -> Array:
     """Return the screw of a joint per unit of its rate: (ẑ; u × ẑ + h ẑ), or (0; ẑ) if it slides.
 
-    ẑ is its axis and u any point on it; h = p/2π [Selig92, §6.6]. In the limit of an infinite pitch
-    the screw is measured by its advance instead of its angle, which leaves (0; ẑ).
+    ẑ is its axis and u any point on it; h = p/2π [Selig92, §6.6]. For an infinite pitch the unit of position
+    is the advance instead of the angle, which gives (0; ẑ).
 
     Args:
         axis: Along the joint, of any length but 0, (..., 3).
@@ -39,7 +39,7 @@ def joint_screw(axis: ArrayLike, point: ArrayLike, pitch: ArrayLike = 0.0) -> Ar
         ValueError: If an axis is zero or not finite.
 
     Example:
-        A spindle along z through (2, 0, 0) that advances 0.5 m a turn, and a slide along x:
+        A spindle along z through (2, 0, 0) that advances 0.5 m per turn, and a slide along x:
 
         >>> joint_screw([0, 0, 1], [2, 0, 0], pitch=0.5 / (2 * np.pi)).round(3) + 0.0
         array([ 0.  ,  0.  ,  1.  ,  0.  , -2.  ,  0.08])
@@ -92,7 +92,7 @@ def exp_screw(screw: ArrayLike, q: ArrayLike) -> Array:
         Pose, (..., 4, 4).
 
     Example:
-        Half a turn about an axis at (1, 0, 0), which advances 0.2 m a radian:
+        Half a turn about an axis at (1, 0, 0), which advances 0.2 m per radian:
 
         >>> exp_screw(joint_screw([0, 0, 1], [1, 0, 0], pitch=0.2), np.pi).round(3) + 0.0
         array([[-1.   ,  0.   ,  0.   ,  2.   ],
@@ -145,7 +145,7 @@ def product_of_exponentials(screws: ArrayLike, q: ArrayLike, home: ArrayLike) ->
 
 
 def space_jacobian(screws: ArrayLike, q: ArrayLike) -> Array:
-    """Return the screws of all joints as they are at q: the Jacobian of the notes.
+    """Return the screws of all joints at q: the Jacobian of the notes.
 
     Column i is S_i, transformed by the motion exp(S₁ q₁) … exp(S_i-1 q_i-1) of the joints before it
     [Selig92, §6.6] [Lynch17, §5.1.1].

@@ -1,4 +1,4 @@
-"""Rank of a Jacobian from its minors, with determinants alone, and from its singular values."""
+"""Rank of a Jacobian from its minors, by determinants alone, and from its singular values."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def minors(jacobian: ArrayLike, size: int) -> NDArray[np.float64]:
     m, n = J.shape[-2:]
     if not 1 <= size <= min(m, n):
         raise ModelError(f"minors: size must be 1 to {min(m, n)} for a {m} x {n} matrix, got {size}")
-    # Numbers below the smallest normal one have no reciprocal, and so no place among pivots.
+    # Numbers below the smallest normal one have no reciprocal, and cannot be pivots.
     J = np.where(np.abs(J) < np.finfo(float).tiny, 0.0, J)
     rows, columns = (np.array(list(combinations(range(count), size))) for count in (m, n))
     return np.asarray(np.linalg.det(J[..., rows[:, None, :, None], columns[None, :, None, :]]))

@@ -1,4 +1,4 @@
-"""Wrists of three revolute joints whose axes meet: their Jacobian is the joint axes, nothing else.
+"""Wrists of three revolute joints whose axes meet: their Jacobian consists of the joint axes.
 
 Rows are the angular velocity along frame {0}; no joint moves the center. The 3-R wrist turns about
 k, j and k; the three-roll wrist of exercise 6.4 rolls about three axes that are tilted, not square.
@@ -79,8 +79,8 @@ def three_roll_jacobian(q: ArrayLike, tilt: ArrayLike = (np.pi / 3, np.pi / 3)) 
 
     Args:
         q: θ₁, θ₂, θ₃, (..., 3) [rad]; θ₃ turns no axis.
-        tilt: β, γ, (..., 2) [rad]. The figure with the angles of the wrist that was built is not in
-            the notes; 60° is our choice.
+        tilt: β, γ, (..., 2) [rad]. The notes lack the figure with the angles of the real wrist; 60° is the
+            choice of this package.
 
     Returns:
         Rows ω, (..., 3, 3).
@@ -110,8 +110,8 @@ def three_roll_jacobian(q: ArrayLike, tilt: ArrayLike = (np.pi / 3, np.pi / 3)) 
 def three_roll_determinant(q: ArrayLike, tilt: ArrayLike = (np.pi / 3, np.pi / 3)) -> NDArray[np.float64]:
     """Return det J = −s_β s_γ s₂ of the three-roll wrist [Selig92, exercise 6.4].
 
-    Singular where the three axes lie in one plane: θ₂ = kπ. At θ₂ = 0 with equal tilts two of them
-    are one line, as in the 3-R wrist; at θ₂ = π and otherwise they are three different lines.
+    Singular where the three axes lie in one plane: θ₂ = kπ. At θ₂ = 0 with equal tilts two of them coincide,
+    as in the 3-R wrist. Otherwise, and at θ₂ = π, they are three different lines.
 
     Args:
         q: θ₁, θ₂, θ₃, (..., 3) [rad].

@@ -1,8 +1,8 @@
-"""The sampled loop around joints that obey with a delay: the feedback that it tolerates.
+"""The sampled loop around joints with a delay, and its largest stable feedback.
 
-The law sends K times the error every T seconds. The command arrives after a dead time τ, rates follow it with
-the time constant T₁, and the joint integrates them. Without a lag and with τ = d T this is the difference
-equation e(t + 1) = e(t) − K T e(t − d) [Astrom97, chapter 4].
+The law sends K times the error every T seconds. The command arrives after a dead time τ. Rates follow it with
+the time constant T₁, and the joint integrates the rates. Without a lag and with τ = d T this is the
+difference equation e(t + 1) = e(t) − K T e(t − d) [Astrom97, chapter 4].
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def rule_gain(period: float, delay: float = 0.0, lag: float = 0.0) -> float:
 
 
 def edge_gain(period: float, delay: float = 0.0, lag: float = 0.0) -> float:
-    """Return the feedback at which the loop around an ideal joint is about to be unstable.
+    """Return the feedback at the stability limit of the loop around an ideal joint.
 
     It is the smallest K for which 1 + K P(z) = 0 has a root on the unit circle, with P of `edge_frequency`.
     For d ticks of dead time and no lag, K T = 2 sin(π/(2 (2 d + 1))): 2, 1, 0.618, 0.445, ...
@@ -71,7 +71,7 @@ def edge_gain(period: float, delay: float = 0.0, lag: float = 0.0) -> float:
 
 @lru_cache(maxsize=4096)
 def edge_frequency(period: float, delay: float = 0.0, lag: float = 0.0) -> float:
-    """Return the frequency with which the loop rings at its edge: the first at which the phase of P is −π.
+    """Return the ringing frequency at the stability limit: the first at which the phase of P is −π.
 
     P(z) = T/(z − 1) · z^(−d) ((1 − f) + f/z) · ((1 − m) + m s/(z − 1 + s)), with τ = (d + f) T, d whole and
     0 <= f < 1, s = 1 − exp(−T/T₁) and m = s T₁/T: a command that arrives within a tick counts by its share
@@ -106,7 +106,7 @@ def edge_frequency(period: float, delay: float = 0.0, lag: float = 0.0) -> float
 
 
 def edge_delay(feedback: float, period: float, lag: float = 0.0) -> float:
-    """Return the dead time that makes the loop around an ideal joint about to be unstable.
+    """Return the dead time at the stability limit of the loop around an ideal joint.
 
     Args:
         feedback: K [1/s], positive.
@@ -120,14 +120,14 @@ def edge_delay(feedback: float, period: float, lag: float = 0.0) -> float:
         >>> edge_delay(1000.0, 0.001)  # doctest: +ELLIPSIS
         0.001...
     """
-    # the edge of any lag is below π/2/τ
+    # the limit with any lag is below π/2/τ
     return _edge(lambda delay: edge_gain(period, delay, lag) >= feedback, 0.5 * math.pi / feedback)
 
 
 def edge_lag(feedback: float, period: float, delay: float = 0.0) -> float:
-    """Return the shortest time constant with which the loop around an ideal joint is about to be unstable.
+    """Return the shortest time constant at the stability limit of the loop around an ideal joint.
 
-    An endless lag leaves the edge at K = 1/(τ + T/2): below that, the loop tolerates any.
+    For an infinite lag the limit is K = 1/(τ + T/2): with a smaller K, the loop tolerates any lag.
 
     Args:
         feedback: K [1/s], positive.
@@ -148,7 +148,7 @@ def edge_lag(feedback: float, period: float, delay: float = 0.0) -> float:
 
 
 def _edge(is_stable: Callable[[float], bool], most: float) -> float:
-    """Return where stability ends between 0 and a value that is beyond it."""
+    """Return the stability limit between 0 and an unstable value."""
     if not is_stable(0.0):
         return 0.0
     low, high = 0.0, most

@@ -59,7 +59,7 @@ def stanford_jacobian(q: ArrayLike, d2: float = SHOULDER_OFFSET) -> NDArray[np.f
         Rows [v; ω], (..., 6, 6).
 
     Example:
-        With θ₅ = 0 the fourth and the sixth axis are the same, and so are their columns:
+        With θ₅ = 0 the fourth and the sixth axis coincide, as do their columns:
 
         >>> J = stanford_jacobian([0.3, 1.0, 0.6, 0.7, 0.0, 0.2])
         >>> bool(np.all(J[:, 3] == J[:, 5]))

@@ -1,8 +1,7 @@
 """Static forces: joint torques for a wrench at the tip, by virtual work.
 
-The sign is the whole difficulty. τ = Jᵀ F is *equivalent* to the wrench F: what the actuators must give for
-the tip to press on the world with F. −Jᵀ F *balances* it: what the actuators must give to hold still when F
-acts on the tip.
+The sign depends on the question. τ = Jᵀ F is *equivalent* to the wrench F: with these torques the tip presses
+on the world with F. −Jᵀ F *balances* it: with these torques the arm holds still while F acts on the tip.
 """
 
 from __future__ import annotations
@@ -31,8 +30,8 @@ def joint_torques(jacobian: ArrayLike, wrench: ArrayLike) -> NDArray[np.float64]
         >>> joint_torques(two_link_jacobian([1, 1], np.radians([0, 60])), [0, -1]).round(12)
         array([-1.5, -0.5])
 
-        Stretched out upwards, at (90°, 0), not even 1000 N ask for a torque: the arm is singular,
-        and the force is along the direction that is lost.
+        Stretched out upward, at (90°, 0), even 1000 N need no torque: the arm is singular, and the force is
+        along the lost direction.
 
         >>> joint_torques(two_link_jacobian([1, 1], np.radians([90, 0])), [0, -1000]).round(9) + 0.0
         array([0., 0.])

@@ -16,7 +16,7 @@ from rmrc.textbook.dh import DHChain
 
 Array = NDArray[np.float64]
 
-# Squares of lengths of order 1 m: this much beyond a boundary is rounding, and means on it.
+# For squares of lengths of order 1 m, a point this far beyond a boundary counts as on it.
 _ON_BOUNDARY = 1e-12
 
 
@@ -131,10 +131,10 @@ def torus_determinant(lengths: ArrayLike, q: ArrayLike) -> Array:
 
 
 def torus_tube(lengths: ArrayLike, point: ArrayLike) -> Array:
-    """Return how far a point is from the circle of the second joint: the tube of the torus it is on.
+    """Return the distance of a point from the circle of the second joint: the tube radius of its torus.
 
-    √((√(x² + y²) − l₁)² + z²). The points that the arm reaches with its outer links outward are those
-    between |l₂ − l₃| and l₂ + l₃, and those two surfaces are singular [Selig92, exercise 6.1 (iii)].
+    √((√(x² + y²) − l₁)² + z²). With its outer links outward, the arm reaches the points between |l₂ − l₃| and
+    l₂ + l₃. Both surfaces are singular [Selig92, exercise 6.1 (iii)].
 
     Args:
         lengths: l₁, l₂, l₃, (..., 3) [m].
@@ -157,8 +157,8 @@ def torus_postures(lengths: ArrayLike, point: ArrayLike) -> Array:
 
     The first joint turns the plane of the outer links towards the point, ρ = √(x² + y²), or away from
     it, ρ = −√(x² + y²), and in that plane two links reach (ρ − l₁, z) in two ways: up to 4 postures.
-    With l₁ > l₂ + l₃ the arm cannot reach back over the first axis, and there are 2. On a singular
-    surface two of them are one.
+    With l₁ > l₂ + l₃ the arm cannot reach back over the first axis, so there are 2. On a singular surface two
+    of them coincide.
 
     Args:
         lengths: l₁, l₂, l₃, all positive, (3,) [m].

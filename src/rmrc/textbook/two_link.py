@@ -1,4 +1,4 @@
-"""The planar arm with two links, worked through: Jacobians, rates, small displacements, both postures.
+"""The planar arm with two links: Jacobians, rates, small displacements, both postures.
 
 Frame {0} does not move, frame {1} has its x axis along the first link, frame {2} along the second.
 `lengths` is l₁, l₂ in m, `q` is θ₁, θ₂ in radians; q = 0 is stretched out along x.
@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# Squares of lengths are rounded: a point that was computed to lie at full reach may lie beyond it
-# by this part of the largest of them.
+# Squares of lengths are rounded: a point computed at full reach may lie beyond it by this share of the
+# largest of them.
 BEYOND = 1e-14
 
 
@@ -130,7 +130,7 @@ def two_link_rates(lengths: ArrayLike, q: ArrayLike, speed: float = 1.0) -> NDAr
         numpy.linalg.LinAlgError: If a determinant is exactly zero.
 
     Example:
-        Each row is ten times nearer to full reach than the one before, and ten times faster:
+        Each row is ten times nearer to full reach than the previous one, and ten times faster:
 
         >>> two_link_rates([1, 1], [[0, 0.1], [0, 0.01], [0, 0.001]]).round(1)
         array([[   10.,   -20.],
@@ -242,8 +242,8 @@ def two_link_small_displacements(
     """Return the joint displacements that move the tip a little, near full reach.
 
     To first order in the small θ₂, with Δx, Δy along the axes of frame {1} [Khatib08]:
-    Δq₁ = Δx/(l₁ θ₂) + Δy/l₁, Δq₂ = −(l₁ + l₂) Δx/(l₁ l₂ θ₂) − Δy/l₁. Across the arm (Δy) nothing
-    is special; along it (Δx) both joints must move without bound as θ₂ → 0.
+    Δq₁ = Δx/(l₁ θ₂) + Δy/l₁, Δq₂ = −(l₁ + l₂) Δx/(l₁ l₂ θ₂) − Δy/l₁. Motion across the arm (Δy) is regular.
+    Along the arm (Δx) both joints must move without bound as θ₂ → 0.
 
     Args:
         lengths: l₁, l₂, (..., 2) [m].
@@ -251,7 +251,7 @@ def two_link_small_displacements(
         displacement: [Δx, Δy] in frame {1}, (..., 2) [m].
 
     Returns:
-        [Δq₁, Δq₂], (..., 2) [rad]; the neglected part is of the order θ₂ of it.
+        [Δq₁, Δq₂], (..., 2) [rad]; the relative error is of order θ₂.
 
     Raises:
         numpy.linalg.LinAlgError: If some θ₂ is 0.

@@ -1,4 +1,4 @@
-"""Where the tip of the two-link arm can be: its area, and the curves that bound it."""
+"""The workspace of the two-link arm's tip: its area and its boundary."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ArcKind = Literal["outer", "inner", "q1 lower", "q1 upper", "q2 lower", "q2 uppe
 # kinematics near full reach, √1e-16, less than can be seen.
 INSIDE = 1e-6
 
-# Tests for each point of an arc: where arcs nearly touch, the remaining arcs can be short.
+# Number of tests per point of an arc: if arcs nearly touch, the remaining arcs can be short.
 FINER = 16
 
 
@@ -65,11 +65,11 @@ def two_link_boundary(
 ) -> tuple[Arc, ...]:
     """Return the arcs that bound the workspace, with or without joint limits.
 
-    Only where det J = 0 or a joint is at its limit can the tip lack a direction to go, so the
-    boundary is among these arcs: circles of radius l₁ + l₂ and |l₁ − l₂| about the base
-    (θ₂ = 0, π), with limits also the arcs about the base where θ₂ is at a limit, and of radius l₂ about
-    the elbow where θ₁ is [Craig05, §4.2]. Of each, those parts are left out that the other posture,
-    or the same one a turn further, reaches away from limits and singularities: they are inside.
+    The tip lacks a direction of motion only where det J = 0 or a joint is at its limit, so the boundary is
+    among these arcs: circles of radius l₁ + l₂ and |l₁ − l₂| about the base (θ₂ = 0, π), with limits also the
+    arcs about the base where θ₂ is at a limit, and of radius l₂ about the elbow where θ₁ is [Craig05, §4.2].
+    The function omits the parts that the other posture, or the same one a full turn further, reaches away
+    from limits and singularities, because they are inside.
 
     Args:
         lengths: l₁, l₂, both > 0, (2,) [m].
@@ -118,7 +118,7 @@ def two_link_boundary(
 def _candidates(
     ranges: Array, is_free: NDArray[np.bool_], skip_inner: bool
 ) -> Iterator[tuple[ArcKind, tuple[Array, Array]]]:
-    """Yield all arcs that may bound, as the lines in joint space that they are images of."""
+    """Yield all possible boundary arcs, as lines in joint space."""
     (a, b), (c, d) = ranges
     if not is_free[0]:
         yield "q1 lower", (np.array([a, c]), np.array([a, d]))
@@ -147,7 +147,7 @@ def _outside(
         postures = two_link_postures(lengths, tip)
         beyond = (postures - ranges[:, 0]) % (2 * np.pi)
         within = is_free | ((beyond > INSIDE) & (beyond < ranges[:, 1] - ranges[:, 0] - INSIDE))
-        # Where both limits of θ₂ are the same circle, the lower one has it already.
+        # If both limits of θ₂ give the same circle, the lower one includes it.
         mirrored = np.abs(beyond[..., 1] - np.pi) > np.pi - INSIDE
         within[..., 1] |= mirrored & ~is_free[1] & (first[1] == last[1] == ranges[1, 1])
         inside = within.all(axis=-1) & (np.abs(np.sin(postures[..., 1])) > INSIDE)

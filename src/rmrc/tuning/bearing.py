@@ -81,7 +81,7 @@ class Bearing:
         return [one if one.feedback < high else with_feedback(one, less, space) for one in settings]
 
     def _limit(self, inverse: Hashable) -> tuple[float, float]:
-        """Return the feedback from which on it is replaced for an inverse, and by what."""
+        """Return the feedback above which it is replaced for an inverse, and the replacement."""
         own = self.asked.get(inverse, {})
         low, high = _edge(self.probed | own if all(own.values()) else own)
         if all(own.values()) and self.edge[1] <= self.edge[0] * NEAR:

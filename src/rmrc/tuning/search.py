@@ -3,9 +3,9 @@
 The setting as written comes first, on all scenarios, and shows which of them is the hardest. All structures
 are examined on the model, and neighbors of the best of them; the best there go on to the scenarios. From then
 on a Gaussian process of each structure predicts the results of its neighbors from its runs there, and the
-neighbors with the largest predicted gain of the front are run. Neighbors of a structure with few runs are
-tried on the model first: their results there, and the results of their parents on both, predict their results
-on the scenarios. Without a cheap model, the scenarios are used instead.
+search runs the neighbors with the largest predicted gain of the front. Neighbors of a structure with few runs
+are tried on the model first: their results there, and the results of their parents on both, predict their
+results on the scenarios. Without a cheap model, the scenarios are used instead.
 
 A run on the hardest scenario ends once it can no longer count: see `rmrc.tuning.bar`. The other settings are
 run on the next scenario, and tried with more feedback. Only settings that count in the end are run on all the
@@ -13,7 +13,8 @@ others: the worst of more runs is never better, so nothing else can count. If th
 recommended setting is then run on more loops, evenly from the fastest to the slowest, and is left out if it
 breaks a limit there: arms that rest at a singularity on almost equal loops may leave it on two branches.
 Nondominated sorting is that of NSGA-II [Deb02]; giving no more runs to bad settings is the idea of successive
-halving [Jamieson16]; running first what adds the most to the dominated area is that of [Emmerich06].
+halving [Jamieson16]; running first the settings that add the most to the dominated area is that of
+[Emmerich06].
 """
 
 import math
@@ -75,7 +76,7 @@ _Array = NDArray[np.float64]
 
 
 class Search:
-    """Settings that were tried, in their order: the same for a seed, whatever the threads."""
+    """Tried settings in their order, which depends on the seed and not on the threads."""
 
     def __init__(self, space: Space, trials: Trials, budget: int, seed: int) -> None:
         """Keep the data of a search.
@@ -104,12 +105,12 @@ class Search:
 
     @property
     def looks(self) -> int:
-        """How many settings were looked at on a model."""
+        """Number of settings that were examined on a model."""
         return len(self._seen)
 
     @property
     def feasible(self) -> list[Tried]:
-        """Those that keep all limits on all scenarios, and to what the search is restricted to."""
+        """Settings that keep all limits on all scenarios, within the restrictions of the search."""
         return [one for one in self._sound if self._is_whole(one)]
 
     @property
@@ -118,7 +119,7 @@ class Search:
         return [one for one in self._known() if one.keeps_limits and self._space.allows(one.setting)]
 
     def begin(self, own: Setting, slower: float) -> bool:
-        """Run the scenario's own setting, by whose times the others are measured; say whether it was done.
+        """Run the scenario's own setting, which sets the time scale of the others; return whether it was run.
 
         Args:
             own: As written.
@@ -146,7 +147,7 @@ class Search:
         return self._bear([self._own])
 
     def run(self) -> None:
-        """Spend the runs, or as many of them as there is time for and as bring anything new."""
+        """Use the runs, as long as there is time and new settings remain."""
         model = self._trials.model
         for settings in self._looks():
             if model is None:
@@ -181,7 +182,7 @@ class Search:
 
     @property
     def _room(self) -> int:
-        """How many runs of scenarios are left beside those that are owed."""
+        """Number of remaining runs of scenarios, without those already needed."""
         return max(0, int(self._left) - self._owed)
 
     @property
@@ -210,7 +211,7 @@ class Search:
                     return  # where nothing is new, the space is finite
 
     def _refine_model(self) -> None:
-        """Try neighbors on the model, before anything is known of the scenarios."""
+        """Try neighbors on the model, before the runs on the scenarios."""
         until = self._left - int(_NEARER * self._budget) * self._trials.weight
         for step, round_ in self._steps(_FIRST_STEP, _SHRINK, until, self._able_on_model):
             able = self._able_on_model()
@@ -220,7 +221,7 @@ class Search:
             self._see((child for child, _ in children), able, until)
 
     def _confirm(self) -> None:
-        """Try on the scenarios what did best on the model: of its front, and the best of some inverses."""
+        """Try on the scenarios the best settings of the model: its front, and the best of some inverses."""
         able = [one for one in self._able_on_model() if not one.setting.is_written]
         bar, preferred = self._bar(able), best(able)
         if bar is None or preferred is None:
@@ -310,7 +311,7 @@ class Search:
             known = [one for one in self._tried.values() if one.setting.structure == structure]
             points = np.array([self._space.point(one.setting) for one in known])
             values = _logs(known)
-            # a run that broke a limit and was ended had no time to become worse
+            # a run that ended at a broken limit could not become worse
             tells = np.array([not (one.worst.ended and one.worst.excess > 0.0) for one in known])
             tells &= np.isfinite(values).all(axis=1)
             if tells.sum() <= 2 * len(structure.keys):
@@ -467,7 +468,7 @@ class Search:
         """Run settings on the scenarios that are left of each, as far as there is room."""
         missing = [[c for c in range(self._trials.scenarios) if c not in one.outcomes] for one in some]
         fitting = np.cumsum([len(scenarios) for scenarios in missing]) <= self._left
-        fitting[0] |= not self.feasible  # an answer counts more than a few runs
+        fitting[0] |= not self.feasible  # a result is worth more than a few runs
         jobs = [
             (one, case)
             for one, scenarios, fits in zip(some, missing, fitting, strict=True)
@@ -515,7 +516,7 @@ class Search:
         return True
 
     def _ask(self, some: Sequence[Tried]) -> bool:
-        """Run settings with more feedback; say whether it was done."""
+        """Run settings with more feedback; return whether they were run."""
         found = self._trials.bear([one.setting for one in some])
         self._left -= 2 * len(some)
         for one, out in zip(some, found, strict=True):
@@ -536,7 +537,7 @@ class Search:
                 return verdict
 
     def _cross(self, some: Sequence[Tried]) -> bool:
-        """Run the scenario itself with settings on the other loops; say whether it was done."""
+        """Run the scenario itself with settings on the other loops; return whether it was run."""
         found = self._trials.between([one.setting for one in some])
         self._left -= len(some) * len(self._trials.loops)
         for one, out in zip(some, found, strict=True):
@@ -609,11 +610,11 @@ def _rivals(known: Sequence[Tried]) -> dict[tuple[str, str], float]:
 
 
 def _unlike(by_error: Sequence[Tried]) -> list[Tried]:
-    """Return the first, and some of those after it that come to something else."""
+    """Return the first, and some later ones with other results."""
     first, *others = by_error
     return [first, *(one for one in others if not is_same(one, first))][: _RIVALS + 1]
 
 
 def _spread(found: Sequence[Tried], number: int) -> list[Tried]:
-    """Return so many of a list, evenly, its ends included; again from the start where it is shorter."""
+    """Return this many items of a list, evenly spaced and including its ends; repeat a shorter list."""
     return [found[round(i * (len(found) - 1) / max(1, number - 1))] for i in range(number)]

@@ -47,7 +47,7 @@ class Structure(NamedTuple):
         method: `control.inverse.method`.
         schedule: `control.inverse.damping.schedule`; "" for the methods that have none.
         at_singularity: `control.at_singularity`.
-        on_excess: `control.limits.on_excess`; "" for what the scenario has.
+        on_excess: `control.limits.on_excess`; "" for that of the scenario.
     """
 
     method: str
@@ -188,8 +188,8 @@ def bounds(nominal: Prepared, run: Run, robot: Robot, margin: float) -> dict[str
         margin: Factor on the feedback.
     """
     seen, period = scales(nominal, run), nominal.scenario.control.period
-    # An error that falls to 1/e in 5 periods is slow beside the servos, which take one or two; one that takes
-    # more than 1 s is hardly fed back. Beyond the stability limit of its loop, an ideal plant is unstable.
+    # An error that falls to 1/e in 5 periods is slow beside the servos, which take one or two. With more than
+    # 1 s there is hardly any feedback. Beyond the stability limit of its loop, an ideal plant is unstable.
     edge = edge_gain(period, *robot.slowest(nominal.scenario)) / margin
     largest = min(0.2 / period, edge)
     limits = {FEEDBACK: (min(1.0, 0.1 * largest), largest)}

@@ -1,4 +1,4 @@
-"""What settings of a structure will come to, by those that were run: Gaussian processes over its cube."""
+"""Prediction of the results of a structure's settings from its runs: Gaussian processes over its cube."""
 
 import math
 from collections.abc import Sequence
@@ -8,22 +8,22 @@ from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 
-# Lengths along an edge of the cube over which figures change, and what share of their variance is noise, as
-# where another scenario becomes the worst.
+# Lengths along an edge of the cube over which metrics change, and the share of noise in their variance, for
+# example where another scenario becomes the worst.
 _LENGTHS, _NOISE = (0.1, 0.2, 0.4, 0.8, 1.6), 1e-3
-# Settings that are learned from at most, the last ones: the time for more grows with their cube.
+# Largest number of settings to learn from, the last ones: the time grows with the cube of their number.
 _MOST = 80
 
 
 class Surrogate:
-    """Figures over a unit cube, with a Matérn kernel that has a length for each edge [Rasmussen06]."""
+    """Metrics over a unit cube, with a Matérn kernel that has a length for each edge [Rasmussen06]."""
 
     def __init__(self, points: _Array, values: _Array) -> None:
         """Learn.
 
         Args:
             points: In the cube, (m, d), two at least.
-            values: Figures there, (m, 2).
+            values: Metrics there, (m, 2).
         """
         self._points, values = points[-_MOST:], values[-_MOST:]
         self._mean, self._scale = values.mean(axis=0), np.maximum(values.std(axis=0), 1e-9)
@@ -55,7 +55,7 @@ class Surrogate:
         return np.asarray((1.0 + distance + distance**2 / 3.0) * np.exp(-distance))
 
     def at(self, points: _Array, less: float) -> _Array:
-        """Return what figures may be at points, (k, 2): so many standard deviations less than expected."""
+        """Return optimistic metrics at points, (k, 2): this many standard deviations less than expected."""
         white = np.linalg.solve(self._root, self._kernel(points).T)
         spread = np.sqrt(np.maximum(1.0 - np.sum(white**2, axis=0), 0.0))
         return np.asarray(self._mean + self._scale * (white.T @ self._white - less * spread[:, None]))

@@ -1,4 +1,4 @@
-"""A scenario's file -> which inverse, which damping and which feedback to use in it."""
+"""A scenario's file -> the inverse, the damping and the feedback to use in it."""
 
 import math
 import os

@@ -32,8 +32,8 @@ def draw_arm(found: Sequence[Inspection], path: Path) -> None:
     """Draw one arm at one configuration or several, with its velocity and force ellipses.
 
     A planar arm is drawn in its plane of motion, any other in the planes x-y and x-z. The velocity ellipse is
-    the projection of the ellipsoid for joint rates of norm 1; the force ellipse holds the forces in the plane
-    that joint torques of norm 1 balance.
+    the projection of the ellipsoid for unit-norm joint rates; the force ellipse holds the forces in the plane
+    that unit-norm joint torques balance.
 
     Args:
         found: Inspections of one arm, one or more.

@@ -270,7 +270,7 @@ def _ellipsoids(found: Inspection) -> Sheet:
                 )
             )
     slides = f", slides per {number(found.task.length)} m" if found.arm.is_slide.any() else ""
-    title = f"Half axes of the ellipsoids of each kind alone, for joint rates and torques of norm 1{slides}"
+    title = f"Half axes of the ellipsoids of each kind alone, for unit-norm joint rates and torques{slides}"
     return Sheet(title, ("in the world", "velocity", "force"), rows)
 
 

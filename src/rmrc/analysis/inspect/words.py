@@ -12,7 +12,7 @@ SAID = 0.005
 # Joints that move less than this share of the one that moves most are left out, and the motion is called
 # mainly that of the others.
 MAIN_SHARE = 0.1
-# In a joint motion of norm 1, smaller components are rounding.
+# In a unit-norm joint motion, smaller components are rounding.
 STANDS_STILL = 1e-9
 
 

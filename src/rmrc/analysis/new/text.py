@@ -30,7 +30,7 @@ HOLD = 0.5
 RMS = ": the rms distance of the site from the hinges' axes"
 
 Seen: TypeAlias = Callable[[Path], Path | str]
-"""Returns what a scenario has for a path."""
+"""Returns the path of a model as a scenario has it."""
 
 
 def text(
@@ -156,8 +156,8 @@ def _control(scales: Scales, move: Move) -> str:
     share = float(np.mean(scales.sigma < epsilon))
     lines = ["control:", f"  period: {inline(PERIOD)}   # s", "  inverse:", "    method: damped"]
     lines += comment(
-        f"`below`: damping begins where sigma_min is below it, in {100.0 * share:.0f} % of what the limits "
-        f"allow, and not at the start, where sigma_min is {scales.sigma_at(move.start):.3g}. `maximum` is "
+        f"`below`: damping begins where sigma_min is below it, in {100.0 * share:.0f} % of the range within "
+        f"the limits, not at the start, where sigma_min is {scales.sigma_at(move.start):.3g}. `maximum` is "
         "below/sqrt(2), the least with which the gain sigma/(sigma^2 + lambda^2) never passes 1/below.", 4,
     )  # fmt: skip
     lines.append(f"    damping: {flow(damping)}")

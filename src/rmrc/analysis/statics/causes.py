@@ -1,4 +1,4 @@
-"""Why the actuators do not give the torques of statics: other parts carry some of the load; remedies."""
+"""Why the actuator torques differ from statics: other parts carry some of the load; remedies."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ MOVES = 1e-6
 
 
 def borne(held: HoldResult) -> str:
-    """Return what else carries a part of the wrench, and a remedy; "" if nothing is found."""
+    """Return the other parts that carry some of the wrench, and a remedy; "" if nothing is found."""
     arm, qpos = held.wanted.arm, held.run["qpos"]
     touching = (one.bodies for one in contacts(arm, qpos[-1:]) if one.is_moved)
     bears = [*ends(arm, qpos[-1]), *[f"{one} touches {other}" for one, other in touching][:1]]

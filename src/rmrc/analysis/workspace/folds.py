@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.jit import compiled, entry, machine_code
+from rmrc.law.jit import compiled, long_entry, machine_code
 from rmrc.law.task import Array
 
 
@@ -53,7 +53,7 @@ def is_left(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> b
     return (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0
 
 
-@entry
+@long_entry
 def scan(  # noqa: C901 - a loop for each of squares, halves, columns, rows
     at: Array, origin: Array, size: float, shape: NDArray[np.int64], cells: NDArray[np.int64], where: Array
 ) -> int:
