@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numba.core.types.functions import BaseFunction
 
+from rmrc.law import brisk, linking
 from rmrc.law.brisk import briskly
 from rmrc.law.jit import compiled
 from rmrc.law.linking import WholeCompiler
@@ -84,8 +85,10 @@ def records_of(seed):
     return np.rec.array(world), random.normal(size=(3, 8))
 
 
-@pytest.mark.parametrize("step", [1, 2])
-def test_elements_and_loops_are_those_of_python(step):
+@pytest.mark.parametrize(("step", "is_known"), [(1, True), (2, True), (1, False)])
+def test_elements_and_loops_are_those_of_python(step, is_known, monkeypatch):
+    for module in (brisk, linking):
+        monkeypatch.setattr(module, "IS_KNOWN", is_known)
     of_rows, within = compiled(total_of), {**globals()}
     within["total_of"] = of_rows
     inner = compiled(FunctionType(indexed.__code__, within))
@@ -105,6 +108,13 @@ def test_elements_and_loops_are_those_of_python(step):
 def outwards(worlds, rows, first):
     """Call what is compiled as a part."""
     return inner(worlds[0], rows, first)  # noqa: F821 - given to it
+
+
+def test_another_version_of_numba_compiles_in_its_own_way(monkeypatch):
+    own = BaseFunction.get_call_type
+    monkeypatch.setattr(brisk, "IS_KNOWN", False)
+    with briskly():
+        assert BaseFunction.get_call_type is own
 
 
 def test_bounds_are_checked_where_numba_is_told_to():

@@ -1,7 +1,8 @@
 """Repeated look-ups of numba, left out while it compiles this package.
 
 Each change gives what numba's own code gives, only sooner, for functions that count no references to arrays.
-They last while this package compiles, under numba's lock.
+They last while this package compiles, under numba's lock. Another version of numba than those known here
+compiles in its own way, which takes longer.
 """
 
 import operator
@@ -11,6 +12,7 @@ from functools import cache
 from typing import Any, cast
 
 from llvmlite.binding import ffi  # type: ignore[import-untyped]
+from numba import __version__
 from numba.core import base, cpu, postproc, transforms, types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager
@@ -19,6 +21,9 @@ from numba.core.types.functions import BaseFunction
 from rmrc.law import indexing
 
 Change = Callable[[Any], Callable[..., Any]]
+
+# Versions of numba with which all of this was compared.
+IS_KNOWN = __version__.startswith("0.68.")
 
 # Functions that numba can do without: it looks through all its registries for each, again and again.
 _OPTIONAL = "__array__", "static_getitem", "static_setitem"
@@ -143,6 +148,9 @@ _CHANGES: tuple[tuple[Any, str, Change], ...] = (
 def briskly() -> Iterator[None]:
     """Have numba remember what it looked up. One thread at a time compiles here."""
     with global_compiler_lock:
+        if not IS_KNOWN:
+            yield
+            return
         before = [(owner, name, vars(owner).get(name)) for owner, name, _ in _CHANGES]
         lock = cast(Any, ffi).lib._lock
         told, lock._cblist = lock._cblist, []  # numba takes the time of each call of LLVM

@@ -19,7 +19,7 @@ from numba.core.ir_utils import fixup_var_define_in_scope
 from numba.core.typed_passes import NopythonRewrites
 from numba.core.untyped_passes import InlineClosureLikes
 
-from rmrc.law.brisk import plainly
+from rmrc.law.brisk import IS_KNOWN, plainly
 
 
 class _Unnamed:
@@ -135,7 +135,7 @@ class _Passes(PassManager):
     def run(self, state: Any) -> None:
         """Run all passes on the state of a compiler."""
         registered: Any = _pass_registry
-        is_plain, left_out = not state.flags.nrt, list[Any]()
+        is_plain, left_out = IS_KNOWN and not state.flags.nrt, list[Any]()
         if is_plain:
             has_inner = any(isinstance(one, CodeType) for one in state.func_id.code.co_consts)
             left_out = [NopythonRewrites] if has_inner else [NopythonRewrites, InlineClosureLikes]
