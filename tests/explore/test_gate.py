@@ -178,7 +178,7 @@ class Scene:
 def browser(served, number):
     """Return what a session asks of a browser."""
     whole = served._server
-    camera = SimpleNamespace(image_width=1280, image_height=720)
+    camera = SimpleNamespace(image_width=1280, image_height=720, on_update=lambda _: None)
     return SimpleNamespace(
         gui=whole.gui,
         scene=Scene(whole.scene, number),

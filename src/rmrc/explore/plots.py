@@ -27,8 +27,9 @@ MARGIN = 1.08
 LEAST = 1e-3
 # Points of a curve that moves: about one for each pixel.
 POINTS = 310
-# Ends of the axes of plots that move: of rates, in limits; of errors, at least [mm or mrad].
-LIMIT, LEAST_ERROR = 1.25, 1.0
+# Ends of the axes of plots that move: of rates, in limits, and at least [rad/s or m/s]; of errors, at least
+# [mm or mrad].
+LIMIT, LEAST_RATE, LEAST_ERROR = 1.25, 0.1, 1.0
 # Dashes of limits and bounds, and of the rates of the plain inverse [px].
 DOTS, PLAIN = (2.0, 4.0), (7.0, 4.0)
 # Left and right of the data of a plot [px]: the lanes have them too, so that times are in line.
@@ -92,8 +93,9 @@ def plots(
         if rates.lines:
             most = LIMIT * max(rates.lines)
             drawn[0].scales["y"]["range"] = (-most, most)
-        low, high = drawn[2].scales["y"]["range"]
-        drawn[2].scales["y"]["range"] = (low and min(low, -LEAST_ERROR), max(high, LEAST_ERROR))
+        for plot, least in ((drawn[0], LEAST_RATE), (drawn[2], LEAST_ERROR)):
+            low, high = plot.scales["y"]["range"]
+            plot.scales["y"]["range"] = (low and min(low, -least), max(high, least))
     return drawn
 
 
