@@ -45,7 +45,7 @@ LOOKED_AT = 2.6
 # there are more than a few the pace is in a tab.
 TIMES, LANE, MOST_LANES, FEW_LANES = 32.0, 40.0, 4, 3
 # For three numbers of an axis [points].
-LEAST = {"sigma": 3.1 * NUMBER, "tabs": 2.3 * NUMBER, "pace": 2.3 * NUMBER}
+LEAST = {"sigma": 3.1 * NUMBER, "tabs": 3.6 * NUMBER, "pace": 2.3 * NUMBER}
 # So many lines of the legend of the rates have room, and are scrolled beyond.
 MOST_LINES = 8
 # Those that are in no tab, and always there.
