@@ -85,6 +85,7 @@ def test_runs_side_by_side_show_what_differs(run):
     shown = {row[0]: row[2:] for row in rows}
     assert "position_error.max" in shown
     assert "ticks" not in shown  # both have as many
+    assert all(set(values) != {"–"} for values in shown.values())  # NaN is not equal to NaN
     assert float(shown["position_error.max"][1]) == pytest.approx(
         other.scorecard["position_error.max"].value, rel=1e-5
     )
