@@ -68,7 +68,7 @@ def beside(cards: Mapping[str, Mapping[str, Any]]) -> str:
     rows = []
     for name, one in first.items():
         values = [card[name].value if name in card else None for card in cards.values()]
-        if len({str(value) for value in values}) > 1:  # what no run has is NaN, which equals no NaN
+        if len({str(value) for value in values}) > 1:  # NaN, of a missing metric, equals no NaN
             rows.append((name, one.unit, *values))
     return table("metrics that differ", ("metric", "unit", *cards), rows)
 
