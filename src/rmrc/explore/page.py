@@ -28,13 +28,17 @@ setInterval(() => {
   document.getElementById('root').setAttribute('role', 'main');
 }, 500);
 """
-# Labels of viser have a contrast of 3.3 and 4.0, its blue of 3.6; WCAG asks for 4.5.
+# Labels of viser have a contrast of 3.3 and 4.0, its blue of 3.6; WCAG asks for 4.5. On its dark gray some
+# colors of `rmrc.show.palette` have 2.5; on this black all have the 3 that they are made for.
 _STYLE = """
 :root[data-mantine-color-scheme=light] {
   --mantine-color-dimmed: #5a6169 !important;
   --mantine-color-blue-6: #1971c2 !important;
 }
-:root[data-mantine-color-scheme=dark] { --mantine-color-dimmed: #b0b0b0 !important; }
+:root[data-mantine-color-scheme=dark] {
+  --mantine-color-dimmed: #b0b0b0 !important;
+  --mantine-color-body: #0d1011 !important;
+}
 """
 _HIDDEN = "position:absolute;width:1px;height:1px;margin:0;overflow:hidden;clip-path:inset(50%)"
 # The page may make this element again: the script runs once.

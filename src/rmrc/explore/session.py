@@ -38,6 +38,8 @@ GESTURE = 1.5
 LONG = 0.5
 # A real-time factor below this is told.
 KEPT_UP = 0.95
+# In drag mode the goal can go so far beyond arm and path with its gizmo in view: part of the reach.
+PULL = 0.15
 # Least width over height of the canvas beside the panels.
 ASPECT = 0.3
 
@@ -283,11 +285,11 @@ class Session:
                 _set(handle, "visible", key in read)
             self._picture.show(answer, other)
             if self.drag is not None:
-                _set(self._strip, "content", plots.strip(answer.run, answer.end, answer.end))
+                _set(self._strip, "content", plots.strip(answer.run, answer.end, RECENT))
 
     def _tell_time(self) -> None:
         assert self.answer is not None
-        self._clock.value = min(self._time, self.answer.end)
+        self._clock.value = min(round(self._time, 3), self.answer.end)
         _set(self._strip, "content", plots.strip(self.answer.run, self._time, self.answer.end))
 
     def _say(self, text: str, *, is_wrong: bool = False) -> None:
@@ -508,7 +510,7 @@ class Session:
     def _aim(self) -> None:
         """Turn the camera to the whole run, and in drag mode to the gizmo too."""
         self._is_fitted = True
-        room = ROOM if self.drag is None else GIZMO
+        room = ROOM if self.drag is None else GIZMO + PULL
         seen = view(self._as_written, max(ASPECT, self._aspect), self._picture.marks, room)
         camera = self._client.camera
         camera.up_direction, camera.fov = seen.up, seen.fov
