@@ -107,8 +107,8 @@ def as_svg(figure: Figure) -> str:
 
 
 def _write(figure: Figure, to: Path | io.BytesIO, kind: str) -> None:
-    # Text stays text, so that a page can be searched, in fonts that journals accept (they refuse Type 3). Dates
-    # would make the files of equal pictures differ.
+    # Text stays text, so that a page can be searched, in fonts that journals accept (they refuse Type 3). A
+    # date would make the files of equal pictures differ.
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
     with (
         mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rmrc", "pdf.fonttype": 42}),
