@@ -15,8 +15,8 @@ from rmrc.film.opengl import no_picture, opened, quietly
 
 Array = NDArray[np.float64]
 
-# Each pixel is the mean of this number squared of samples: cheaper in software than OpenGL's own
-# antialiasing, and exact at edges.
+# Each pixel is the mean of FINER² samples: cheaper in software than OpenGL's own antialiasing, and exact at
+# edges.
 FINER = 2
 # Marks in front of the arm are drawn at this part of their distance, and smaller by the same factor.
 FRONT = 0.5

@@ -228,7 +228,7 @@ def _peak(run: Run) -> str:
 
 
 def _times(run: Run) -> tuple[Array, Callable[[Run, Array], Array]]:
-    """Return the times of a run and its baseline, and functions that give values of both at these times."""
+    """Return the times of a run and its baseline, and a function that places values of either there."""
     other = run.baseline
     if other is None or not len(other) or np.array_equal(other["time"], run["time"]):
         return run["time"], lambda _, values: values
