@@ -1,10 +1,10 @@
-"""The script and the style of the page that viser does not have: keys, names of controls, and contrast."""
+"""Additions to viser's page by a script and a style: keys, names of controls, and contrast."""
 
 import html
 
 # An arrow key moves the focused slider; viser would also turn the view. Arrow and page keys press the buttons
-# that nudge along the first three axes; a key that no button has turns the view. A plot that is made before
-# it has a width never labels its time axis: it is told to. Sliders and icons of viser have no names.
+# that nudge along the first three axes; a key without a button turns the view. A plot that is made before it
+# has a width never labels its time axis, so the script redraws it. Sliders and icons of viser have no names.
 _SCRIPT = """
 document.body.addEventListener('keydown', e => {
   const t = e.target, role = t.getAttribute('role');

@@ -47,7 +47,7 @@ FIGURES = (
 
 
 class Plot(NamedTuple):
-    """A plot as uPlot takes it.
+    """A plot in uPlot's form.
 
     Attributes:
         title: The title above it.
@@ -74,8 +74,8 @@ def plots(
         other: The run in gray beside it.
         dark: Whether the page is dark.
         with_plain: Whether to draw the rates of the plain inverse.
-        seconds: The length of the time axes of plots that move [s], whose other axes stand still where they
-            can; None: the length of the run.
+        seconds: The length of the time axes of plots that move [s], whose other axes stand still if
+            possible; None: the length of the run.
     """
     found = traces.of_run(replace(run, baseline=other))
     rates, sigma, errors = found.panels[:SHOWN]
@@ -125,7 +125,7 @@ def _at(time: Array, run: Run, values: Array) -> Array:
 
 
 def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
-    """Return a panel as uPlot takes it. The curves of the run keep values beyond the axis."""
+    """Return a panel in uPlot's form. The curves of the run keep values beyond the axis."""
     # from the lowest layer up: the other run, the rates of the plain inverse, the run
     drawn = sorted(panel.traces, key=lambda one: (not one.is_gray, not one.label.endswith("plain inverse")))
     rows = kept([one.values for one in drawn], ROOM)
