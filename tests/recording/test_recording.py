@@ -154,14 +154,17 @@ def test_columns_do_not_depend_on_the_size_of_blocks_and_keep_nan_and_infinity(p
 @pytest.mark.parametrize("name", ["gain", "condition", "manipulability", "pose_error"])
 def test_a_column_is_left_out_only_of_blocks_in_which_it_follows_to_the_bit(recorded, tmp_path, name):
     prepared, run, path = recorded
-    fields = stored(path, "/columns")["columns"]
-    assert not any(name in row[0] for row in fields)  # which is half of what there is to save
+    found = stored(path, "/columns")
+    assert name not in found  # which is half of what there is to save
+    fields = found["columns"][0][0].keys()
     odd = rows(run, 0, 60)
     values = odd.columns[name]
     values.flat[values.size // 2] = np.nextafter(values.flat[values.size // 2], np.inf)
     record(tmp_path / "odd.rrd", prepared, odd, 20)
-    kept = [name in row[0] for row in stored(tmp_path / "odd.rrd", "/columns")["columns"]]
-    assert kept == [20 <= tick < 40 for tick in range(60)]
+    found = stored(tmp_path / "odd.rrd", "/columns")
+    assert len(found[name]) == 20
+    # The viewer warns of a component whose type changes.
+    assert all(row[0].keys() == fields for row in found["columns"])
     assert_same_bits(read_columns(tmp_path / "odd.rrd"), odd.columns)
 
 

@@ -239,6 +239,15 @@ def test_thinning_keeps_the_extremes_of_every_curve_and_the_room(count, curves, 
         assert one[rows].min() == one.min() and one[rows].max() == one.max()
 
 
+@pytest.mark.parametrize("lane", [0.0, 1.0])
+def test_thinning_keeps_the_ends_of_states(lane):
+    held = np.full(7000, np.nan)
+    held[[2381, *range(4000, 4500)]] = lane
+    rows = traces.kept([held], 100)
+    assert list(rows) == [0, 2380, 2381, 2382, 3999, 4000, 4499, 4500, 6999]
+    assert len(traces.kept([np.where(np.arange(7000) % 2, lane, np.nan)], 100)) <= 100  # too many ends
+
+
 def test_what_is_no_result_is_refused_in_one_line(rmrc, left, tmp_path):
     (tmp_path / "x.parquet").write_text("no")
     (tmp_path / "x.npz").write_text("no")

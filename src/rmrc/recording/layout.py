@@ -224,7 +224,8 @@ def aside(
     gap = np.linalg.norm(np.maximum(np.abs(places - own) - half, 0.0), axis=1)
     far = gap - max(CALLOUT * scene.reach / cell, APART * CELLS)
     place = places[np.where(far >= 0.0, far, 2 * CELLS - far).argmin()]
-    ends = np.array([place, np.clip(own, place - half, place + half)])
+    # the text is at most as large as that, and smaller in a larger window: it hides a line that is too long
+    ends = np.array([place, np.clip(own, place - half / 3, place + half / 3)])
     ends[0, 1] += BELOW * CELLS
     there = tip + cell * (ends - own) @ axes[:2]
     return there[0], there[1]

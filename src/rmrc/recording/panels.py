@@ -45,7 +45,7 @@ LOOKED_AT = 2.6
 # strip scrolls, and the number beyond which the pace is in a tab.
 TIMES, LANE, MOST_LANES, FEW_LANES = 32.0, 40.0, 4, 3
 # Least heights, for three numbers on an axis [points].
-LEAST = {"sigma": 3.1 * NUMBER, "tabs": 2.3 * NUMBER, "pace": 2.3 * NUMBER}
+LEAST = {"sigma": 3.1 * NUMBER, "tabs": 3.6 * NUMBER, "pace": 2.3 * NUMBER}
 # Largest number of lines in the legend of the rates; a longer legend scrolls.
 MOST_LINES = 8
 # Plots that are always there, outside the tabs.

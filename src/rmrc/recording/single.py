@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
+import pyarrow.lib as pa
 import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
 from rmrc.recording.track import Track, prefix_of
 from rmrc.recording.viewer import is_torn, repair
-from rmrc.results.columns import ADDED, COLUMNS, SAME, completed, restored
+from rmrc.results.columns import ADDED, COLUMNS, OFTEN_FOLLOWING, SAME, completed, restored
 from rmrc.results.run import Run
 from rmrc.show.palette import of_status
 from rmrc.simulation.prepare import Prepared
@@ -387,11 +388,13 @@ def _pieces(path: Path, whole: Path, variant: str | None, whose: str) -> _Pieces
             ticks = batch.column("tick").to_numpy(zero_copy_only=False)
             rows, found = batch.column("columns").flatten(), {}
             for name in (pieces.keys() | {"rotation_error"}) & {one.name for one in rows.type}:
-                values = rows.field(name)
-                flat = values if values.type.num_fields == 0 else values.flatten()
-                found[name] = flat.to_numpy(zero_copy_only=False).reshape(len(batch), -1)
-            for name, block in restored(found).items():
-                pieces[name].append((ticks, block.reshape(len(batch), -1)))
+                found[name] = _rows(rows.field(name), len(batch))
+            blocks = {name: block.reshape(len(batch), -1) for name, block in restored(found).items()}
+            for name in set(OFTEN_FOLLOWING).intersection(batch.schema.names):
+                is_there = batch.column(name).is_valid().to_numpy(zero_copy_only=False)
+                blocks[name][is_there] = _rows(batch.column(name).flatten().field(name), is_there.sum())
+            for name, block in blocks.items():
+                pieces[name].append((ticks, block))
         left_out = ADDED | {"path_time"}
         pieces = {name: found for name, found in pieces.items() if found or name not in left_out}
         variants = [] if all(pieces.values()) else _variants(whole)
@@ -403,6 +406,12 @@ def _pieces(path: Path, whole: Path, variant: str | None, whose: str) -> _Pieces
         wanted = "holds variants" if variant is None else f'has no columns of the variant "{variant}"'
         raise RecordingError(f"{path}: {wanted}; its variants: {'; '.join(variants)}")
     raise RecordingError(f"{path}: has no columns of a run of rmrc")
+
+
+def _rows(values: pa.Array, rows: int) -> NDArray[np.generic]:
+    """Return a field of a table, (rows, width)."""
+    flat = values if values.type.num_fields == 0 else values.flatten()
+    return np.asarray(flat.to_numpy(zero_copy_only=False)).reshape(rows, -1)
 
 
 def _variants(whole: Path) -> list[str]:

@@ -5,8 +5,9 @@ Its entities have a common prefix, so that a recording can hold many worlds:
     columns          at every tick, a field for every column of the run, of float64, status of int64, and
                      derived curves, of float32. Columns that equal others are left out: the arriving command
                      if it is the commanded one, the estimate if it is true, qpos if it is q, and the time
-                     along a path that is not slowed; and, of a block, those that follow from others to
-                     the bit, and the position of `pose_error` (`results.columns.thinned`)
+                     along a path that is not slowed. A few columns mostly follow from others to the bit
+                     (`results.columns.thinned`): each is a component of its own, in the blocks where it
+                     does not, because the viewer warns of a type that changes
     arm/<body>       poses, with the geometries; meshes are static children
     believed/<body>  the same, pale, at the law's assumed configuration, if that is different
     tip/..           position and trail
@@ -26,7 +27,7 @@ from rmrc.recording.events import Label
 from rmrc.recording.layout import geometries, ghost, packed, xyzw
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Table, Values
-from rmrc.results.columns import thinned
+from rmrc.results.columns import OFTEN_FOLLOWING, thinned
 from rmrc.results.run import Run
 from rmrc.scenario.choices import POLICIES
 from rmrc.show.palette import hue
@@ -215,7 +216,8 @@ class Track:
         kept["status"] = part.columns["status"].astype(np.int64)
         drawn = {name: one.astype(np.float32) for name, one in self.curves(part).items()}
         index = stream.index(ticks, part["time"])
-        self.send("columns", index, Table("columns", kept | drawn))
+        rest = [Table(name, {name: kept.pop(name)}) for name in OFTEN_FOLLOWING if name in kept]
+        self.send("columns", index, Table("columns", kept | drawn), *rest)
 
     def curves(self, part: Run) -> dict[str, NDArray[np.float64]]:
         """Return the derived curves of a block: (T, width) each."""

@@ -65,27 +65,32 @@ ADDED = frozenset({"qpos", "tau_gravity", "qdot_arrived", "qdot_plain", "q_belie
 SAME = {"qdot_arrived": "qdot_cmd", "q_believed": "q"}
 
 
+# A tick may have these beside others; its other columns are the same throughout a run.
+OFTEN_FOLLOWING = ("gain", "manipulability", "condition", "pose_error")
+
+
 def thinned(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Return the columns but those that follow from others of the same ticks, to the bit.
 
-    Of `pose_error`, this may leave the last three values alone, as `rotation_error`.
+    Of `pose_error`, this keeps the last three values, as `rotation_error`.
 
     Args:
         columns: (T,) or (T, width) each.
     """
-    found, follows = dict(columns), _following(columns)
-    follows["pose_error"] = _moved(columns, columns["pose_error"][:, 3:])
+    rotation = columns["pose_error"][:, 3:]
+    follows = _following(columns) | {"pose_error": _moved(columns, rotation)}
+    found = {**columns, "rotation_error": rotation}
     for name, values in follows.items():
         if np.array_equal(values.view(np.int64), columns[name].view(np.int64)):
             del found[name]
-    return found if "pose_error" in found else found | {"rotation_error": columns["pose_error"][:, 3:]}
+    return found
 
 
 def restored(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Return all of the columns that `thinned` returned."""
     found = {**_following(columns), **columns}
     rotation = found.pop("rotation_error", None)
-    return found if rotation is None else found | {"pose_error": _moved(columns, rotation)}
+    return found if rotation is None else {"pose_error": _moved(columns, rotation)} | found
 
 
 def _moved(columns: Mapping[str, NDArray[Any]], rotation: NDArray[np.float64]) -> NDArray[np.float64]:

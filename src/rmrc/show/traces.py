@@ -78,6 +78,10 @@ class Trace:
         return paints(count)[self.color], f"#{distinct(count)[self.color] >> 8:06x}"
 
 
+# So many pixels are as long as a run, at most: a state that holds at one tick is as long as one of them.
+PIXELS = 600
+
+
 @dataclass(frozen=True, eq=False)
 class Panel:
     """Curves over the same time.
@@ -299,10 +303,11 @@ def _lanes(runs: Mapping[str, Run]) -> list[Panel]:
     ]
     if not lanes:
         return []
-    holds = {
-        name: np.where(run["status"].astype(np.int64) & int(flag), float(i), math.nan)
-        for i, (name, flag, run) in enumerate(lanes)
-    }
+    holds = {}
+    for i, (name, flag, run) in enumerate(lanes):
+        state = (run["status"].astype(np.int64) & int(flag)) != 0
+        seen = np.convolve(state, np.ones(len(state) // PIXELS + 2))[: len(state)] > 0.0
+        holds[name] = np.where(seen, float(i), math.nan)
     time = _common({name: run["time"] for name, _, run in lanes})
     traces = [
         Trace(name, _placed_at(time, run["time"], holds[name]), width=12.0, paint=of_status(int(flag)))
@@ -350,10 +355,20 @@ def _norms(title: str, unit: str, curves: tuple[Array, list[Trace]]) -> Panel:
 
 
 def kept(curves: Sequence[Array], room: int) -> NDArray[np.intp]:
-    """Return the rows to draw: all, or those with the least and largest value of each span of time."""
+    """Return the rows to draw.
+
+    These are all, or those around the ends of the gaps if the curves are constant between them, or those with
+    the least and largest value of each span of time.
+    """
     count = len(curves[0])
     if count * (len(curves) + 1) <= room:
         return np.arange(count)
+    changes = [np.flatnonzero((one[1:] != one[:-1]) & ~np.isnan(one[1:] + one[:-1])) for one in curves]
+    if not any(len(one) for one in changes):
+        ends = [np.flatnonzero(np.diff(np.isnan(one))) for one in curves]
+        few = np.unique(np.concatenate([[0, count - 1], *ends, *(one + 1 for one in ends)]))
+        if len(few) * (len(curves) + 1) <= room:
+            return few
     spans = max(1, room // ((len(curves) + 1) * 2 * len(curves)))
     every = -(-count // spans)
     whole = count // every * every

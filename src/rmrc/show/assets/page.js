@@ -75,11 +75,10 @@
 
   function draw(panel, place, first, left, isLast) {
     const axis = {stroke: paint("--ink"), grid: {stroke: paint("--line"), width: 1}, ticks: {stroke: paint("--line")}};
-    const steps = uPlot.paths.stepped({align: 1});
     const series = panel.series.map((one) => ({
       label: one.label, stroke: dark.matches ? one.dark : one.light, width: one.width, dash: one.dash, show: one.shown,
       spanGaps: one.spans, value: (u, v) => shown(v),
-      points: {show: false}, ...(panel.lanes.length ? {paths: steps} : {}),
+      points: {show: false},
     }));
     const y = {distr: panel.logarithmic ? 3 : 1};
     if (panel.range) y.range = () => panel.range;
