@@ -221,6 +221,16 @@ REFUSED = {
         "tip", None,
         '{path}: … body "body1" … site "tip" … ball or free joint; … hinge and slide …',
     ),
+    "hinge beyond a ball": (
+        '<mujoco><worldbody><body name="cart"><joint name="rail" type="ball"/><geom size="1"/><body pos="0 0 1">'
+        '<joint axis="0 1 0"/><geom size="1"/></body></body></worldbody></mujoco>',
+        None, None,
+        '{path}: ball joint "rail" of body "cart" … hinge … slide …; … three hinge joints',
+    ),
+    "a ball alone": (
+        '<mujoco><worldbody><body><joint name="b" type="ball"/><geom size="1"/></body></worldbody></mujoco>',
+        None, None, '{path}: … no hinge or slide joint …; … at least one',
+    ),
     "fixed site": (
         '<mujoco><worldbody><site name="tip"/></worldbody></mujoco>',
         "tip", None, '{path}: … joint … site "tip"; …',

@@ -156,8 +156,8 @@ def test_damping_pays_at_full_reach_the_pseudoinverse_races_and_truncation_locks
 def test_the_same_force_would_need_ten_times_the_elbow_of_a_bent_arm():
     scenario_says(
         "hold_at_singularity",
-        "tau, which stays below a twentieth of the actuators' limits, while bent by 60 deg the same force would need "
-        "ten times what the elbow has",
+        "tau, which stays below a twentieth of the actuators' limits. With the arm bent by 60 deg, the same force "
+        "would need ten times the torque of the elbow",
     )
     prepared, _, figures = ran("hold_at_singularity")
     assert figures["tau.share_of_limit"] < 1 / 20
@@ -239,8 +239,8 @@ def test_the_plain_inverse_races_past_the_wrist_and_damping_gives_way():
 def test_the_closer_the_hand_the_faster_the_exact_way_and_the_less_the_damped_one():
     scenario_says(
         "stanford_wrist_close",
-        "ten times closer: the exact way is ten times faster",
-        "the closer the hand passes, the smaller are the joint rates and the errors",
+        "ten times closer: the exact motion is ten times faster",
+        "a hand that passes closer has smaller joint rates and smaller errors",
     )
 
     def exact(name):
@@ -262,7 +262,7 @@ def test_the_best_rates_halve_the_error_where_the_inverse_asks_for_several_times
         name,
         "the hand is off by 202 mrad and 40 mm",
         "105 mrad and 27 mm",
-        "six times as hard",
+        "with six times the acceleration",
     )
     found = {how: ran(name, f"control.limits.on_excess={how}")[2] for how in ("scale", "optimal")}
     for how, turned, off in (("scale", 202, 40), ("optimal", 105, 27)):
@@ -384,8 +384,8 @@ def test_a_ur5e_follows_late_by_its_own_drives():
     scenario_says(
         "ur5e_own_drives",
         "lag behind it by their damping over their stiffness, 0.2 s",
-        "at most 16 mm late, where our rate servos (--set plant.kind=servo) are 0.1 mm late",
-        "Ask for 0.418 m, as ur5e_elbow does, and the lag carries the elbow through straight, to come back bent to "
+        "at most 16 mm late, while the rate servos (--set plant.kind=servo) are 0.1 mm late",
+        "With 0.418 m, as in ur5e_elbow, the lag carries the elbow through straight, and the arm comes back bent to "
         "the other side",
     )
     prepared, run, own = ran("ur5e_own_drives")
@@ -404,9 +404,9 @@ def test_a_ur5e_follows_late_by_its_own_drives():
 def test_an_fr3_is_singular_with_its_elbow_bent():
     scenario_says(
         "fr3_elbow",
-        "singular, with theta_4 = -26.76 deg: bent, and not where the forearm is straight",
-        "damped, the elbow stops short of that and comes back as it went; the pseudoinverse goes through, with "
-        "actuators at their limits, and the hand is off by twice as much at least",
+        "singular, at theta_4 = -26.76 deg: with the elbow bent, not straight",
+        "With damping, the elbow stops before that angle and comes back on the same side. The pseudoinverse takes "
+        "it through, with actuators at their limits, and the hand is off by at least twice as much",
     )
     _, run, damped = ran("fr3_elbow")
     _, through, plain = ran("fr3_elbow", "control.inverse.method=pseudoinverse")

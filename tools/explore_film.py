@@ -50,7 +50,7 @@ def film(page: Page, session: Any) -> list[Image.Image]:
             for _ in range(round(1.0 / HERTZ / drag.period)):
                 drag._tick()
 
-    drag.advance = advance
+    drag.advance, drag.factor = advance, 1.0  # the film is the real time
     found, each = [], round(EACH * HERTZ)
     for i in range(PICTURES):
         for j in range(each):

@@ -438,7 +438,7 @@ HELD = [-0.6, 0.3], [0, 0, -1, 0, 0, 0]
     ("at", "instead", "said"),
     [
         ("</worldbody>", SLACK, 'tendon "belt" is at the end of its range, which carries part of the load'),
-        ("</worldbody>", PULL, 'actuator "pull" pulls at the arm, which statics ignores'),
+        ("</worldbody>", PULL, 'actuator "pull" acts on the arm, which statics ignores'),
         ('<site name="hand"', FINGER.format(""), 'joint "finger"'),
     ],
 )

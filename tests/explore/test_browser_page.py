@@ -1,5 +1,6 @@
 """The page in a real browser: its plots are the columns to the bit, nothing leaves, tabs do not disturb each other."""
 
+import json
 import math
 import subprocess
 from contextlib import contextmanager
@@ -27,6 +28,9 @@ RATES = """() => {
 }"""
 # What a screen reader says of each slider.
 NAMES = "[...document.querySelectorAll('[role=slider]')].map(one => one.getAttribute('aria-label'))"
+# What the controls show: sliders, menus, boxes.
+SHOWN = """() => [...document.querySelectorAll("[role=slider], input:not([type=hidden])")].map((one) =>
+  one.getAttribute("aria-valuenow") ?? (one.type === "checkbox" ? one.checked : one.value))"""
 # The largest canvas: where the arm is, not the plots.
 CANVAS = """() => {
   const boxes = [...document.querySelectorAll("canvas")].map((one) => one.getBoundingClientRect());
@@ -101,6 +105,7 @@ def test_the_plots_are_the_columns_to_the_bit_and_nothing_leaves(browser, served
         slider = page.get_by_role("slider").nth(1)
         (session,) = served.sessions.values()
         seen = aimed(page, session)
+        as_written = page.evaluate(SHOWN)
         alone_there = len(page.evaluate(RATES))
         slider.focus()
         page.keyboard.press("ArrowRight", delay=200)
@@ -117,11 +122,24 @@ def test_the_plots_are_the_columns_to_the_bit_and_nothing_leaves(browser, served
         assert np.array_equal(curves["t [s]"], alone["time"])
         for j, name in enumerate(alone.joints):
             assert np.array_equal(curves[f"{name}, commanded"], alone["qdot_cmd"][:, j])
+        # key B takes back every kind of control
+        page.get_by_label("feedforward", exact=True).first.click()
+        page.get_by_label("on_excess", exact=True).first.click()
+        page.get_by_role("option", name="clamp", exact=True).click()
+        wait_for(lambda: len(session.answer.values) == 3, 60.0)
         page.get_by_role("tab", name="Take along").click()
         page.get_by_role("button", name="Save as scenario").click()
         saved = served.out / "test.explore.yaml"
         wait_for(saved.is_file, 60.0)
         page.wait_for_selector("text=test.explore.npz")
+        page.get_by_role("tab", name="Settings").click()
+        assert page.evaluate(SHOWN) != as_written
+        page.keyboard.press("b")
+        wait_for(lambda: session.answer.values == {}, 60.0)
+        page.wait_for_function(
+            f"before => JSON.stringify(({SHOWN})()) === before",
+            arg=json.dumps(as_written, separators=(",", ":")),
+        )
         assert {urlsplit(url).hostname for url in asked} - {None} == {"127.0.0.1"}
         assert "share" not in page.inner_text("body").lower()
 

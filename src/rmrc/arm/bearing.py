@@ -47,10 +47,10 @@ def pulls(arm: Arm, start: Array, qpos: Array) -> Iterator[str]:
     mujoco.mj_fwdActuation(model, data)
     for i in arm.others.kept:
         if data.actuator_force[model.actuator_outadr[i]] and not _own(arm).isdisjoint(arm.others.pulled(i)):
-            yield f'actuator "{model.actuator(i).name or i}" pulls at the arm'
+            yield f'actuator "{model.actuator(i).name or i}" acts on the arm'
     for i in range(model.nflex):
         if any(not _own(arm).isdisjoint(joints_above(model, body)) for body in flex_bodies(model, i)):
-            yield f'flex "{flex_name(model, i)}" hangs at the arm'
+            yield f'flex "{flex_name(model, i)}" is attached to the arm'
 
 
 def _own(arm: Arm) -> frozenset[int]:

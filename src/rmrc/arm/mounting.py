@@ -14,7 +14,7 @@ from rmrc.arm.compiling import compiled, read
 from rmrc.arm.frames import default_frame
 from rmrc.arm.keyframes import starting_key
 from rmrc.arm.notes import Note
-from rmrc.arm.wiring import find_body, find_site, joints_above
+from rmrc.arm.wiring import HINGE, SLIDE, find_body, find_site, joints_above
 from rmrc.scenario.sections import ToolSection
 from rmrc.support.errors import ModelError
 from rmrc.support.legible import listed
@@ -152,7 +152,7 @@ def _place(path: Path, model: mujoco.MjModel, asked: Asked, notes: list[str]) ->
         return "body", find_body(path, model, asked.tool.body, "tool.body"), ""
     frame = default_frame(model)
     if frame is None:
-        raise ModelError(f"{path}: has no hinge or slide joint that moves a body; an arm needs at least one")
+        raise ModelError(f"{path}: {_lack(model)}")
     if frame.others or frame.kind == "body":
         named = getattr(model, frame.kind)(frame.id).name
         called = f'{frame.kind} "{named}"' if named else f"{frame.kind} {frame.id}"
@@ -161,6 +161,20 @@ def _place(path: Path, model: mujoco.MjModel, asked: Asked, notes: list[str]) ->
         notes.append(told)
         return frame.kind, frame.id, told if frame.is_clear else ""
     return frame.kind, frame.id, ""
+
+
+def _lack(model: mujoco.MjModel) -> str:
+    """Return why a model has no arm, and the way out: its hinges and slides are beyond a ball, or none is."""
+    for driven in np.flatnonzero(np.isin(model.jnt_type, (HINGE, SLIDE))):
+        for i in joints_above(model, int(model.jnt_bodyid[driven])):
+            if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_BALL:
+                b, joint = int(model.jnt_bodyid[i]), model.joint(i).name
+                called = f'ball joint "{joint}"' if joint else "the ball joint"
+                return (
+                    f'{called} of body "{model.body(b).name or f"body{b}"}" lies before a hinge or slide '
+                    "joint, and cannot be driven at a rate; replace it with three hinge joints"
+                )
+    return "has no hinge or slide joint that moves a body; an arm needs at least one"
 
 
 def _or(others: Sequence[str]) -> str:

@@ -76,7 +76,7 @@ Exit codes:
 
 app = typer.Typer(
     name="rmrc",
-    help="Resolved motion rate control in MuJoCo: what an arm does near its singularities.",
+    help="Resolved motion rate control in MuJoCo: arms near their singularities.",
     epilog=EPILOG,
     add_completion=False,
     rich_markup_mode=None,  # rich would read [m] and [kg] in a help text as markup, and break words

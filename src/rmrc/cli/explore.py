@@ -43,7 +43,7 @@ Port = Annotated[
 ]
 Host = Annotated[
     str,
-    typer.Option(help="Address to listen on; for others, the page has a token in its path, and no TLS."),
+    typer.Option(help="Address to listen on; if others can reach it, the path has a token; there is no TLS."),
 ]
 LESSONS = ("reach", "wrist", "null-space", "duality", "algorithmic", "delay")
 Asked = Annotated[
@@ -51,14 +51,14 @@ Asked = Annotated[
     typer.Option(
         "--lesson",
         metavar="NAME|FILE",
-        help=f"Instead: a scenario with questions, and a number to find: {', '.join(LESSONS)}; or a YAML "
+        help=f"A lesson: a scenario with questions and a number to find: {', '.join(LESSONS)}; or a YAML "
         "file of your own.",
         show_default=False,
     ),
 ]
 Opens = Annotated[bool, typer.Option("--open", help="Open the page in the browser of this machine.")]
 
-Drags = Annotated[bool, typer.Option("--drag", help="Begin in drag mode: you lead the arm, in real time.")]
+Drags = Annotated[bool, typer.Option("--drag", help="Begin in drag mode: you move the arm in real time.")]
 
 
 def explore(
@@ -73,7 +73,8 @@ def explore(
 ) -> None:
     """Serve a page with sliders: each change runs the scenario again, and shows arm, rates and errors.
 
-    It needs the extra `explore`. It prints its address, serves this machine alone, and ends with Ctrl-C.
+    Needs the extra `explore`. Prints the address of the page, serves only this machine by default, and ends
+    with Ctrl-C.
     """
     with interruption("interrupted before the page was served"):
         from rmrc.explore.server import refuse_missing, serve

@@ -175,7 +175,7 @@ def replay(
     recording: Annotated[
         Path,
         typer.Argument(
-            help="A recording of `run`, its NAME.npz, or a folder, to show its newest recording.",
+            help="A recording of `run`, its NAME.npz, or a folder: then its newest recording.",
             callback=lambda path: path if _stands_for_one(path) else expect(path, RECORDING),
         ),
     ],

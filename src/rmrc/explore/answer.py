@@ -1,4 +1,4 @@
-"""The answer of a scenario to a setting: its run, to the bit that of `rmrc run`, and its view."""
+"""The answer of a scenario to a setting: its view and its run, which equals that of `rmrc run` to the bit."""
 
 import threading
 from contextlib import suppress
@@ -29,7 +29,7 @@ class Answer:
         prepared: The prepared scenario of the run.
         run: The run, with all ticks.
         like: An answer whose arm looks the same; None: there is none.
-        instants: The number of instants that are shown, at most.
+        instants: Largest number of instants that are shown.
     """
 
     values: Values

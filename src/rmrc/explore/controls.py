@@ -1,4 +1,4 @@
-"""The controls of the page: menus, switches and sliders, as choices and sections declare them."""
+"""The controls of the page: menus, switches and sliders, from the declarations of choices and sections."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -85,7 +85,7 @@ class Control:
         return f"{self.meaning} [{self.unit}]" if self.unit else self.meaning
 
     def parsed(self, value: Value) -> Value:
-        """Return a value of the page as a file has it: numbers lose the tail of binary fractions."""
+        """Return a value of the page in the form of a file: numbers lose the tail of binary fractions."""
         return value if self.options or isinstance(value, bool) else float(f"{float(value):.9g}")
 
 

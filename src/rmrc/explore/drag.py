@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 # Period of the control [s]: 250 Hz, if the scenario is faster and its plant accepts it.
 PERIOD = 0.004
-# The ticks of this time [s] are kept and drawn; this many instants of them are in the trail.
+# The last ticks within this time [s] are kept and drawn; the trail has this many instants of them.
 RECENT, TRAIL = 10.0, 60
 # The reference has a speed of this times its distance from the goal [1/s], near the goal.
 PURSUIT = 10.0
@@ -41,7 +41,7 @@ class Reference:
     """
 
     def __init__(self, pose: Array, limits: TargetLimitsSection) -> None:
-        """Stand at a pose."""
+        """Begin at rest at a pose."""
         self.pose, self.twist = np.array(pose), np.zeros(6)
         self._limits = (
             (slice(0, 3), limits.velocity, limits.acceleration),
@@ -81,15 +81,15 @@ class Drag:
         prepared: The scenario; its path has no effect.
         values: Its changed keys, with their values.
         goal: Pose that the reference follows, (7,) [m, 1]; another thread may replace it.
-        joints: Positions that the joints go to instead, (n,) [rad or m]; None: the goal counts.
+        joints: Target positions of the joints in place of the goal, (n,) [rad or m]; None: the goal counts.
         factor: Simulated over real time; 1: the machine keeps up.
-        trouble: Why the arm stands still; "": it moves.
+        trouble: The reason why the arm stands still; "": it moves.
     """
 
     def __init__(
         self, prepared: Prepared, values: Values, like: Answer, before: "Drag | None" = None
     ) -> None:
-        """Start at the start of the scenario, or continue from an arm under other settings.
+        """Start at the start of the scenario, or continue from an arm with other settings.
 
         Args:
             prepared: The scenario; its `control.period` is the period of the loop.

@@ -16,7 +16,7 @@ from websockets.http11 import Request, Response
 from rmrc.explore import rows
 from rmrc.recording import viewer_page
 
-# A header of every answer. The browser lets the page talk only to its own server, whatever the address.
+# A header of every answer. With it, the browser lets the page talk only to its own server, at any address.
 POLICY = "; ".join(
     (
         "default-src 'none'",
@@ -131,7 +131,7 @@ def guarded_by(gate: Gate) -> Iterator[None]:
 
 
 def _whole(page: bytes) -> Response:
-    """Return an answer with a page of ours."""
+    """Return an answer with a page of this package."""
     told = {
         "Content-Type": "text/html; charset=utf-8",
         "Content-Length": str(len(page)),
@@ -141,7 +141,7 @@ def _whole(page: bytes) -> Response:
 
 
 def host_of(text: str) -> str:
-    """Return a host as an address has it: IPv6 in brackets.
+    """Return a host in the form of an address: IPv6 in brackets.
 
     >>> host_of("127.0.0.1"), host_of("::1")
     ('127.0.0.1', '[::1]')

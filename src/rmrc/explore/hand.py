@@ -42,7 +42,7 @@ class Hand:
         own = set(task.axes) if task.frame == "world" else set(AXES)
         turns = [axis in own for axis in AXES[3:]]
         active = tuple(axis in own for axis in AXES[:3])
-        if sum(turns) > 1:  # a ring needs the arrows of two axes; what the task lacks has no effect
+        if sum(turns) > 1:  # a ring needs the arrows of two axes; motions that the task lacks have no effect
             active = (True, True, True)
         self._turns = any(turns)
         self._gizmo = client.scene.add_transform_controls(

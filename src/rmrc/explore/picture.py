@@ -28,14 +28,14 @@ ROOM = 0.12
 TRAIL, WANTED, PIECES = 4.0, 2.5, 200
 # Colors of a trail, from far from a singularity to in it.
 CALM, NEAR = HUES[0], RED
-# Properties of a geometry that decide its look.
+# Properties of a geometry that determine its look.
 PARTS = ("size", "pose", "vertices", "rgba")
 # Least half thickness that is drawn, as a part of the reach: flat ellipsoids are thickened to it.
 THINNEST = 1e-3
 
 
 def rgb(color: int) -> tuple[int, int, int]:
-    """Return a color 0xRRGGBBAA as viser takes it."""
+    """Return a color 0xRRGGBBAA in viser's form."""
     return (color >> 24) & 255, (color >> 16) & 255, (color >> 8) & 255
 
 
@@ -92,7 +92,7 @@ class Picture:
     """The nodes of one browser's scene.
 
     Args:
-        nodes: The scene of that browser, as viser has it.
+        nodes: The scene of that browser in viser's form.
         marks: The shown ones of `velocity`, `force` and `lost`.
 
     Attributes:

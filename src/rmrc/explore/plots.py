@@ -33,7 +33,7 @@ LIMIT, LEAST_RATE, LEAST_ERROR = 1.25, 0.1, 1.0
 # Dashes of limits and bounds, and of the rates of the plain inverse [px].
 DOTS, PLAIN = (2.0, 4.0), (7.0, 4.0)
 # Left and right of the data of a plot [px]: the lanes have them too, so that times are in line.
-AREA = (55, 25)
+AREA = (59, 25)
 # Metrics of the table: name in the scorecard, words, factor to the unit, unit.
 FIGURES = (
     ("joint_rate_cmd.peak", "largest rate commanded", 1.0, ""),
@@ -47,7 +47,7 @@ FIGURES = (
 
 
 class Plot(NamedTuple):
-    """A plot as uPlot takes it.
+    """A plot in uPlot's form.
 
     Attributes:
         title: The title above it.
@@ -74,8 +74,8 @@ def plots(
         other: The run in gray beside it.
         dark: Whether the page is dark.
         with_plain: Whether to draw the rates of the plain inverse.
-        seconds: The length of the time axes of plots that move [s], whose other axes stand still where they
-            can; None: the length of the run.
+        seconds: The length of the time axes of plots that move [s], whose other axes stand still if
+            possible; None: the length of the run.
     """
     found = traces.of_run(replace(run, baseline=other))
     rates, sigma, errors = found.panels[:SHOWN]
@@ -125,7 +125,7 @@ def _at(time: Array, run: Run, values: Array) -> Array:
 
 
 def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
-    """Return a panel as uPlot takes it. The curves of the run keep values beyond the axis."""
+    """Return a panel in uPlot's form. The curves of the run keep values beyond the axis."""
     # from the lowest layer up: the other run, the rates of the plain inverse, the run
     drawn = sorted(panel.traces, key=lambda one: (not one.is_gray, not one.label.endswith("plain inverse")))
     rows = kept([one.values for one in drawn], ROOM)
@@ -153,7 +153,7 @@ def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
     plain = {"grid": {"show": False}, "ticks": {"show": False}} if panel.is_logarithmic else {}
     axes: tuple[dict[str, Any], ...] = (
         {"space": 60, "size": 26},
-        {"size": 46, "space": 24, **plain},
+        {"size": 50, "space": 24, **plain},
     )
     title = f"{panel.title.partition('; dotted')[0]} {panel.unit[panel.unit.find('[') :]}"
     return Plot(title, tuple(data), tuple(series), {"x": {"time": False}, "y": scale}, axes)
@@ -185,8 +185,8 @@ def key(plot: Plot) -> str:
         style = "dotted" if dash == DOTS else "dashed" if dash else "solid"
         told.append(
             '<span style="white-space:nowrap;margin-right:.8em"><span style="display:inline-block;'
-            f'width:1.4em;border-top:3px {style} {one["stroke"]};vertical-align:middle"></span> '
-            f"{html.escape(name)}</span>"
+            f"width:1.4em;border-top:{1.5 * one['width']:.1f}px {style} {one['stroke']};"
+            f'vertical-align:middle"></span> {html.escape(name)}</span>'
         )
     return (
         f'<div style="font-size:.8em;line-height:1.35;padding:0 .3em"><b>{html.escape(plot.title)}</b><br>'

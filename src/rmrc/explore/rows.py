@@ -9,14 +9,14 @@ from pathlib import Path
 from rmrc.scenario.lesson import SHIPPED, load_lesson
 from rmrc.support import shipped
 
-# Where the server has the page, relative to the page with the sliders.
+# Address of the page on the server, relative to the page with the sliders.
 PLACE = "textbook"
 _ROW = re.compile(r"^\| ([A-D]\d+) \| (.+?) \| `(.+?)` \|", re.MULTILINE)
 
 
 @cache
 def rows() -> dict[str, tuple[str, str]]:
-    """Return subject and command of each row by its number; none where the package came without documents."""
+    """Return subject and command of each row by its number; none if the package came without documents."""
     file = (shipped.root() or Path()) / "docs" / "textbook.md"
     text = file.read_text("utf-8") if file.is_file() else ""
     return {key: (what, command) for key, what, command in _ROW.findall(text)}

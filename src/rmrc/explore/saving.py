@@ -35,6 +35,6 @@ def save(answer: Answer, folder: Path) -> tuple[Path, Path]:
 
 
 def control_block(answer: Answer) -> str:
-    """Return the section `control` of a setting as a scenario has it, without defaults."""
+    """Return the section `control` of a setting in the form of a scenario, without defaults."""
     control = answer.prepared.scenario.control.model_dump(mode="json", exclude_defaults=True)
     return block({"control": control})

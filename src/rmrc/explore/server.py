@@ -228,7 +228,7 @@ def serve(
     refuse_taken(host, port)
     Explored(scenario)  # finds the faults of the scenario before a browser connects
     _of_glibc("mallopt", ARENA_MAX, HEAPS)
-    # the collector looks no more at what exists now, so that it interrupts an arm for a moment only
+    # the collector skips all objects that exist now, so that it interrupts an arm only for a moment
     gc.collect()
     gc.freeze()
     with interruptible() as stop, Server(scenario, out, host, port, lesson, failed, drags) as server:

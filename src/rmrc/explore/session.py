@@ -36,8 +36,10 @@ FRAME, TOLD, PLOTTED = 1 / 30, 0.1, 0.2
 GESTURE = 1.5
 # A new setting ends a run that takes longer [s].
 LONG = 0.5
-# A real-time factor below this is told.
+# The page shows a real-time factor below this.
 KEPT_UP = 0.95
+# In drag mode the goal can go so far beyond arm and path with its gizmo in view: part of the reach.
+PULL = 0.15
 # Least width over height of the canvas beside the panels.
 ASPECT = 0.3
 
@@ -116,7 +118,7 @@ class Session:
 
     def _go_on(self, explored: Explored) -> None:
         last = told = time.perf_counter()
-        self._wake.set()  # drag mode may be asked for from the beginning
+        self._wake.set()  # the session may begin in drag mode
         while not self._closed:
             moves = self._plays or (self.drag is not None and not self.drag.is_still)
             self._wake.wait(FRAME if moves else None)
@@ -144,7 +146,7 @@ class Session:
                 self._picture.at(self.answer, self._other, self._time)
 
     def _catch_up(self, explored: Explored) -> None:
-        """Do what the reader asked for since the last picture."""
+        """Apply the reader's requests since the last picture."""
         if self._drags != (self.drag is not None):
             self._switch(explored)
         if self._is_saved:
@@ -153,7 +155,7 @@ class Session:
             self._aim()
 
     def _switch(self, explored: Explored) -> None:
-        """Begin or end drag mode, as the reader chose."""
+        """Begin or end drag mode by the reader's choice."""
         self._play(False)
         if self._drags:
             self._tune(explored)
@@ -260,7 +262,7 @@ class Session:
         self._tell_time()
 
     def _draw(self, answer: Answer, other: Answer | None) -> None:
-        """Draw the plots and figures of an answer, and its lines in the picture."""
+        """Draw the plots and metrics of an answer, and its lines in the picture."""
         self._is_redrawn = False
         beside: Run | None = None if other is None else other.run
         drawn = plots.plots(
@@ -283,11 +285,11 @@ class Session:
                 _set(handle, "visible", key in read)
             self._picture.show(answer, other)
             if self.drag is not None:
-                _set(self._strip, "content", plots.strip(answer.run, answer.end, answer.end))
+                _set(self._strip, "content", plots.strip(answer.run, answer.end, RECENT))
 
     def _tell_time(self) -> None:
         assert self.answer is not None
-        self._clock.value = min(self._time, self.answer.end)
+        self._clock.value = min(round(self._time, 3), self.answer.end)
         _set(self._strip, "content", plots.strip(self.answer.run, self._time, self.answer.end))
 
     def _say(self, text: str, *, is_wrong: bool = False) -> None:
@@ -508,7 +510,7 @@ class Session:
     def _aim(self) -> None:
         """Turn the camera to the whole run, and in drag mode to the gizmo too."""
         self._is_fitted = True
-        room = ROOM if self.drag is None else GIZMO
+        room = ROOM if self.drag is None else GIZMO + PULL
         seen = view(self._as_written, max(ASPECT, self._aspect), self._picture.marks, room)
         camera = self._client.camera
         camera.up_direction, camera.fov = seen.up, seen.fov

@@ -38,15 +38,15 @@ class Camera:
         return np.stack([0.5 * width - scale * right / back, 0.5 * height + scale * up / back], axis=1)
 
     def nearer(self, points: Array, factor: float) -> Array:
-        """Return points on the same rays, at a part of their distances, (p, 3), with the same pixels."""
+        """Return points on the same rays, at a part of their distances, (p, 3): their pixels are the same."""
         return self.position + factor * (points - self.position)
 
 
 def fitted(points: Array, normal: int | None, aspect: float) -> Camera:
     """Return the nearest camera that sees all points.
 
-    |x − c_x| ≤ t (c_z − z) for each point, t the tangent of half the angle of view: the least c_z follows
-    from the two points that bind, and c_x is in the middle of the remaining range. The same holds for y.
+    |x − c_x| ≤ t (c_z − z) holds for each point, with t the tangent of half the angle of view. The least c_z
+    follows from the two points that bind, and c_x is in the middle of the remaining range. y is similar.
 
     Args:
         points: Along world axes, (p, 3) [m].

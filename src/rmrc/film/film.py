@@ -26,7 +26,7 @@ Frame = NDArray[np.uint8]
 Watch = Callable[[int], AbstractContextManager[Callable[[int], None]]]
 
 KINDS = (".png", ".gif", ".mp4")
-# Largest number side by side: more would be too small.
+# Largest number of runs side by side: more would be too small.
 MOST_RUNS = 9
 # Sizes of one run's part of the picture [pixels]: default, and minimum.
 WIDTH, HEIGHT, LEAST_WIDTH, LEAST_HEIGHT, MOST_SIZE = 480, 480, 200, 200, 4096
@@ -161,7 +161,7 @@ class Film:
         """Return the times of the frames [s].
 
         Raises:
-            PictureError: They are none, or too many.
+            PictureError: There are none, or too many.
         """
         if kind == ".png":
             run = self._shots[0].run

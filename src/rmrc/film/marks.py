@@ -9,11 +9,11 @@ from rmrc.show.palette import GREEN, HUES, RED, mix
 
 Array = NDArray[np.float64]
 
-# Relative to the reach: radius of the trail, of the wanted path, of the balls at tip and target.
+# Radii of the trail, of the wanted path, and of the balls at tip and target, relative to the reach.
 TRAIL, WANTED, TIP, TARGET = 0.0075, 0.0045, 0.018, 0.014
 # Largest number of pieces of a line.
 PIECES = 160
-# 0xRRGGBBAA on white
+# Colors on white, 0xRRGGBBAA.
 INK, CALM, NEAR, LOOSE = 0x3A3F47FF, HUES[0], RED, GREEN
 
 
@@ -56,7 +56,7 @@ def ellipsoid(center: Array, half: Array, axes: Array) -> Mark:
 
 
 def line(points: Array, radius: float, colors: Array, is_dashed: bool = False) -> list[Mark]:
-    """Return a line through points, (p, 3), with a color each, (p, 4); dashed: half of it, evenly.
+    """Return a line through points, (p, 3), with a color for each, (p, 4); dashes cover half of it, evenly.
 
     Points closer to each other than the radius are left out, so that rest takes no pieces.
     """

@@ -11,7 +11,7 @@ from typing import Any
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import line
 
-# By the names of MUJOCO_GL.
+# Libraries by the values of MUJOCO_GL.
 LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
 WAY_OUT = "on Debian and Ubuntu install libegl1 and libgl1-mesa-dri, or in libosmesa6 for MUJOCO_GL=osmesa"
 
@@ -21,7 +21,7 @@ class PictureError(QuestionError):
 
 
 def refuse_missing() -> None:
-    """Refuse a missing library that MUJOCO_GL names: MuJoCo itself could not be imported then.
+    """Refuse a missing library that MUJOCO_GL names: without it, MuJoCo itself could not be imported.
 
     Raises:
         PictureError: It is not here.
@@ -61,7 +61,7 @@ def _route() -> str:
 
 
 def quietly() -> AbstractContextManager[Any]:
-    """Keep warnings of GLFW to itself: the error says the same."""
+    """Suppress warnings of GLFW: the error says the same."""
     return warnings.catch_warnings(action="ignore")
 
 

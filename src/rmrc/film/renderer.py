@@ -15,10 +15,10 @@ from rmrc.film.opengl import no_picture, opened, quietly
 
 Array = NDArray[np.float64]
 
-# Each pixel is the mean of this number squared: cheaper in software than OpenGL's own way, and exact at
+# Each pixel is the mean of FINER² samples: cheaper in software than OpenGL's own antialiasing, and exact at
 # edges.
 FINER = 2
-# Marks in front of the arm are drawn at this part of their distance, and smaller in proportion.
+# Marks in front of the arm are drawn at this part of their distance, and smaller by the same factor.
 FRONT = 0.5
 # Largest number of marks in a picture, beside the arm.
 MOST_MARKS = 2000

@@ -19,7 +19,7 @@ from rmrc.support.spatial import quat_to_matrix
 
 Array = NDArray[np.float64]
 
-# Largest distance of the model's tip from that of the run before it counts as another model, over the reach.
+# Largest distance of the model's tip from the run's, over the reach; beyond it, the model counts as another.
 SAME = 1e-6
 # Number of ticks of a run for the trail and for the frame of the camera.
 SAMPLES, POSTURES = 600, 40

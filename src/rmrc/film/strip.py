@@ -14,10 +14,10 @@ from rmrc.results.run import Run
 from rmrc.show.run_figure import draw_rates
 
 DPI = 100.0
-# Size of the letters [pt]: 11 pixels, which is legible on a screen.
+# Size of the letters [pt]: 11 pixels, legible on a screen.
 LETTERS = 8.0
-# Margins of the plot [pixels]: for the numbers at its left, at least, and below it, and free space. It is at
-# least as high as the last, or else has no legend. Beside the name of the axis, and between it and the frame.
+# Sizes [pixels]: least margin for the numbers at the left of the plot, margin below it, free space, and least
+# height of a plot with a legend. Margins beside the name of the axis, and between it and the frame.
 LEFT, BELOW, FREE, LEAST = 54, 38, 14, 40
 EDGE, TICK = 3, 12
 CURSOR = (0.9, 0.28, 0.3)
@@ -57,7 +57,7 @@ class Strip:
         self.axes.set_position((LEFT / width, BELOW / height, 1.0, (height - BELOW - above) / height))
 
     def _make_room(self) -> None:
-        """Place the name of the axis beside its longest number, and both within the picture."""
+        """Place the name of the axis beside its longest number, with both within the picture."""
         renderer = self._canvas.get_renderer()  # type: ignore[no-untyped-call]
         name, (width, _) = self.axes.yaxis.label, self._canvas.get_width_height()
         numbers = max(one.get_window_extent(renderer).width for one in self.axes.get_yticklabels())
@@ -84,7 +84,7 @@ class Strip:
 
 
 def share_scale(strips: Sequence[Strip]) -> None:
-    """Give strips one range, so that adjacent rates can be compared; also for logarithmic ones."""
+    """Give strips, also logarithmic ones, one range, so that adjacent rates can be compared."""
     ranges = [strip.axes.get_ylim() for strip in strips]
     scales = {strip.axes.get_yscale() for strip in strips}
     if len(scales) == 1:

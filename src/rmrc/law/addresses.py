@@ -52,7 +52,7 @@ _carray: Any = cast(Any, numba).carray
 _pointer: Callable[[int], int] = _make(_typed_pointer)
 # Calls a C function that takes two pointers and returns nothing.
 call_c: Callable[[int, int, int], None] = _make(_typed_call)
-# Has the processor load a record into its cache that is written soon, while it does something else.
+# Has the processor load a record that is written soon into its cache, while it does other work.
 fetch: Callable[[Any], None] = _make(_typed_fetch)
 
 

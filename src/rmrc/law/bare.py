@@ -242,7 +242,7 @@ class Law(Loop):
         qdot: ArrayLike | None,
         *more: ArrayLike | None,
     ) -> Command:
-        """Take input that is no 64-bit array of the right shape, or refuse it and say why."""
+        """Convert input that is not a 64-bit array of the right shape, or refuse it with a reason."""
         n, w = self.n, len(self._worlds)
         rows, twists = ([(n,)], [(self.m,)]) if self._is_one else ([(w, n), (n,)], [(w, self.m), (self.m,)])
         wrong = taken("J", J, self._J, [self._J.shape]) or taken("twist", twist, self._twist, twists)
@@ -376,7 +376,7 @@ def resolve_rates(
         Joint rates, (n,).
 
     Raises:
-        ValueError: The law does not have such a shape or name.
+        ValueError: The law does not know the method, schedule or parameter, or the shapes do not fit.
 
     >>> resolve_rates(np.diag([1.0, 0.1]), np.array([1.0, 1.0]), schedule="constant").round(3)
     array([0.99, 5.  ])

@@ -145,8 +145,8 @@ def largest_change(
 def way(r: float, a: float, top: float) -> float:
     """Return the shortest stopping distance, this tick included; see above for the units.
 
-    If the joint turns back even though its deceleration falls as fast as it may, it is the distance until it
-    turns.
+    If the joint turns back although its deceleration falls as fast as the jerk bound allows, the result is
+    the distance until it turns.
 
     Args:
         r: Rate in this tick.

@@ -1,8 +1,8 @@
 """Repeated look-ups of numba, left out while it compiles this package.
 
 Each change gives what numba's own code gives, only sooner, for functions that count no references to arrays.
-They last while this package compiles, under numba's lock. Another version of numba than those known here
-compiles in its own way, which takes longer.
+They last while this package compiles, under numba's lock. Other versions of numba than those known here
+compile without these changes, which takes longer.
 """
 
 import operator
@@ -22,12 +22,12 @@ from rmrc.law import indexing
 
 Change = Callable[[Any], Callable[..., Any]]
 
-# Versions of numba with which all of this was compared.
+# Versions of numba with whose results these changes were compared.
 IS_KNOWN = __version__.startswith("0.68.")
 
-# Functions that numba can do without: it looks through all its registries for each, again and again.
+# Lookups of these functions are skipped: numba would search all its registries for each of them every time.
 _OPTIONAL = "__array__", "static_getitem", "static_setitem"
-# Operators on numbers, for which the type of a number decides, and not which number it is.
+# Operators on numbers: their code depends on the types of the numbers and not on the values.
 _OF_NUMBERS = frozenset({
     operator.add, operator.sub, operator.mul, operator.truediv, operator.iadd, operator.isub, operator.imul,
     operator.itruediv, operator.lt, operator.le, operator.gt, operator.ge, operator.eq, operator.ne,
@@ -108,7 +108,7 @@ def _remembered(found: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _without_lifetimes(found: Callable[..., Any]) -> Callable[..., Any]:
-    """Find out where variables die only if that matters."""
+    """Find the places where variables die only if that matters."""
 
     def run(self: Any, *args: Any, **kws: Any) -> None:
         code = self.func_ir
@@ -123,7 +123,7 @@ def _without_lifetimes(found: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _numbas_own(found: Callable[..., Any]) -> Callable[..., Any]:
-    """Leave functions of numba's as they are."""
+    """Leave numba's own functions unchanged."""
 
     def run(self: Any, state: Any) -> None:
         with plainly(False):
@@ -132,7 +132,7 @@ def _numbas_own(found: Callable[..., Any]) -> Callable[..., Any]:
     return run
 
 
-# A record's type in words has a hundred fields; for the size of a type llvmlite writes and reads a module.
+# The name of a record type lists a hundred fields. For the size of a type llvmlite writes and reads a module.
 _CHANGES: tuple[tuple[Any, str, Change], ...] = (
     (BaseFunction, "get_call_type", cache(_by_type)),
     (types.Record, "__repr__", cache(_remembered)),

@@ -371,7 +371,7 @@ class Controller(Loop):
         q_target: ArrayLike | None,
         qdot_target: ArrayLike | None,
     ) -> Command:
-        """Take input that is no 64-bit array of the right shape, or refuse it and say why."""
+        """Convert input that is not a 64-bit array of the right shape, or refuse it with a reason."""
         given, wrong = 0, "" if self._data else self._unseen
         if q is None:
             wrong = wrong or f"q must be ({self.arm.n},), got None"

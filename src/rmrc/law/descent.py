@@ -24,16 +24,16 @@ from rmrc.law.record import JOINTS, Field, records
 from rmrc.law.svd import RANK_FLOOR, combine, dot, project, svd_from_scratch
 from rmrc.law.task import Task
 
-# λ² starts at this share of |e|². Of shares 0.001 to 1, 0.03 and 0.1 need the fewest steps for six joints.
+# λ² starts at this share of |e|². Among 0.001 to 1, 0.03 and 0.1 need the fewest steps for six joints.
 FIRST_SHARE = 0.03
 # The lower bound of the share: below it, the steps are Newton's to rounding.
 LEAST_SHARE = 1e-8
-# A share that has grown this far no longer moves anything.
+# With a share this large, the steps no longer move the arm.
 LARGEST_SHARE = 1e12
-# At a minimum, the model promises less of the squared error than this share, which is rounding.
+# At a minimum, the linear model promises to remove less than this share of the squared error: rounding.
 FLAT = 1e-15
-# A descent that should soon give way to another start must lose a tenth of its error within this many steps.
-# Of 8, 12 and 20, 8 needs the fewest steps in all, with as many starts.
+# While other starts remain, a descent must reduce its error by a tenth within this many steps. Among 8, 12
+# and 20, 8 needs the fewest steps in all, with the same number of starts.
 PATIENCE = 8
 LOSS = 0.9
 # Below this angle, 1/12 + θ²/720 is the factor of L(φ) to rounding; the closed form would lose digits.
@@ -41,7 +41,7 @@ SMALL_TURN = 1e-2
 
 # Goals that a thread takes at once: some milliseconds of work.
 SHARE = 32
-# An angle this little beyond half a turn is not taken back to minus half a turn: rounding must not choose.
+# An angle beyond half a turn by no more than this does not wrap: rounding must not choose its sign.
 HALF_TURN = 1e-5
 
 
@@ -193,7 +193,7 @@ def descend(
     before = squared
     write_row(world, q, math.sqrt(squared), 0.0, trace, 0)
     while steps < most and share < LARGEST_SHARE and not is_last:
-        # One step more than needed: quadratic convergence makes it the last digits.
+        # One step more than needed: by quadratic convergence it adds the last digits.
         is_last = squared <= tolerance * tolerance
         if steps % patience == patience - 1 and not is_last:
             if squared > LOSS * LOSS * before:

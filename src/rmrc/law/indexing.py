@@ -1,7 +1,7 @@
-"""Code for elements of arrays and for loops: as numba's, with fewer instructions to write and to optimize.
+"""Code for elements of arrays and for loops: like numba's, with fewer instructions to write and to optimize.
 
-Numba builds the description of an array in memory and reads it again, for each element. Where the array is a
-field of a record, its shape is known. Once it is optimized, the code is the same.
+Numba builds the description of an array in memory and reads it again for each element. The shape of an array
+is known if it is a field of a record. The optimized code is the same.
 """
 
 import math
@@ -34,7 +34,7 @@ def _of_record(array: Any, data: Any) -> _Known:
 
 
 def _described(builder: Any, of: Any, known: _Known) -> Any:
-    """Return numba's description of an array, of its type there, which also keeps place and shape."""
+    """Return numba's description of an array, in its type there, which also keeps place and shape."""
     memory, parent = of.elements[:2]
     words = (ir.Constant(_WORD, one) for one in (math.prod(known.shape), known.size))
     extents = (

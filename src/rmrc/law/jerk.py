@@ -31,7 +31,7 @@ LARGEST = 1e10
 
 @compiled
 def is_within_jerk(world: Record, rates: Array) -> bool:
-    """Return whether all limits are kept, now and later; False where a wish is still ahead."""
+    """Return whether all limits are kept, now and later; False while the rates still approach a wish."""
     for j in range(world.n):
         rate, step, most = rates[j], world.jerk_step[j], world.change_limit[j]
         change = rate - world.qdot_cmd_last[j]

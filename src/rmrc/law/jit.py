@@ -36,8 +36,8 @@ Function = TypeVar("Function", bound=Callable[..., object])
 # because the law itself decides about zeros. No `fastmath`: the bits of a world must not depend on how
 # many others are computed beside it.
 _flags: dict[str, Any] = {"nogil": True, "error_model": "numpy", "pipeline_class": WholeCompiler}
-# Names in functions that make arrays. Only these functions count references to arrays. The others use arrays
-# of their caller, which outlive the call; counting would cost them 0.1 to 0.25 us a tick. Numba refuses to
+# Functions that make arrays use these names. Only they count references to arrays. The others use arrays
+# of their caller, which outlive the call; counting would cost 0.1 to 0.25 us per tick. Numba refuses to
 # compile a function that makes an array in another way.
 _MAKERS = frozenset({"diag", "empty", "ones", "zeros", "_carray", "words_at"})
 # Functions that only compiled code calls need no wrappers for Python and C, a quarter of the compile time.
@@ -332,7 +332,7 @@ def entry(function: Function, **options: Any) -> Function:
 
 
 def long_entry(function: Function) -> Function:
-    """Compile an `entry` that goes through thousands of rows, for which longer code is worth its time."""
+    """Compile an `entry` that goes through thousands of rows, where longer code saves more than it costs."""
     return entry(function, pipeline_class=LongCompiler)
 
 
@@ -462,7 +462,7 @@ def _forget_other_sources(directory: Path, function: Callable[..., object]) -> N
         pass
 
 
-# Modules of this folder that decide what functions become.
+# Modules of this folder that determine the machine code of functions.
 _HOW = "jit", "brisk", "indexing", "linking", "addresses", "outward"
 # Folders whose modules may have compiled functions.
 _ROOMS = ("plants", "results", "simulation", "analysis")

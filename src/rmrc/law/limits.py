@@ -24,7 +24,7 @@ ACCELERATION_EXCEEDED, JERK_EXCEEDED = int(Status.ACCELERATION_EXCEEDED), int(St
 
 @compiled
 def is_within(world: Record, rates: Array) -> bool:
-    """Return whether no limit is exceeded, as at most ticks.
+    """Return whether no limit is exceeded, which is true at most ticks.
 
     Braking from a rate r takes r (r + b T)/(2 b) and up to b T²/8 more, which needs no root as long as there
     is more room.
@@ -175,7 +175,7 @@ def scale(world: Record, tick: Record, acting: int) -> int:
 
 @inlined
 def clamp(world: Record, tick: Record, acting: int) -> int:
-    """Bring each rate within its own bounds: the tip leaves its direction. It serves as the contrast."""
+    """Bring each rate within its own bounds: the tip leaves its direction. It serves for comparison."""
     confine(world, tick.qdot_cmd)
     return acting
 
@@ -212,8 +212,8 @@ def optimal(world: Record, tick: Record, acting: int) -> int:
     """Find the rates within the bounds that come nearest to the task.
 
     The measure is that of the damped inverse. Other inverses define no such measure; they get the rates
-    nearest to their own. With `keep_direction` it is the largest feasible share of the task, and of the rates
-    for it the smallest; a joint at its stop holds, and the others do the remaining part.
+    nearest to their own. `keep_direction` takes the largest feasible share of the task and the smallest rates
+    for it; a joint at its stop holds, and the others do the remaining part.
     """
     if world.keep_direction:
         forget_stops(world)

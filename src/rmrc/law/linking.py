@@ -2,7 +2,7 @@
 
 Numba is made for functions of a few lines that are compiled one by one. Here one entry calls a hundred small
 ones, and most of the time goes into what numba does between its own steps. The classes and the memory below
-leave out what changes nothing in the machine code.
+leave out steps that do not change the machine code.
 """
 
 from collections.abc import Sequence
@@ -52,7 +52,7 @@ class Part(JITCodeLibrary):
         self._finalized = True
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Leave that as well: functions are optimized once, where they are linked."""
+        """Do nothing: functions are optimized once, where they are linked."""
         ll_module.data_layout = self._codegen._data_layout
 
     def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002 - as numba calls it
@@ -92,11 +92,11 @@ class Whole(JITCodeLibrary):
         super().finalize()  # type: ignore[no-untyped-call]
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Leave that to the one time that all code is optimized together."""
+        """Do nothing: all code is optimized together, once."""
         ll_module.data_layout = self._codegen._data_layout
 
     def _optimize_final_module(self) -> None:
-        """Optimize once; numba first does so cheaply, to find references that it counts for nothing."""
+        """Optimize once; numba would first optimize cheaply, to find needless counts of references."""
         codegen: Any = self._codegen
         options = binding.create_pipeline_tuning_options(speed_level=int(cast(Any, config).OPT))
         options.loop_vectorization = options.loop_unrolling = self.has_long_loops
@@ -125,11 +125,12 @@ def _all_parts(libraries: Sequence[Any]) -> list[Any]:
 
 
 class _Passes(PassManager):
-    """Numba's passes, one after the other, and nothing in between.
+    """Numba's passes, one after the other, without its work in between.
 
-    Numba reports each with the types of all arguments in words, and the type of a record has a hundred
-    fields. It also finds out after each which variables are alive. The last pass before the code does that.
-    Functions that make no array have no expressions of arrays to rewrite, and few have functions within.
+    Numba reports each pass with the names of all argument types, and the name of a record type lists a
+    hundred fields. It also finds the live variables after each pass; the last pass before the code finds
+    them anyway.
+    Functions that make no array have no array expressions to rewrite, and few contain functions.
     """
 
     def run(self, state: Any) -> None:

@@ -1,7 +1,7 @@
 """Kinematics of a chain, outward from its base, with four axes at a time in vector registers.
 
-The rotation before each axis is the product of the rotations about the axes before it. The products of four
-rotations are made in two steps, each of all four at once [Hillis86], where one after the other takes four.
+The rotation before each axis is the product of the rotations about the axes before it. Two steps make the
+products of four rotations, each step all four at once [Hillis86]; one after the other, they take four steps.
 
 Products and sums have a fixed order and are not fused. The bits are the same on processors whose registers
 hold less than four numbers.
@@ -91,7 +91,7 @@ def _polynomial(x: _Row, of: Sequence[float]) -> _Row:
 
 
 def _sine_and_cosine(x: _Row) -> tuple[_Row, _Row]:
-    """Return both to 2e-16; of angles beyond 1e6, to half a unit in the last place of the angle."""
+    """Return both to 2e-16; for angles beyond 1e6, to half a unit in the last place of the angle."""
     builder, rounded = x.builder, x * (2.0 / math.pi) + _ROUND
     quarters = rounded - _ROUND
     x = (x - quarters * _FIRST) - quarters * _REST
@@ -133,7 +133,7 @@ def _turned(turn: _Rows, v: _Rows) -> list[_Row]:
 
 
 class _Table:
-    """The four columns of an array from one on; of a row alone, its numbers."""
+    """Four columns of an array, beginning with a given one; of a row alone, its numbers."""
 
     def __init__(self, context: Any, builder: Any, kind: Any, array: Any, first: Any) -> None:
         made = context.make_array(kind)(context, builder, array)

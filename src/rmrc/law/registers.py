@@ -21,11 +21,11 @@ from rmrc.law.record import CAPACITY as WIDTH
 from rmrc.law.record import ROWS
 from rmrc.law.svd import HUGE, ORTHOGONAL, SMALL, TINY, sort_falling
 
-# Fewer rows are faster one pair after the other.
+# With fewer rows, one pair after the other is faster.
 FEWEST = 4
-# By larger angles the method may not converge; three sweeps take these to SMALL.
+# With larger angles the method may not converge. Three sweeps reduce angles up to this one to SMALL.
 LARGEST, SWEEPS = 0.03, 4
-# Beyond this condition cosines would have to be smaller than the angles that are measured.
+# Beyond this condition number, cosines would have to be smaller than the measured angles.
 WORST = 100.0
 
 _REAL, _WORD, _NUMBER = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
@@ -63,13 +63,13 @@ def _load(builder: Any, places: _Rows) -> list[Any]:
 
 
 def _entry(builder: Any, place: Any, j: int) -> Any:
-    """Return an entry of a row that is in memory, in all places of a row."""
+    """Return a row whose places all hold one entry of a row in memory."""
     start = builder.bitcast(place, _REAL.as_pointer())
     return _spread(builder, builder.load(builder.gep(start, [_WORD(j)])))
 
 
 def _sum(builder: Any, terms: _Rows) -> Any:
-    """Return the sum of rows, two and two."""
+    """Return the sum of rows, added in pairs."""
     left = list(terms)
     while len(left) > 1:
         pairs = zip(left[::2], left[1::2], strict=False)
@@ -78,7 +78,7 @@ def _sum(builder: Any, terms: _Rows) -> Any:
 
 
 def _product(builder: Any, places: _Rows, rows: _Rows, is_skew: bool = False) -> list[Any]:
-    """Return the rows of a product, of a matrix that is in memory, maybe a skew one, and one in registers."""
+    """Return the rows of the product of a matrix in memory, possibly a skew one, and one in registers."""
     found = []
     for i, place in enumerate(places):
         used = [(j, row) for j, row in enumerate(rows) if not is_skew or j != i]
@@ -87,7 +87,7 @@ def _product(builder: Any, places: _Rows, rows: _Rows, is_skew: bool = False) ->
 
 
 def _lengths2(builder: Any, rows: _Rows) -> tuple[list[Any], Any]:
-    """Return the columns of ROWS rows, and the squared lengths of these."""
+    """Return the columns of ROWS rows, and their squared lengths."""
     columns = _transposed(builder, [*rows, *[_all(0.0)] * (WIDTH - ROWS)])
     return columns, _sum(builder, [builder.fmul(column, column) for column in columns])
 
@@ -198,7 +198,7 @@ def _typed_normalize(_: Any, rows: Any, lengths: Any) -> Any:
 _make: Any = intrinsic
 # Writes a product of two matrices (ROWS, WIDTH), of which the first has no more columns than ROWS that count.
 times: Callable[[Array, Array, Array], None] = _make(_typed_times)
-# Turn rows by angles: of any size, and of so little that the third power is nothing.
+# Turn rows by angles: by angles of any size, and by angles whose third power is below rounding.
 turn: Callable[[Array, Array], None] = _make(_typed_turn((1.0, 0.5, 0.125)))
 turn_little: Callable[[Array, Array], None] = _make(_typed_turn((1.0, 0.5)))
 # Gives rows length 1, leaves zero rows as they are, and writes the lengths before.
@@ -212,8 +212,8 @@ measure: Callable[[Array, Array, Array, float], tuple[float, bool]] = _make(_typ
 def sharpen(world: Record, A: Array, sigma: Array) -> bool:
     """Decompose A as `svd` does, warm-started from the last u; return False where `svd` must do it.
 
-    It must where the matrix has more rows than columns or rows too wide, has changed too much or nearly lost
-    its rank, or has singular values that nearly meet.
+    `svd` must do it if the matrix has more rows than columns, has rows that are too wide, has changed too
+    much, has nearly lost its rank, or has singular values that nearly meet.
     """
     k, n, u, v = world.k, world.n, world.u, world.v
     if world.m > n or A.shape[1] != WIDTH:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rmrc.arm import Arm
     from rmrc.law.task import SecondTask
 
-MjModel: TypeAlias = Any  # MuJoCo's type; MuJoCo is not loaded where a Jacobian is all
+MjModel: TypeAlias = Any  # MuJoCo's type; a law that only gets a Jacobian does not load MuJoCo
 
 
 class Sight:
@@ -48,7 +48,7 @@ class Sight:
         """Choose the source of the kinematics.
 
         Args:
-            arm: The arm; None where a Jacobian is all.
+            arm: The arm; None if only a Jacobian is given.
             second: A second task, if any.
             model: Model of the data that are read; None: the arm's own chain.
 

@@ -70,8 +70,8 @@ def given_back(world: Record, rates: Array, share: float, lower: Array, upper: A
     """Return the share of the task to do where rates for a given share take joints beyond their stops.
 
     The given share keeps a direction that is lost at a stop, and a joint that hardly moves may have caused
-    it. The result is 1 where a joint stands that would move as fast as any, and the given share where a joint
-    begins to be held, so that the rates do not jump there.
+    it. The result is 1 where the joint that would move fastest stands still, and the given share where a
+    joint begins to be held, so that the rates do not jump there.
 
     Args:
         world: Limits and scales.

@@ -54,7 +54,7 @@ class View(NamedTuple):
     @property
     def codes(self) -> tuple[int, tuple[float, ...], int]:
         """Its fields of a world's record."""
-        from rmrc.law.kinematics import FRAMES  # imports numba, which a run that is only read does not need
+        from rmrc.law.kinematics import FRAMES  # imports numba, which reading a run does not need
 
         return FRAMES.index(self.frame), self.base, self.free
 

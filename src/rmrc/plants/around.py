@@ -4,8 +4,8 @@ from rmrc.law.addresses import call_c, words_at
 from rmrc.law.jit import compiled
 
 # The head of the words, which all worlds of a block share: the function that does ticks, those of MuJoCo, the
-# end of the block, and the place of each world's words. Pairs follow it: the index of the word of a world
-# that holds the address of a field of its MjData, and the place of that address in MjData.
+# end of the block, and the place of each world's words. Pairs follow the head: the index of the word of a
+# world that holds the address of a field of its MjData, and the place of that address in MjData.
 (
     TICK, BEFORE, AFTER, STEP, STEPS, LAST, ROWS, STRIDE, PAIRS, WARNING_WORD, WARNING, KEPT, COUNT,
     KEPT_ROWS, HEAD,

@@ -1,6 +1,6 @@
 """MuJoCo's batches: worlds that share a model except for some numbers, and that are used again.
 
-Making a batch takes memory for each of its worlds, which every batch of a sweep would allocate and free.
+A batch takes memory for each of its worlds. Without reuse, every batch of a sweep would allocate and free it.
 """
 
 import threading
@@ -68,7 +68,7 @@ class Batches:
         return batch
 
     def _waiting(self, kind: _Kind) -> _Made | None:
-        """Return a batch of a kind; if none waits, the one with the longest wait is dropped for a new one."""
+        """Return a batch of a kind; if none waits, make one in place of the one that has waited longest."""
         with self._lock:
             for i, batch in enumerate(self._idle):
                 if self._kinds[batch] == kind:
@@ -77,7 +77,7 @@ class Batches:
         return None
 
     def give_back(self, batch: _Made) -> None:
-        """Keep a batch for other worlds; its own worlds have ended, and nothing reads it any more."""
+        """Keep a batch for other worlds; its own worlds have ended, and nothing else reads it."""
         with self._lock:
             self._idle.append(batch)
 

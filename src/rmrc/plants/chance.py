@@ -23,7 +23,7 @@ _SCALE = 2.0**-53
 TRANSPORT = 1  # jitter and loss of commands
 ENCODER_NOISE = 2
 
-# The ziggurat [Marsaglia00] has one layer per value of a byte, all of one area. The lowest is number 0: it
+# The ziggurat [Marsaglia00] has one layer per value of a byte, all of equal area. The lowest is number 0: it
 # includes the tail beyond its edge, and is as wide as a box of that area. The narrowest is number 1.
 _LAYERS, _EDGE = 256, 3.6541528853610088
 _AREA = _EDGE * math.exp(-0.5 * _EDGE**2) + math.sqrt(0.5 * math.pi) * math.erfc(_EDGE / math.sqrt(2.0))

@@ -1,9 +1,9 @@
 """Contacts of an arm with other things and with itself, examined only when their number changes.
 
-A contact is one that MuJoCo includes in its dynamics. The arm consists of all bodies that its first joint
-moves, including a gripper. A contact that exists at the start is at rest while it lasts if its other side is
-a part of the arm as well, such as overlapping geoms or a closed hand, or floats, such as a held object, or is
-a flex. A contact with the floor always counts.
+Only contacts that MuJoCo includes in its dynamics matter. The arm consists of all bodies that its first joint
+moves, including a gripper. A contact that exists at the start is at rest while it lasts if its other side
+belongs to the arm (overlapping geoms, a closed hand), floats (a held object), or is a flex. A contact with
+the floor always counts.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Encoders: the joint state that the law is given, where it differs from the true one.
+"""Encoders: the joint state that the law gets, if it differs from the true one.
 
 A reading is delayed, offset, noisy and rounded, in this order. Encoders that only have an offset leave the
 rates unchanged, because a constant has none. Otherwise there is no tachometer, and a rate is the difference
@@ -134,7 +134,7 @@ class Encoders(Stage):
         world["encoder_seed"], world["encoder_resolution"][:n] = word(encoder.seed), encoder.resolution
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield numbers beyond reason, and features that need an arm that is sensed as it is."""
+        """Yield numbers out of range, and features that need an arm that is sensed as it is."""
         encoder, plant = self.scenario.arm.encoder, self.scenario.plant
         beyond = "plant.joint_offset", plant.joint_offset
         for key, values in (*((f"arm.encoder.{name}", getattr(encoder, name)) for name in _SIZES), beyond):

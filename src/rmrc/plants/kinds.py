@@ -12,7 +12,7 @@ CLASSES: tuple[type[Plant], ...] = (Ideal, Servo, Torque, Model)
 
 KINDS = {kind.name: kind for kind in CLASSES}
 if KINDS.keys() != set(PLANTS.names):
-    raise ImportError(f"plants are declared as {PLANTS.names}, and done as {tuple(KINDS)}")
+    raise ImportError(f"plants are declared as {PLANTS.names}, and implemented as {tuple(KINDS)}")
 
 _KINDS = tuple(KINDS[name] for name in PLANTS.names)
 sense = apart_by_code("call_sense", "plant", {code: kind.sense for code, kind in enumerate(_KINDS)})

@@ -25,7 +25,7 @@ from rmrc.support.legible import listed
 POSITION, INTEGRATED, RATE, MOTOR = map(int, DriveKind)
 RATE_LIMITED, POSITION_LIMITED = int(Status.RATE_LIMITED), int(Status.POSITION_LIMITED)
 
-# Smaller shares are rounding: of an actuator's largest moment, and of a joint's squared pivot.
+# Smaller shares of an actuator's largest moment, or of a joint's squared pivot, are rounding.
 _NO_MOMENT, _SINGULAR = 1e-12, 1e-18
 # Decimal fractions such as 0.003/0.001 are off by some 1e-16.
 _ROUNDING = 1e-9
@@ -419,7 +419,7 @@ class Model(Physical):
         arm = self.arm
         if undriven := arm.drives.undriven(arm.configuration("home")):
             idle = arm.drives.idle
-            others = f"; it cannot tell {arm.drives.named(idle)} what to do" if idle else ""
+            others = f"; it cannot command {arm.drives.named(idle)}" if idle else ""
             yield (
                 "plant.kind",
                 f'"{self.name}" drives by the actuators of {arm.path}, none of which moves '

@@ -42,8 +42,8 @@ _CALLED: dict[str, tuple[Any, list[Any]]] = {
 _CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
 _WARNINGS = len(mujoco.mjtWarning.__members__) - 1  # the last is their number
 
-# Fields of MjData that a tick reads. In the model that is used to find their addresses none is empty, so each
-# has an address of its own.
+# Fields of MjData that a tick reads. The model below serves to find their addresses. None of them is empty in
+# it, so each has an address of its own.
 FIELDS = (
     "qpos", "site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force", "qfrc_actuator", "qfrc_gravcomp",
 )  # fmt: skip
@@ -92,7 +92,7 @@ def untimed() -> Iterator[None]:
     """Have MuJoCo step without its timers, which take a fifth of a step and which nothing here reads.
 
     They are on for the whole process as long as it has a clock, `mjcb_time`. The clock is off while any
-    thread is in here. A clock that the user installed stays. The times in `MjData.timer` of other
+    thread is in this context. A clock that the user installed stays. The times in `MjData.timer` of other
     simulations are wrong for steps at the same time; nothing else reads the clock.
     """
     with _timing:
@@ -157,7 +157,7 @@ def offsets() -> dict[str, int]:
         data = mujoco.MjData(mujoco.MjModel.from_xml_string(_LOOKED_UP))
         data.warning[0].lastinfo, data.warning[0].number = 0x5EA1, 0x0DD5
         sought = {0x5EA1 | 0x0DD5 << 32: "warning"} | {_address(data, name): name for name in FIELDS}
-        # the whole buffer begins where qpos does, and comes first: of equal words the last is the right one
+        # the whole buffer begins where qpos does, and comes first: the last of equal words is the right one
         words = _words(data)
         found = {name: np.flatnonzero(words == word)[-1:] for word, name in sought.items()}
         if len(found) == len(FIELDS) + 1 and all(map(len, found.values())):
@@ -197,7 +197,7 @@ class Native:
         """Make some worlds of a copy of a model.
 
         Raises:
-            ValueError: MuJoCo refuses, with its reason.
+            ValueError: MuJoCo refuses; the message gives its reason.
         """
         why = ctypes.create_string_buffer(1000)
         config = _Config(1, True)

@@ -16,7 +16,7 @@ from rmrc.law.record import JOINTS, Field
 from rmrc.plants.plant import Assumed, Plant
 from rmrc.support.legible import listed
 
-# Ten billion steps of MuJoCo are a day of a small arm on one core: more is an error of units.
+# Ten billion steps of MuJoCo take a day for a small arm on one core: more is an error of units.
 MOST_STEPS = 10_000_000_000
 # A step this short [s] changes no position of an arm by a bit; gains of inertia over timestep stay finite.
 _SHORTEST_STEP = 1e-12
@@ -170,7 +170,7 @@ class Physical(Plant):
             if np.any(getattr(friction, name)) and option.disableflags & flag:
                 yield (
                     f"plant.friction.{name}",
-                    f"{self.arm.path} has it disabled by an option; take that out, or leave this out",
+                    f"an option of {self.arm.path} disables it; remove the option, or leave this key out",
                 )
 
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:

@@ -97,7 +97,7 @@ class Resonance(Stage):
             world["swing_step"], world["swing_mean"] = oscillator(angle, resonance.damping)
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield a plant without a mass to oscillate, and numbers beyond reason."""
+        """Yield a plant without a mass to oscillate, and numbers out of range."""
         plant, period = self.scenario.plant, self.scenario.control.period
         frequency, damping = plant.resonance.frequency, plant.resonance.damping
         if frequency is None:

@@ -196,9 +196,9 @@ class Stepper:
     def _do_block(self, last: int, in_parts: bool, is_stopped: Callable[[], bool]) -> int:
         """Run ticks up to the one before `last` in one call; return how many worlds still run."""
         if native.has_callbacks():
-            raise RuntimeError("a callback of MuJoCo's (mjcb_...) must be set before worlds are wired to it")
+            raise RuntimeError("set callbacks of MuJoCo (mjcb_...) before a simulation is made")
         before, ids, blocks = self.done, self._running(self.done - 1), cast(Blocks, self._blocks)
-        if not len(ids):  # a rule ended the last of them
+        if not len(ids):  # a rule has ended the last one
             return 0
         try:
             blocks.run(ids, before, last, steps=not in_parts)

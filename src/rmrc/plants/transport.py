@@ -18,7 +18,7 @@ from rmrc.plants.stage import Stage, in_ticks
 
 @compiled
 def carry(world: Record, out: Record, past: Record, t: int) -> None:
-    """Send the plant the command in effect in tick t, [t, t + 1): of all that have arrived, the last sent."""
+    """Send the plant the command in effect in tick t, [t, t + 1): the last one sent of those that arrived."""
     if world.jitter > 0.0 or world.loss > 0.0:
         carry_by_chance(world, out, past, t)
         return

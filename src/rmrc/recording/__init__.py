@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def unlogged() -> Iterator[None]:
-    """Keep the log of rerun, which is imported within, from stderr: failures are reported here in one line.
+    """Keep the log of rerun, imported within, from stderr: this package reports failures in one line.
 
     Rerun reads RUST_LOG only when it is imported; a user who sets that variable gets the log.
     """

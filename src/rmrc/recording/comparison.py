@@ -71,8 +71,8 @@ from rmrc.scenario.choices import IN_RUNS, POLICIES
 from rmrc.show.palette import GRAY, RED, WHITE, distinct, mix, of_status
 from rmrc.simulation.prepare import Prepared
 
-# The first variant is solid. The others are outlines around its moving parts, each thicker than the one
-# before by a constant, the last one by half at most; meshes, which have no outlines, are ghosts.
+# The first variant is solid. The others are outlines around its moving parts. Each is thicker than the one
+# before by a constant, the last one by half at most. Meshes have no outlines and are ghosts.
 THICKER, THICKEST = 0.18, 0.5
 GHOST = 0.3
 
@@ -84,10 +84,10 @@ CURVES = {"rates": "fastest_cmd", "sigma": "log_sigma_min"}
 # Height of the table below the picture, and of each of its rows [points].
 TABLE, ROW = 105.0, 24.0
 
-# Trails that coincide are drawn above each other, so far apart as a share of the reach: less than a pixel.
+# Distance between coinciding trails, drawn above each other, as a share of the reach: less than a pixel.
 LIFT = 3e-4
 
-# Pixels of the curves; those drawn first are wider, and so leave a border to be seen.
+# Widths of the curves [pixels]; the first ones are wider, so that a border of them stays visible.
 WIDEST, NARROWEST = 5.5, 2.0
 
 TITLES = {"table": "Table", "limits": "Limits", "legend": "Legend", "scenario": "Scenario"}
@@ -110,7 +110,7 @@ Thin curves are commanded.
 class Overlay:
     """Writes the runs of several variants, block by block.
 
-    Use it as a context manager. Left without `finish`, it keeps and closes `part_path`.
+    Use it as a context manager. Without a call of `finish`, it closes and keeps `part_path`.
 
     Attributes:
         path: Where the finished recording appears.
@@ -176,7 +176,7 @@ class Overlay:
         """Add the table, close the file and move it to `path`.
 
         Args:
-            table_markdown: Shown below the picture.
+            table_markdown: The table to show below the picture.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -205,7 +205,7 @@ class Overlay:
 
 
 def _times(strips: Sequence[tuple[str, Strip]], end: float) -> str:
-    """Return a table of how long each status holds in each variant [s]."""
+    """Return a table of the duration of each status in each variant [s]."""
     held = {label: strip.held(end) for label, strip in strips}
     flags = [flag for flag in IN_RUNS if flag and any(flag in times for times in held.values())]
     head = "| variant | " + " | ".join(f"{words(flag)} [s]" for flag in flags) + " |\n"
@@ -227,7 +227,7 @@ class _Look:
 
 
 def _look(i: int, drawn: int, count: int) -> _Look:
-    """Return the look of variant i, which the viewer draws as number `drawn` of so many."""
+    """Return the look of variant i, which the viewer draws as number `drawn` of all."""
     return _Look(
         color=distinct(count)[i],
         is_solid=i == 0,
@@ -346,9 +346,9 @@ class _Arm(Track):
                 self._log(f"tip/look{rest}", *what)
 
     def _painted(self, shape: Shape) -> Shape | None:
-        """Return a geom in the color of the variant, or none for resting parts, which the first one shows.
+        """Return a geom in the color of the variant; none for resting parts, which the first variant shows.
 
-        Light and dark ones stay apart.
+        Light and dark geoms stay distinct.
         """
         if not self._look.is_solid and self.scene.is_fixed[shape.body]:
             return None
@@ -508,7 +508,7 @@ class _Layout:
         return found
 
     def _steps(self, name: str, seen: Sequence[Seen]) -> float:
-        """Return the number of axis labels for which a plot of runs that are over has room."""
+        """Return the number of axis labels that fit into a plot of runs that are over."""
         end = max([self.duration, *(one.end for one in seen)])
         return self._heights(lanes=len(self._labels) + bool(ruler(end)))[name] / NUMBER
 
@@ -524,7 +524,7 @@ class _Layout:
             one.law.rate_limit[np.isfinite(one.law.rate_limit)].max(initial=0.0) for one in self._prepared
         ]
         shown = clipped(peak, float(max(known)), usual)
-        shown = shown if limits else min(shown, peak)  # no line of a limit is to be seen
+        shown = shown if limits else min(shown, peak)  # no line of a limit is visible
         if peak > shown:
             title += f"; peak {spell(peak)} ↑"
         range_ = (0.0, rounded(shown, self._steps("rates", seen)))

@@ -1,4 +1,4 @@
-"""Events of a run, in words, on one strip: states as long as they last, short ones named beside them."""
+"""Events of a run, in words, on one strip: states are as long as they last, labels of short ones beside."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from rmrc.scenario.choices import Status
 from rmrc.show.palette import BLACK, GRAVE, RED, SLATE, TEAL, mix, of_status
 
-# Letters that the strip has room for in a window of 1280 points, if nothing else is known.
+# Number of letters that fit into the strip in a window of 1280 points, if nothing else is known.
 LETTERS = 80.0
 FREE = "free"
-# Entity of the times that the strip may have: the viewer sorts its lanes, and this one is first.
+# Entity of the times of the strip, if there are any: the viewer sorts its lanes, and this one comes first.
 CLOCK = "clock"
-# States next to each other that change their color so often are one, and colors from calm to grave.
+# Adjacent states that change their color this often count as one; the colors from calm to grave.
 FLICKER, SEVERITY = 12, (SLATE, TEAL, RED)
 
 
@@ -27,9 +27,9 @@ class Label(NamedTuple):
 
     Attributes:
         time: Where it begins [s].
-        text: On it; " ": nothing, as it has no room, and a neighbor says it.
+        text: The text on it; " ": none, as it has no room, and a neighbor has the text.
         color: 0xRRGGBBAA.
-        state: Its name, which no label of another text or color has.
+        state: Its name, which differs from that of labels with another text or color.
     """
 
     time: float
@@ -49,7 +49,7 @@ def words(status: int) -> str:
 
 
 class Strip:
-    """The statuses of a run, of which the labels of its strip are made in the end."""
+    """The statuses of a run, from which the labels of its strip are made at the end."""
 
     def __init__(self) -> None:
         """Begin with none."""
@@ -68,7 +68,7 @@ class Strip:
         self._last = [Label(time, text, RED, text)]
 
     def held(self, end: float) -> dict[Status, float]:
-        """Return how long each status holds that ever does [s].
+        """Return the duration of each status that occurs [s].
 
         Args:
             end: End of the run [s].
@@ -87,14 +87,14 @@ class Strip:
     def labels(self, end: float, letters: float = LETTERS) -> list[Label]:
         """Return the labels of the whole strip, whose parts begin and end where their states do.
 
-        States too short for their words share a label, which names the gravest of them and says how long
-        it lasts. It is on them if they have the room together and one color, else on a neighbor that has
-        room, with an arrow to them. Where none has, they share it with the shorter neighbor. States that
-        change their color more than `FLICKER` times have that of the gravest.
+        States too short for their words share a label, which names the gravest of them and its duration.
+        The label is on them if together they have the room and one color, or else on a neighbor with
+        room, with an arrow to them. If no neighbor has room, they share it with the shorter one. States
+        that change their color more than `FLICKER` times get the color of the gravest.
 
         Args:
             end: End of the run [s].
-            letters: That the strip has room for.
+            letters: Number of letters that fit into the strip.
         """
         unit, blocks = end / letters, list[_Block]()
         for is_long, some in groupby(self._spans(end), lambda span: _Block([span]).is_plain(unit)):
@@ -127,7 +127,7 @@ class _Block:
 
     @property
     def length(self) -> float:
-        """How long it is [s]."""
+        """Its duration [s]."""
         return self.spans[-1][1] - self.spans[0][0]
 
     @cached_property
@@ -143,7 +143,7 @@ class _Block:
 
     @cached_property
     def gravest(self) -> tuple[int, float, int]:
-        """The gravest state, how long it lasts [s], and how many others act."""
+        """The gravest state, its duration [s], and the number of the others."""
         lasted: dict[int, float] = {}
         for since, until, one in self.spans:
             lasted[one] = lasted.get(one, 0.0) + until - since
@@ -161,7 +161,7 @@ class _Block:
                 last + milliseconds + more, last + milliseconds, last]  # fmt: skip
 
     def own(self, unit: float) -> str:
-        """Return its own text on it, given the time that a letter takes; "": it has no room."""
+        """Return its own text on it, given the time that a letter takes; "": there is no room."""
         found = [words(self.spans[0][2])] if len(self.spans) == 1 else self.texts()[:3]
         return next((text for text in found if room(text) * unit <= self.length), "")
 
@@ -215,7 +215,7 @@ class _Block:
 
 
 def _first_untold(blocks: Sequence[_Block], unit: float) -> int | None:
-    """Place the text of each block, on it or beside it; return the first for which there is no room."""
+    """Place the text of each block, on it or beside it; return the first block whose text has no room."""
     for block in blocks:
         block.before = block.after = ""
         block.is_told, block.around = False, 0
@@ -245,7 +245,7 @@ def _joined(before: str, own: str, *, says_free: bool) -> str:
 
 
 def room(text: str) -> float:
-    """Return how many letters of the strip a label needs."""
+    """Return the number of letters of the strip that a label needs."""
     return len(text) + 2.0
 
 

@@ -17,27 +17,27 @@ from rmrc.show.palette import GREEN, RED, WHITE, mix
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import rotate
 
-# The viewer's vertical angle of view, and width over height of the picture, in windows of 1280 × 720 and of
-# 1600 × 1000 points, at least, less a margin: of a run, and of a comparison, whose texts may take less room.
+# The viewer's vertical angle of view. Least width over height of the picture in windows of 1280 × 720 and of
+# 1600 × 1000 points, less a margin: of a run, and of a comparison, whose texts may take less room.
 VIEW_ANGLE = np.radians(55.0)
 VIEW_ASPECT, ASPECT_COMPARED = 0.97, 0.88
-# Of the height, so much has the points; their shapes are beyond them, and the viewer's window may be wider.
+# Share of the height for the points; their shapes extend beyond them, and the viewer's window may be wider.
 VIEW_HEIGHT = 0.92
 
-# Positions in the static line of the target path.
+# Number of positions in the static line of the target path.
 PATH_POINTS = 300
 
-# How far from the tip the edge of its label is at least, as a part of the reach.
+# Least distance from the tip to the edge of its label, as a part of the reach.
 CALLOUT = 0.2
-# Cells of the height of the picture, for the search of a place for the label; half the height of the label
-# and half the width of a letter, in heights of the picture in a window of 1280 × 720.
-# The viewer writes it below its point, and its edge is this far from the tip at least.
+# Number of cells in the height of the picture for the search of a place for the label. In heights of the
+# picture in a window of 1280 × 720: half the height of the label, half the width of a letter, the distance of
+# the label below its point, where the viewer writes it, and the least distance of its edge from the tip.
 CELLS, HALF_LINE, HALF_LETTER, BELOW, APART = 48, 0.03, 0.009, 0.03, 0.1
 
-# How opaque the arm is that the law takes for the true one.
+# Opacity of the arm at the law's assumed configuration.
 PALE = 0.3
 
-# Position, orientation and size among the numbers of a shape.
+# Position, orientation and size in the numbers of a shape.
 PARTS = (slice(0, 3), slice(3, 7), slice(7, 10))
 
 # 0xRRGGBBAA; only in the picture, which is dark in both themes.
@@ -76,8 +76,8 @@ def legend(prepared: Prepared, has_baseline: bool = False) -> str:
 def geometries(shapes: Sequence[Shape], has_outlines: bool = False) -> dict[str, list[rr.AsComponents]]:
     """Return the shapes of a body in rerun's form, by the ends of their entities.
 
-    All of a kind are one batch of the body itself, which takes a kilobyte or two, as one shape does; a mesh
-    has an entity of its own.
+    All shapes of a kind are one batch of the body itself. A batch takes a kilobyte or two, as one shape does.
+    A mesh has an entity of its own.
     """
     alike, found = dict[str, list[Shape]](), dict[str, list[rr.AsComponents]]()
     for shape in shapes:
@@ -91,7 +91,7 @@ def geometries(shapes: Sequence[Shape], has_outlines: bool = False) -> dict[str,
 
 
 def _batch(kind: str, shapes: Sequence[Shape], has_outlines: bool) -> rr.AsComponents:
-    """Return shapes of a kind; MuJoCo's sizes are half sizes."""
+    """Return the shapes of one kind; MuJoCo's sizes are half sizes."""
     position, quat, size = (np.array([(*one.pose, *one.size) for one in shapes])[:, part] for part in PARTS)
     colors = [(one.rgba * 255).round().astype(np.uint8) for one in shapes]
     mode = rr.components.FillMode.MajorWireframe if has_outlines else rr.components.FillMode.Solid
@@ -220,7 +220,7 @@ def aside(
     places = np.argwhere(counts == counts.min()) + half + 0.5
     (own,), (away,) = cells(tip[None])
     cell = height * away / CELLS
-    # the nearest beyond the ellipsoids around the tip, else the farthest of those that there are
+    # the nearest place beyond the ellipsoids around the tip, or else the farthest place
     gap = np.linalg.norm(np.maximum(np.abs(places - own) - half, 0.0), axis=1)
     far = gap - max(CALLOUT * scene.reach / cell, APART * CELLS)
     place = places[np.where(far >= 0.0, far, 2 * CELLS - far).argmin()]
@@ -246,7 +246,7 @@ def callout(
     found: dict[str, list[rr.AsComponents]] = {"": [rr.Points3D([tip], colors=color, radii=ball)]}
     if text:
         line = rr.LineStrips3D([[tip, place[1]]], colors=mix(color, WHITE, 0.5), radii=thin)
-        # The viewer puts words on gray in the light theme, where no color but white is read.
+        # The viewer puts words on gray in the light theme, where only white is legible.
         words = rr.Points3D([place[0]], colors=WHITE, radii=thin, labels=[text], show_labels=True)
         found["/text"] = [line, words]
     return found
@@ -269,7 +269,7 @@ def page(
     Args:
         pictures: The 3-D view, and perhaps one of the instant to look at, in a tab behind it.
         titles: Titles of the texts, by the name of their entity.
-        plots: Below each other.
+        plots: The plots, from the top.
         now: Entity of the line of numbers, if there is one.
         texts_share: Share of the height, of 10 in all.
     """
@@ -294,8 +294,8 @@ def page(
 class Page(rrb.Blueprint):
     """A layout with one write for each of its entities, and without the viewer's own defaults.
 
-    Each write takes a kilobyte or two, and each component of an entity another; rerun makes several writes
-    of a curve, with the time of each.
+    Each write takes a kilobyte or two, and each component of an entity takes another. Rerun itself writes a
+    curve in several writes, and each takes time.
     """
 
     def _log_to_stream(self, stream: rr.RecordingStream) -> None:
@@ -325,7 +325,7 @@ def opening(picture: rrb.Spatial3DView) -> rrb.Blueprint:
 
 
 def _panels() -> tuple[rrb.BlueprintPanel, rrb.SelectionPanel, rrb.TimePanel]:
-    """Return the panels of the viewer, which are no part of the picture: closed, and it plays."""
+    """Return the viewer's own panels, closed, and have it play."""
     return (
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -349,7 +349,7 @@ def until_now() -> rrb.VisibleTimeRanges:
 def screen(normal: int | None) -> NDArray[np.float64]:
     """Return the axes of the picture, to the right, up and to the eye, (3, 3).
 
-    A planar arm is seen from almost along its normal axis, others aslant.
+    The view of a planar arm is almost along its normal axis; that of the others is oblique.
     """
     toward = {None: (0.75, -1.0, 0.55), 0: (1.0, -0.2, 0.2), 1: (0.2, -1.0, 0.2), 2: (0.0, -0.25, 1.0)}
     direction = np.array(toward[normal]) / np.linalg.norm(toward[normal])
@@ -390,7 +390,7 @@ def xyzw(quat: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def packed(colors: Sequence[int]) -> NDArray[np.uint32]:
-    """Return colors 0xRRGGBBAA as rerun knows them; three integers would be red, green and blue."""
+    """Return colors 0xRRGGBBAA in rerun's form; it would take three integers for red, green and blue."""
     return np.array(colors, np.uint32)
 
 

@@ -10,7 +10,7 @@ from rmrc.recording.plots import spell
 from rmrc.results.run import Run
 from rmrc.simulation.prepare import Prepared
 
-# Of a line in a window of 1280 points.
+# Number of letters of a line in a window of 1280 points.
 LETTERS = 74
 
 

@@ -37,22 +37,23 @@ from rmrc.show.palette import BLACK, GOLD, GRAY, GREEN, LIME, MAGENTA, SLATE, WH
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import log_rotation, quat_conjugate, quat_multiply
 
-# Of the plots from the top: the rates, the singular values, tabs, the pace.
+# Relative heights of the plots from the top: the rates, the singular values, tabs, the pace.
 SHARES = {"rates": 3.0, "sigma": 2.3, "tabs": 1.8, "pace": 1.5}
-# Of the tabs where a scenario asks to look at one of them.
+# Relative height of the tabs if a scenario asks to look at one of them.
 LOOKED_AT = 2.6
-# The strip of the events has its times, and a lane or several [points]; more of them are scrolled, and where
-# there are more than a few the pace is in a tab.
+# Heights of the times and of a lane in the strip of events [points]; the number of lanes beyond which the
+# strip scrolls, and the number beyond which the pace is in a tab.
 TIMES, LANE, MOST_LANES, FEW_LANES = 32.0, 40.0, 4, 3
-# For three numbers of an axis [points].
+# Least heights, for three numbers on an axis [points].
 LEAST = {"sigma": 3.1 * NUMBER, "tabs": 3.6 * NUMBER, "pace": 2.3 * NUMBER}
-# So many lines of the legend of the rates have room, and are scrolled beyond.
+# Largest number of lines in the legend of the rates; a longer legend scrolls.
 MOST_LINES = 8
-# Those that are in no tab, and always there.
+# Plots that are always there, outside the tabs.
 ALONE = ("rates", "sigma")
-# Of the whole arm, which the picture has; of anything else, a second one has the hand at that instant.
+# Quantities of the whole arm, which the picture shows. For the others, a second picture shows the hand at
+# that instant.
 OF_THE_ARM = ("joints", "torque")
-# Curves that are only drawn and have an axis as long as their largest value.
+# Curves that are only drawn, with an axis as long as their largest value.
 RANGED = ("error", "belief", "joints", "turn", "turn_error")
 # The plots for quantities without a plot of their own.
 SEEN_IN = {"status": "rates", "path": "error"}
@@ -66,7 +67,7 @@ class Panels:
 
         Args:
             prepared: The world.
-            has_baseline: Whether one runs beside it.
+            has_baseline: Whether a baseline runs beside it.
         """
         self.prepared, self.has_baseline = prepared, has_baseline
         arm, scenario = prepared.arm, prepared.scenario
@@ -202,14 +203,14 @@ class Panels:
         return found
 
     def off_scale(self, seen: Seen) -> dict[str, Peak]:
-        """Return the largest rates beyond their plot: own, of the plain inverse, of the baseline."""
+        """Return the largest rates beyond their plot: the run's own, the plain inverse's, the baseline's."""
         kinds = {"own": ("qdot", "qdot_cmd"), "plain": ("qdot_plain",), "baseline": ("baseline",)}
         found = {kind: seen.peak(*names) for kind, names in kinds.items()}
         top = self._rate_range(seen)[1]
         return {kind: peak for kind, peak in found.items() if peak is not None and abs(peak.value) > top}
 
     def mark_of(self, peak: Peak, seen: Seen) -> float:
-        """Return the mark, in the plot of the rates, of one that is beyond it."""
+        """Return the mark, in the plot of the rates, of a rate beyond the plot."""
         return float(np.copysign(0.97 * self._rate_range(seen)[1], peak.value))
 
     def _rate_range(self, seen: Seen) -> tuple[float, float]:
@@ -266,7 +267,7 @@ class Panels:
         looks = [(shared, GREEN, 3.5), *[("other σ", LIME, 1.2)] * (k - 1), (damping, MAGENTA, 2.0)]
         looks += [("σ left to 2nd", SLATE, 2.0)] * self.has_second
         names, tints, widths = zip(*looks, strict=True)
-        # where there is no room: with the name and the color of the first curve
+        # without room for all: with the name and the color of the first curve
         spare = [shared if name == "other σ" else name for name in names]
         curves = [
             Curve("columns", "columns.logs[]", names, tints, widths, spare=spare),
@@ -287,7 +288,7 @@ class Panels:
         return decades(least, top.value if top else 1.0, self._steps("sigma", seen))
 
     def sunk(self, seen: Seen) -> Peak | None:
-        """Return the mark where the least σ_min is, at the lower end of its plot, if it is below that."""
+        """Return the mark of the least σ_min, at the lower end of its plot, if σ_min is below that end."""
         inverse, (low, high) = seen.peak("1/sigma"), self._decades(seen)
         if inverse is None or not below(1.0 / inverse.value, (low, high)):
             return None
@@ -387,8 +388,8 @@ def stacked(
         panels: By name.
         end: End of the run [s].
         status: Entity of the strip.
-        lanes: That it has.
-        first: Which of the tabs is open; "": the first.
+        lanes: Number of lanes of the strip.
+        first: The open tab; "": the first.
         time: Entity of the ruler; "": there is none yet.
     """
     is_ruled = bool(time and ruler(end))

@@ -18,31 +18,33 @@ from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMa
 from rmrc.results.run import Run
 from rmrc.show.palette import GRAY
 
-# A curve may leave its plot where it is this much larger than its limit, or than it mostly is.
+# A curve may leave its plot where it exceeds its limit, or its usual size, by this factor.
 CLIP = 3.0
-# Of a window of 1280 × 720 points: what the plots have of it, and what a plot needs around it: its title and
-# its times; and the space left of its numbers.
+# In a window of 1280 × 720 points: width and height of the plots, height of the title and the times of a
+# plot, and the space left of its numbers.
 WIDTH, HEIGHT, AROUND, LEFT = 766.0, 652.0, 45.0, 9.0
-# The viewer writes a number at each power of ten, or at each tenth of that where these are so far apart.
+# Height of a number. The viewer writes numbers at powers of ten, or at tenths of them that are this far
+# apart.
 NUMBER, SECOND = 21.0, 64.0
-# Widths of letters of the legend and of the strip, of digits, of the frame of a legend's line, and line
-# heights.
+# Widths of a letter of the legend, a letter of the strip, a digit, and the frame of a legend's line; height
+# of that line.
 LETTER, LABEL, DIGIT, ENTRY, LINE = 5.3, 6.7, 7.0, 46.0, 23.0
-# As much of a plot as a legend may fill before it is scrolled, with its own frame.
+# Share of a plot that a legend may fill before it scrolls, and the height of its frame.
 FILLED, FRAME = 0.8, 12.0
-# Between which the viewer has no other step of the time [s].
+# The viewer's steps of the time axis [s].
 STEPS = (*(10.0**power for power in range(-9, 2)), 60.0, 600.0, 3600.0, 36000.0)
-# As much of a plot as a run has beside a long legend; and how much longer than it three numbers may make it.
+# Share of a plot that a run keeps beside a long legend, and the factor by which three numbers may lengthen
+# it.
 BESIDE, LONGER = 0.75, 1.2
-# Numbers of a ruler, at most, after 0.
+# Largest number of times on a ruler after 0.
 RULED = 8
-# How much wider the plots are in a window of 1600 points than in one of 1280.
+# Width of the plots in a window of 1600 points, over that in one of 1280.
 WIDEST = 1.25
-# Dashes and gaps of a curve, over a run.
+# Number of dashes and gaps of a curve over a run.
 DASHES = 120
-# Of these the size that they mostly have is asked for.
+# Values whose usual size is needed.
 USUAL = ("qdot_cmd", "fastest_cmd")
-# σ below this is drawn there: its logarithm has no end.
+# A smaller σ is drawn as this value: its logarithm has no lower end.
 FLOOR = 1e-6
 
 Colors = Sequence[int]
@@ -55,11 +57,11 @@ class Curve:
     Attributes:
         entity: Its path, without a slash before it.
         source: Component, and field of it: `columns.qdot[]` are all numbers of the field `qdot`.
-        names: In the legend, which has each once, in the color that comes first.
+        names: Names in the legend, which has each once, in the color that comes first.
         colors: 0xRRGGBBAA.
         width: Width of the lines, or of each [points].
-        marker: Instead of lines, points of this shape.
-        spare: Names instead of them where the legend has no room; one is that of all.
+        marker: Shape of points to draw instead of lines.
+        spare: Other names for a legend without room; a single one is that of all curves.
     """
 
     entity: str
@@ -101,9 +103,9 @@ class Panel:
         title: Its quantity, with its unit.
         curves: In the order in which they are drawn.
         range: Range of its axis; None: the whole data.
-        is_key: Whether its legend is also that of the other plots, and stays where it is too long.
+        is_key: Whether its legend serves the other plots too, and stays even if it is too long.
         has_legend: Whether it has one.
-        alone: Its title without a legend, which names the curves; "": the same.
+        alone: Its title if there is no legend, with the names of the curves; "": the same title.
     """
 
     title: str
@@ -125,11 +127,11 @@ class Panel:
 
     @property
     def legend(self) -> float:
-        """How wide the legend is [points]."""
+        """Width of the legend [points]."""
         return max((ENTRY + LETTER * len(name) for name in self.names), default=0.0)
 
     def fitted(self, height: float) -> "Panel":
-        """Return it with a legend that a plot of this height has room for, or none that is too long."""
+        """Return it with a legend that fits into a plot of this height, or without one that is too long."""
         room, panel = int((FILLED * height - FRAME) // LINE), self
         for i, one in enumerate(self.curves):
             if len(panel.names) > room and one.spare:
@@ -142,7 +144,7 @@ class Panel:
         return replace(panel, title=title, has_legend=has_legend)
 
     def numbers(self, height: float) -> float:
-        """Return how wide the numbers beside the axis are [points]."""
+        """Return the width of the numbers beside the axis [points]."""
         low, high = self.range or (-1.0, 1.0)
         power = math.ceil(math.log10((high - low) * NUMBER / height) - 1e-9)
         ticks = range(math.ceil(low / 10.0**power), math.floor(high / 10.0**power) + 1)
@@ -150,7 +152,7 @@ class Panel:
         return max((DIGIT * len(text) - DIGIT / 2 * ("." in text) for text in texts), default=DIGIT)
 
     def view(self, axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
-        """Return it as the viewer has it."""
+        """Return it in the viewer's form."""
         drawn: dict[Any, list[rrb.Visualizer]] = {}
         for curve in self.curves:
             drawn.setdefault(curve.entity, []).append(curve.visualizer())
@@ -170,9 +172,9 @@ class Span:
 
     Attributes:
         end: End of the run [s].
-        last: At the right of the plots, which have the legend there, and three numbers at least [s].
-        numbers: How wide the numbers beside an axis are, at most [points].
-        ruler: Times that a lane of their own has, if the plots have fewer than three [s].
+        last: Time at the right end of the plots, which have the legend there, and at least three numbers [s].
+        numbers: Largest width of the numbers beside an axis [points].
+        ruler: Times in a lane of their own, if the plots have fewer than three [s].
     """
 
     end: float
@@ -195,7 +197,7 @@ class Span:
 
     @property
     def letters(self) -> float:
-        """How many letters there is room for in the strip of the run."""
+        """Number of letters that fit into the strip of the run."""
         return (WIDTH - LEFT - self.numbers) * self.end / self.last / LABEL
 
     def axis(self, points: float) -> rrb.TimeAxis:
@@ -210,12 +212,12 @@ class Span:
 
 
 def _step(width: float, last: float) -> float:
-    """Return the time between two numbers of an axis that is so wide [points], and so long [s]."""
+    """Return the time between two numbers of an axis with this width [points] and length [s]."""
     return next((one for one in STEPS if width * one >= SECOND * last), STEPS[-1])
 
 
 def ruler(end: float) -> tuple[float, ...]:
-    """Return the times that a run needs a lane for: the plots have too few, unless they were much longer.
+    """Return the times for a lane of their own; none if the plots have enough without much more length.
 
     Args:
         end: End of the run [s].
@@ -232,12 +234,12 @@ def ruler(end: float) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Peak:
-    """Where something was largest.
+    """The largest value of a quantity.
 
     Attributes:
         time: When [s].
         value: With its sign.
-        which: Whose it was: the number of the curve.
+        which: The number of its curve.
     """
 
     time: float
@@ -383,7 +385,7 @@ def decades(least: float, largest: float, steps: float = 5.2) -> tuple[float, fl
     Args:
         least: Smallest value to show.
         largest: Largest value to show.
-        steps: Powers of ten that the axis has room for the numbers of.
+        steps: Number of powers of ten whose numbers fit on the axis.
     """
     top = math.log10(max(largest, 100 * FLOOR)) + 0.15
     bottom = math.floor(math.log10(max(least, FLOOR)) + 1e-9) - 0.1

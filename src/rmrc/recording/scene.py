@@ -1,6 +1,6 @@
-"""The 3-D view of a run as arrays: bodies, ellipsoids, the direction that is lost.
+"""The 3-D view of a run as arrays: bodies, ellipsoids, and the lost direction.
 
-Nothing here knows the viewer, so that every length and direction can be checked by itself.
+This module does not know the viewer, so that tests can check every length and direction.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ from rmrc.textbook.ellipsoid import holding_jacobian
 
 Array = NDArray[np.float64]
 
-# The velocity ellipsoid is as long as the way the tip would move in this time at unit joint rates: an
-# outstretched arm with one shoulder then shows a fifth of its reach, seen but not in the way.
+# The velocity ellipsoid is as long as the way of the tip in this time at unit-norm joint rates. An
+# outstretched arm with one shoulder then shows a fifth of its reach, which is visible and hides little.
 VELOCITY_SECONDS = 0.2
 
 # The force ellipsoid has the size of the velocity ellipsoid where sigma is this part of the reach,
@@ -30,29 +30,29 @@ FORCE_LONGEST = 0.3
 # Half thickness of flat shapes, as a part of the reach: thin, but not so thin that it flickers.
 THICKNESS = 0.002
 
-# A path so near to the first moving body is at it [m].
+# A path this near to the first moving body counts as at it [m].
 POINT = 1e-6
 
 # Room around the path for the ellipsoids and arrows at the tip, as a part of the reach.
 MARGIN = 0.3
 
-# Room around the hand in a picture of it alone: as a part of the reach, and of its error, at least.
+# Least room around the hand in a picture of it alone, as a part of the reach, and as a multiple of its error.
 CLOSEST, OFF = 0.1, 4.0
 
-# A geometry has a color, and is not gray, if its red, green and blue differ by so much.
+# A geometry has a color, and is not gray, if its red, green and blue differ by this much.
 COLORED = 0.3
 
 # Directions in which the farthest points must be in the frame: edges, corners and faces of a cube.
 DIRECTIONS = np.array([step for step in np.ndindex(3, 3, 3) if step != (1, 1, 1)], float) - 1.0
 
-# Points that stand for the arm where a label must not cover it: their distance as a part of the reach, the
-# most of them along an edge of a box around a body, and so many instants of each part of the run.
+# Points that stand for the arm, which a label must not cover: their distance as a part of the reach, their
+# largest number along an edge of a box around a body, and the number of instants of each part of the run.
 DENSE, MOST_POINTS, INSTANTS = 0.04, 24, 8
 
 # Points in a ball of radius 1.
 BALL = np.array([step for step in np.ndindex(9, 9, 9) if np.linalg.norm(np.subtract(step, 4)) <= 4.1]) / 4 - 1
 
-# How far the axis of a joint is drawn out of its housing, and how large a housing may be: parts of the reach.
+# Length of a joint's axis outside its housing, and the largest size of a housing, as parts of the reach.
 AXIS, LONGEST_AXIS = 0.05, 0.3
 
 # Each half of the double arrow along the lost direction, as a part of the reach.

@@ -63,17 +63,17 @@ from rmrc.results.run import Run
 from rmrc.show.palette import of_status
 from rmrc.simulation.prepare import Prepared
 
-# The line of numbers changes so often [s]: a reader takes in no more.
+# Period of the line of numbers [s]: nobody could read faster changes.
 READ_PERIOD = 0.05
 TITLES = {"legend": "Legend", "scorecard": "Scorecard", "scenario": "Scenario"}
-# Begins the entities of a baseline.
+# Prefix of the entities of a baseline.
 BASELINE = "baseline/"
 
 
 class Recorder:
     """Writes one run, block by block.
 
-    Use it as a context manager. Left without `finish`, it keeps and closes `part_path`.
+    Use it as a context manager. Without a call of `finish`, it closes and keeps `part_path`.
 
     Attributes:
         path: Where the finished recording appears.
@@ -144,7 +144,7 @@ class Recorder:
         """Add the scorecard, close the file and move it to `path`.
 
         Args:
-            scorecard_markdown: Shown below the picture.
+            scorecard_markdown: The scorecard to show below the picture.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -200,7 +200,7 @@ class _Ghost(Track):
 
 
 class _Story(Track):
-    """A track that also shows the abilities of the arm at each instant."""
+    """A track that also shows the ellipsoids and the lost direction at each instant."""
 
     def __init__(self, out: Stream, scene: Scene, panels: Panels, ghost: _Ghost | None) -> None:
         prepared = panels.prepared

@@ -29,8 +29,8 @@ from rmrc.support.errors import RmrcError
 PATIENCE = 10.0
 
 
-# A layout takes 200 kB and some 10 ms, and is of use where a recording is never finished: it is written with
-# this block, or the first one after so long [s]. A run that is over by then has its own.
+# A layout takes 200 kB and some 10 ms, and serves a recording that is never finished. It is written with this
+# block, or with the first one after this time [s]. A run that is over by then has a layout of its own.
 PATIENT, LONG = 8, 2.0
 
 
@@ -63,10 +63,10 @@ class Stream:
             RecordingError: The file cannot be made.
         """
         self.path, self.part_path = path, path.with_name(path.name + ".part")
-        rr.set_strict_mode(True)  # its errors are only warnings otherwise
+        rr.set_strict_mode(True)  # otherwise its errors are only warnings
         try:
             str(self.part_path).encode()
-        except UnicodeEncodeError:  # rerun takes no such path, and would say so in colors
+        except UnicodeEncodeError:  # rerun refuses such a path, with a colored message
             raise _cannot_write(
                 self.part_path, "its path is not UTF-8; give another folder with --out"
             ) from None
@@ -122,7 +122,7 @@ class Stream:
             raise _cannot_write(self.part_path, one_line(error)) from None
 
     def flush(self) -> None:
-        """Bring all that was written to the disk.
+        """Write everything to the disk.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -157,9 +157,9 @@ class Stream:
             self._stream.disconnect()
 
     def _abandon(self) -> None:
-        """Close a stream whose writer has failed, which may last forever: here, or else at exit.
+        """Close a stream whose writer has failed, which may take forever, here or at exit.
 
-        A thread that hangs keeps the stream from being closed once more as garbage.
+        A hanging thread keeps the stream alive, so that the garbage collector does not close it again.
         """
         self.is_open = False
         rr.unregister_shutdown()
@@ -201,7 +201,7 @@ def _cannot_write(path: Path, reason: str) -> RecordingError:
 
 @lru_cache(maxsize=64)
 def _never_null(kind: pa.DataType, size: int = -1) -> pa.DataType:
-    """Return the list type that the viewer asks for; it draws nothing from a list that may hold nulls."""
+    """Return the list type that the viewer needs; it draws nothing from a list that may hold nulls."""
     return pa.list_(pa.field("item", kind, nullable=False), size)
 
 
@@ -211,17 +211,17 @@ def _kind(dtype: np.dtype[np.generic]) -> pa.DataType:
 
 
 def _flat(values: NDArray[np.generic]) -> pa.Array:
-    """Return all numbers of a contiguous array, of which none is copied."""
+    """Return all numbers of a contiguous array, without a copy."""
     return pa.Array.from_buffers(_kind(values.dtype), values.size, [None, pa.py_buffer(values)])
 
 
 class Component:
-    """The type of a column: some numbers of one kind make one value."""
+    """The type of a column, whose values each have some numbers of one kind."""
 
     def __init__(
         self, descriptor: rr.ComponentDescriptor, kind: pa.DataType, size: int = 1, is_strip: bool = False
     ) -> None:
-        """Work out the types of arrow."""
+        """Find the types of arrow."""
         self.descriptor, self.size, self.is_strip = descriptor, size, is_strip
         self.dtype = np.dtype(kind.to_pandas_dtype())
         self.value = _never_null(kind, size) if size > 1 else kind
@@ -231,17 +231,17 @@ class Component:
 class Values:
     """A column of one component, straight from an array: four times faster than rerun's archetypes.
 
-    Rows are the first axis; a second axis before the components' own makes several instances a row.
+    Rows are the first axis; a second axis before the component's own gives several instances per row.
     """
 
     def __init__(self, component: Component, values: NDArray[np.generic]) -> None:
-        """Lay the values out as arrow does; nothing is copied that need not be."""
+        """Arrange the values in arrow's layout, without needless copies."""
         self._descriptor = component.descriptor
         flat = _flat(np.ascontiguousarray(values, component.dtype))
         if component.size > 1:
             flat = pa.FixedSizeListArray.from_arrays(flat, type=component.value)
         rows, instances = len(values), len(flat) // len(values)
-        if component.is_strip:  # one line of several points a row
+        if component.is_strip:  # one line of several points per row
             flat = pa.ListArray.from_arrays(_offsets(rows, instances), flat, type=component.strip)
             instances = 1
         self._array = pa.ListArray.from_arrays(_offsets(rows, instances), flat)
@@ -258,11 +258,11 @@ class Values:
 class Table:
     """A component that holds all numbers of a tick by name: a struct, of lists where there are several.
 
-    One component of many fields takes half the bytes of as many components, each with a list a tick.
+    One component of many fields takes half the bytes of as many components with one list per tick each.
     """
 
     def __init__(self, name: str, fields: Mapping[str, NDArray[np.generic]]) -> None:
-        """Lay the fields out as arrow does.
+        """Arrange the fields in arrow's layout.
 
         Args:
             name: Name of the component.

@@ -1,6 +1,6 @@
 """One world in a recording: its columns at every tick, its arm and the moving objects at the tip in frames.
 
-Its entities stand below a prefix, so that a recording can hold many worlds:
+Its entities have a common prefix, so that a recording can hold many worlds:
 
     columns          at every tick, a field for every column of the run, of float64, status of int64, and
                      derived curves, of float32. Columns that equal others are left out: the arriving command
@@ -34,12 +34,12 @@ from rmrc.show.palette import hue
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import AXES
 
-# Drawn objects are stored at this interval [s], as a screen shows them: each 16th of the ticks at 1 kHz.
+# Drawn objects are stored at this interval [s], as a screen shows them: every 16th tick at 1 kHz.
 FRAME_PERIOD = 1.0 / 60.0
 # Drawn objects are written for this many ticks at once, or after this long [s]: each entity takes a tenth of
 # a millisecond and a kilobyte or two per write. A killed process loses at most one such part.
 DRAWN, LONGEST = 4000, 0.5
-# The columns from which they are made.
+# The columns from which drawn objects are made.
 DRAWN_OF = (
     "time", "qpos", "q_believed", "qdot_cmd", "pose", "pose_ref", "twist_ref", "sigma", "u_min", "damping",
     "condition", "status",
@@ -66,7 +66,7 @@ class Track:
     """
 
     def __init__(self, out: Stream, prepared: Prepared, prefix: str = "", scene: Scene | None = None) -> None:
-        """Look at the world where it starts; nothing is written yet.
+        """Examine the world at its start; nothing is written yet.
 
         Args:
             out: Where to write.
@@ -107,7 +107,7 @@ class Track:
     def write_arm(
         self, paint: Callable[[Shape], Shape | None], *, has_outlines: bool = False, has_axes: bool = False
     ) -> None:
-        """Write the geometries, those that the law takes for them pale, and where bodies are that never move.
+        """Write the geometries, pale ones for the arm that the law assumes, and the poses of fixed bodies.
 
         Args:
             paint: Returns the drawn form of each geom; None: it is not drawn.

@@ -16,12 +16,12 @@ from rmrc.support.errors import RmrcError, did_you_mean
 from rmrc.support.invocation import command
 from rmrc.support.legible import visible
 
-# How a .rrd file begins, and how it ends, four bytes before its last.
+# The beginning of a .rrd file, that of its format, and its end without the last four bytes.
 MAGIC, FORMAT, FOOT = b"RRF", b"RRF2", b"RRF2FOOT"
-# Bytes of a recording with nothing in it.
+# Size of an empty recording [B].
 EMPTY = 64
 
-# Seconds that rerun has to serve its page, which takes it a tenth of one, and between two looks.
+# Time for rerun to serve its page, which takes it a tenth of a second, and time between two checks [s].
 PATIENCE, LOOK = 30.0, 0.05
 
 
@@ -30,7 +30,7 @@ class ViewerError(RmrcError, OSError):
 
 
 def recording_of(path: Path) -> Path:
-    """Return the recording that a path stands for: of a folder its newest, of a NAME.npz one beside it.
+    """Return the recording that a path stands for: the newest of a folder, or the one beside a NAME.npz.
 
     Raises:
         ViewerError: A folder has none.
@@ -59,9 +59,9 @@ def replay(
     Args:
         path: A `.rrd`, the `.rrd.part` of a run that was killed, or what `recording_of` takes.
         web: Serve the viewer to a browser instead of opening a window, and print its address.
-        at: Where the cursor begins, at rest [s]; None: it plays from the start.
+        at: Time at which the cursor rests [s]; None: it plays from the start.
         port: Port of 127.0.0.1, on which the page is served, or the window listens; None: a free one.
-        named: What messages call it; None: its path.
+        named: Its name in messages; None: its path.
 
     Returns:
         Exit code: 0 after a window was closed, 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
@@ -93,12 +93,12 @@ def replay(
 
 
 def repair(part: Path, whole: Path, events: Events | None = None) -> None:
-    """Write all that is good in a recording whose end may be torn, as of a killed run, to a new file.
+    """Write the intact part of a recording, such as that of a killed run, to a new file.
 
     Args:
         part: The `.rrd.part`, or a torn `.rrd`.
-        whole: Where to write.
-        events: Where signals come, if anybody listens to them.
+        whole: The new file.
+        events: The source of signals, if there is one.
 
     Raises:
         ViewerError: Nothing of it can be read.
@@ -128,7 +128,7 @@ def _open_window(shown: Path, path: Path, events: Events, at: float | None, port
 
 
 def _go_to(at: float, port: int, program: Program, events: Events) -> None:
-    """Move the cursor of a window, once it has the recording; without it, the recording plays as it does."""
+    """Move the cursor of a window when it has the recording; without that, the recording plays."""
     with unlogged():
         from rerun.experimental import ViewerClient  # with rerun, a third of a second
 
@@ -141,7 +141,7 @@ def _go_to(at: float, port: int, program: Program, events: Events) -> None:
             if state.recordings and state.recordings[0].timelines and not state.loading:
                 client.set_time("sim_time", duration=at, play_state="paused")
                 return
-        except (OSError, RuntimeError, ValueError):  # it does not listen yet
+        except (OSError, RuntimeError, ValueError):  # it is not listening yet
             pass
         events.wait(LOOK)
 
@@ -160,9 +160,10 @@ def _serve(shown: Path, events: Events, at: float | None, port: int) -> None:
 
 
 def _page_files(events: Events) -> dict[str, bytes]:
-    """Return the files of the viewer's page, which rerun has inside its program and serves.
+    """Return the files of the viewer's page, which rerun's program contains and serves.
 
-    Its own server ends here, so that while somebody looks at a recording, none without our policy is open.
+    Rerun's own server ends here, so that no server without our policy is open while somebody looks at a
+    recording.
 
     Raises:
         ViewerError: It does not serve them.
@@ -181,7 +182,7 @@ def _page_files(events: Events) -> dict[str, bytes]:
             except ConnectionRefusedError:
                 events.wait(LOOK)
                 continue
-            if not program.has_ended:  # else somebody else has taken the port
+            if not program.has_ended:  # otherwise another program has taken the port
                 return files
         said.seek(0)
         reason = " ".join(said.read().decode(errors="replace").split()) or "without giving a reason"
@@ -189,7 +190,7 @@ def _page_files(events: Events) -> dict[str, bytes]:
 
 
 def _get(port: int, path: str) -> bytes:
-    """Return a file that rerun serves: from the loopback, past every proxy, following nothing."""
+    """Return a file that rerun serves, from the loopback address, without proxies or redirections."""
     connection = http.client.HTTPConnection(LOOPBACK, port, timeout=PATIENCE)
     try:
         connection.request("GET", path)
@@ -207,7 +208,7 @@ def _get(port: int, path: str) -> bytes:
 
 
 def is_torn(path: Path) -> bool:
-    """Return whether a recording begins as one and does not end as one, as after a full disk."""
+    """Return whether a recording has the right beginning but not the right end, as after a full disk."""
     with path.open("rb") as file:
         begins = file.read(len(MAGIC)) == MAGIC
         file.seek(-min(len(FOOT) + 4, file.seek(0, os.SEEK_END)), os.SEEK_END)

@@ -1,8 +1,8 @@
-"""Serves the page of rerun's viewer with a recording: a page that can talk to nobody but its own server.
+"""Serves the page of rerun's viewer with a recording: a page that can only talk to its own server.
 
-The page as rerun serves it sends analytics and asks others for fonts, releases and examples, whatever the
-environment says. The server here gives the same files with a policy that the browser enforces, and the
-recording from the same place, so that the page needs nobody else.
+The page as rerun serves it sends analytics and requests fonts, releases and examples from others, whatever
+the environment says. The server here gives the same files with a policy that the browser enforces, and the
+recording from the same address, so that the page needs no other server.
 """
 
 import base64
@@ -27,7 +27,7 @@ TYPES = {
 }
 RECORDING = "/recording.rrd"
 
-# Of every answer. CORP keeps other pages from reading along; the recording stays out of the browser's cache.
+# Headers of every answer. CORP keeps other pages from reading it, and the browser caches no recording.
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-DNS-Prefetch-Control": "off",
@@ -37,8 +37,8 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 
-# A browser asks under the name that it was given. A page of somebody whose name leads to this machine (DNS
-# rebinding) asks under that name. Any port: it may be forwarded by ssh.
+# A request names the host that the browser was given. A foreign page whose name leads to this machine (DNS
+# rebinding) gives that name. Any port is accepted: ssh may forward it.
 OUR_NAMES = re.compile(r"(?:127\.0\.0\.1|localhost)(?::\d{1,5})?", re.IGNORECASE)
 
 # <link href="https://...">: fonts, and connections opened in advance, which no policy forbids.
@@ -46,8 +46,8 @@ FOREIGN_LINK = re.compile(r"<link\b[^>]*\bhref\s*=\s*[\"']?(?:https?:)?//[^>]*>"
 INLINE_SCRIPT = re.compile(r"<script\s*>(.*?)</script\s*>", re.IGNORECASE | re.DOTALL)
 
 
-# Has the viewer's clock stand still at a time until that holds for ten seconds, or until somebody takes over:
-# each layout of the recording sets it going again.
+# Stops the viewer's clock at a time, until that lasts for ten seconds or the user takes over: each layout of
+# the recording starts the clock again.
 SEEK = """
 (async () => {
   const request = new Uint8Array(%s), time = "%s", taken = {by: null};
@@ -88,9 +88,10 @@ def without_foreign_links(page: str) -> str:
 
 
 def policy(page: str) -> str:
-    """Return the Content-Security-Policy of a page: all from where it comes from, and nothing else.
+    """Return the Content-Security-Policy of a page: it may only load from its own server.
 
-    Only its own inline scripts run, known by their digests; WebAssembly is compiled, no text is evaluated.
+    Only its own inline scripts run, identified by their digests. WebAssembly may be compiled, but no text may
+    be evaluated.
     """
     digests = (hashlib.sha256(script.encode()).digest() for script in INLINE_SCRIPT.findall(page))
     scripts = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
@@ -114,13 +115,13 @@ class PageServer(ThreadingHTTPServer):
     """Serves the viewer's page and one recording on a free port of 127.0.0.1.
 
     Args:
-        files: What `TYPES` names, as rerun serves it.
-        recording: Read anew for each request.
-        port: On which it answers; 0: a free one.
-        at: Where the page's clock stands still, once it has the recording [s]; None: it runs.
+        files: The files that `TYPES` names, as rerun serves them.
+        recording: The recording, read anew for each request.
+        port: The port; 0: a free one.
+        at: Time at which the page's clock stops when the page has the recording [s]; None: it runs.
     """
 
-    daemon_threads = True  # a browser that reads slowly does not hold up the end
+    daemon_threads = True  # a browser that reads slowly does not delay the end
 
     def __init__(
         self, files: Mapping[str, bytes], recording: Path, port: int = 0, at: float | None = None
@@ -138,7 +139,7 @@ class PageServer(ThreadingHTTPServer):
 
     @property
     def origin(self) -> str:
-        """Return where it is: http://127.0.0.1:PORT."""
+        """Return its address: http://127.0.0.1:PORT."""
         return f"http://{LOOPBACK}:{self.server_port}"
 
     @property
@@ -148,7 +149,7 @@ class PageServer(ThreadingHTTPServer):
 
 
 class _Answer(BaseHTTPRequestHandler):
-    """Answers one request. HTTP/1.0: a connection a request, nothing to get out of step."""
+    """Answers one request, by HTTP/1.0: one connection per request."""
 
     server: PageServer
     server_version, sys_version = "rmrc", ""
@@ -206,18 +207,18 @@ class _Answer(BaseHTTPRequestHandler):
         self.end_headers()
 
     def end_headers(self) -> None:
-        """End the headers of any answer, errors too, with those that keep the page at home."""
+        """End the headers of any answer, errors included, with those that confine the page to this server."""
         self.send_header("Content-Security-Policy", self.server.policy)
         for name, value in HEADERS.items():
             self.send_header(name, value)
         super().end_headers()
 
     def handle(self) -> None:
-        """Answer; a browser that goes away in the middle is no error."""
+        """Answer; a browser that disconnects in the middle is no error."""
         try:
             super().handle()
         except OSError:
             self.close_connection = True
 
     def log_message(self, *_: object) -> None:
-        """Keep the terminal to the address that it shows."""
+        """Print nothing: the terminal shows only the address."""

@@ -1,4 +1,4 @@
-"""Starts the program of rerun, and ends it: under every signal, and with all that it started."""
+"""Starts the program of rerun, and ends it with all its children, whatever signal comes."""
 
 import os
 import signal
@@ -15,10 +15,10 @@ from typing import IO
 
 LOOPBACK = "127.0.0.1"
 
-# The launcher of this environment's viewer, wherever its scripts are.
+# The launcher of this environment's viewer, independent of the folder of its scripts.
 RERUN = (sys.executable, "-m", "rerun_cli")
 
-# The viewer ends within a tenth of a second when asked to; after this it is made to.
+# The viewer ends within a tenth of a second of a request; after this time it is killed [s].
 GRACE = 5.0
 
 # Ctrl-C, a polite kill, and a terminal that is closed.
@@ -41,10 +41,10 @@ class Stopped(Exception):  # noqa: N818 -- no error, as KeyboardInterrupt is non
 class Events:
     """Events while a program runs: it ends, or signals ask to stop.
 
-    A signal is noted here and raised where somebody looks, so that none tears what cleans up.
+    A signal is noted here and raised at the next check, so that none interrupts a cleanup.
 
     Attributes:
-        signals: Those that came, in order.
+        signals: The signals that came, in order.
     """
 
     def __init__(self) -> None:
@@ -62,12 +62,12 @@ class Events:
         self._woken.put(None)
 
     def wait(self, seconds: float | None = None) -> None:
-        """Wait until something happens or the time is over; perhaps it happened some time ago."""
+        """Wait for an event, perhaps an earlier one, or for the end of the time."""
         with suppress(Empty):
             self._woken.get(timeout=seconds)
 
     def raise_if_stopped(self) -> None:
-        """Raise what the first signal asked for.
+        """Raise the exception that the first signal demands.
 
         Raises:
             Stopped: There was a signal.
@@ -88,9 +88,9 @@ class Events:
 
 @contextmanager
 def listening_to_signals() -> Iterator[Events]:
-    """Yield events that signals come to; one that is ignored, as SIGHUP under `nohup`, stays ignored."""
+    """Yield events that receive signals; an ignored signal, such as SIGHUP under `nohup`, stays ignored."""
     events = Events()
-    if threading.current_thread() is not threading.main_thread():  # signals are not ours to handle
+    if threading.current_thread() is not threading.main_thread():  # only the main thread may handle signals
         yield events
         return
     handlers = {one: signal.getsignal(one) for one in STOPS}
@@ -109,14 +109,14 @@ class Program:
 
     Args:
         arguments: Arguments of its command line.
-        events: Where its end is noted, and where signals come.
+        events: Events that receive its end, and signals.
         stderr: A file for its messages, instead of the terminal.
     """
 
     def __init__(self, arguments: list[str], events: Events, stderr: IO[bytes] | None = None) -> None:
         """Start it."""
         self._events = events
-        # A port that is taken and where nobody answers, for as long as the program runs.
+        # A port that is taken and unanswered as long as the program runs.
         self._dead_end = socket.socket()
         self._dead_end.bind((LOOPBACK, 0))
         # A group of its own, because the viewer is a child of rerun's launcher and both must end.
@@ -151,11 +151,11 @@ class Program:
         return self._process.wait()
 
     def __enter__(self) -> "Program":
-        """Return the program, which runs already."""
+        """Return the running program."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End all that it started: politely at first, and at once when one more signal comes."""
+        """End all its processes: by a request first, and at once after one more signal."""
         before = len(self._events.signals)
         until = time.monotonic() + GRACE
         with suppress(ProcessLookupError, PermissionError):  # nobody is left in the group
@@ -171,10 +171,10 @@ class Program:
 
 
 def _environment(dead_end: int) -> dict[str, str]:
-    """Return the user's environment without telemetry, and without a way out of this machine.
+    """Return the user's environment without telemetry and without access to other machines.
 
-    CI=1 turns telemetry off, whatever the user's settings for his own viewer say. It also asks GitHub for the
-    latest release, which no setting turns off: its way out is a proxy that refuses.
+    CI=1 turns telemetry off, whatever the user's settings for another viewer say. The viewer also asks GitHub
+    for the latest release. No setting prevents this, but a proxy that refuses does.
     """
     proxy = dict.fromkeys(("ALL_PROXY", "HTTP_PROXY", "HTTPS_PROXY"), f"http://{LOOPBACK}:{dead_end}")
     users = {name: value for name, value in os.environ.items() if not name.lower().endswith("_proxy")}

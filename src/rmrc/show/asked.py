@@ -26,8 +26,8 @@ def sized(width: float | None, font: float | None) -> Iterator[None]:
     """Draw pictures meanwhile with this width and font size.
 
     Args:
-        width: In inches; None: as wide as each is by itself.
-        font: In points; None: as large as they are by themselves.
+        width: Width [in]; None: the own width of each picture.
+        font: Font size [pt]; None: the own sizes of each picture.
     """
     token = ASKED.set(Asked(width, font))
     try:

@@ -45,7 +45,7 @@ def figure(runs: Runs, names: Sequence[str], width: float) -> Figure:
 
     Args:
         runs: By label, each of one tick at least.
-        names: Names of the panels, from the top; none: all that any run has something for.
+        names: Names of the panels, from the top; none: all for which any run has data.
         width: Width of the figure [in].
     """
     chosen = names or [name for name in NAMES if any(applies(name, run) for run in runs.values())]
@@ -58,7 +58,7 @@ def figure(runs: Runs, names: Sequence[str], width: float) -> Figure:
 
 
 def _draw_path(axes: Axes, runs: Runs) -> int:
-    """Draw the path wanted, and the paths taken."""
+    """Draw the wanted path and the actual paths."""
     (reference, *_), taken = runs.values(), [run["pose"][:, :3] for run in runs.values()]
     wanted = reference["pose_ref"][:, :3]
     first, second = frame_path(axes, [wanted, *taken])
@@ -69,7 +69,7 @@ def _draw_path(axes: Axes, runs: Runs) -> int:
 
 
 def _draw_rates(axes: Axes, runs: Runs) -> int:
-    """Draw the largest rate commanded of any joint; of joints with different limits, its share of them."""
+    """Draw the largest commanded rate of any joint, or its share of the limits if these differ."""
     limits = {run.rate_limit for run in runs.values()}
     bounds = {limit for one in limits for limit in one} or {math.inf}
     is_share = len(bounds) > 1 and math.inf not in bounds and all(limits)
@@ -84,7 +84,7 @@ def _draw_rates(axes: Axes, runs: Runs) -> int:
 
 
 def _draw_sigma(axes: Axes, runs: Runs) -> int:
-    """Draw the smallest singular value of each, and thin its damping."""
+    """Draw the smallest singular value of each run, and its damping with thin lines."""
     scale_by_decades(axes)
     shown = []
     for style, run in zip(_styles(runs), runs.values(), strict=True):
@@ -100,7 +100,7 @@ def _draw_sigma(axes: Axes, runs: Runs) -> int:
 
 
 def _draw_error(axes: Axes, runs: Runs) -> int:
-    """Draw the norm of the position error of each; of tasks that turn, thin, that of the rotation error."""
+    """Draw the norm of the position error of each run, and with thin lines that of the rotation error."""
     moved, turned = error_rows(next(iter(runs.values())))
     rows = moved or turned
     _draw_curves(
@@ -110,7 +110,7 @@ def _draw_error(axes: Axes, runs: Runs) -> int:
         for style, run in zip(_styles(runs), runs.values(), strict=True):
             off = 1e3 * np.linalg.norm(run["pose_error"][:, turned], axis=1)
             axes.plot(*thinned(run["time"], off), color=style["color"], linewidth=0.7, linestyle=DOTTED)
-            low, high = axes.get_ylim()  # which the logarithmic scale of the positions has set
+            low, high = axes.get_ylim()  # set by the logarithmic scale of the positions
             if axes.get_yscale() == "log" and off.max() > high:
                 axes.set_ylim(decades(np.array([low, off.max()])))
     axes.set_ylabel(f"error [{'mm, dotted mrad' if moved and turned else 'mm' if moved else 'mrad'}]")
@@ -134,7 +134,7 @@ def _draw_pace(axes: Axes, runs: Runs) -> int:
 
 
 def _draw_status(axes: Axes, runs: Runs) -> int:
-    """Draw when each status of each run holds, in the color of the run, a lane each."""
+    """Draw the times of each status of each run, in the color of the run, with one lane per status."""
     names: list[str] = []
     for style, (label, run) in zip(_styles(runs), runs.items(), strict=True):
         for flag in statuses(run):
@@ -166,7 +166,7 @@ def _draw_filter(axes: Axes, runs: Runs) -> int:
 
 
 def _draw_curves(axes: Axes, runs: Runs, curves: Sequence[Array], bound: float = math.inf) -> None:
-    """Draw a curve of each run, which is nowhere negative, and a bound of all."""
+    """Draw a curve of each run, which is never negative, and a bound of all."""
     for style, run, values in zip(_styles(runs), runs.values(), curves, strict=True):
         axes.plot(*thinned(run["time"], values), **style)
     if math.isfinite(bound):
@@ -179,7 +179,7 @@ def _draw_curves(axes: Axes, runs: Runs, curves: Sequence[Array], bound: float =
 
 
 def _styles(runs: Runs) -> list[dict[str, Any]]:
-    """Return how the curve of each run looks."""
+    """Return the style of the curve of each run."""
     return [
         {
             "color": color, "linestyle": (0, DASHES[i % len(DASHES)]), "linewidth": 1.2 if i else 2.0,

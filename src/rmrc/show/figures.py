@@ -1,4 +1,4 @@
-"""How pictures are drawn without colors alone, and saved whole."""
+"""Pictures that do not depend on color alone, and their files, written whole."""
 
 import io
 from collections.abc import Iterator, Sequence
@@ -14,21 +14,22 @@ from matplotlib.figure import Figure
 from rmrc.show.asked import ASKED
 from rmrc.support.files import written_whole
 
-# Without colors, neighbors differ by these; a dozen curves have a pair each.
+# Without colors, these distinguish neighbors; each of a dozen curves has its own pair.
 DASHES = ((1, 0), (5, 2), (2, 1), (6, 1.5, 1.5, 1.5), (9, 3), (3, 1, 1, 1, 1, 1))
 MARKERS = "osD^vP*X"
-# Of pictures as PNG [1/in].
+# Resolution of a PNG [1/in].
 DPI = 150
 
 
-# A picture that is narrower than this is for a column: its legend is below it, its title in the caption [in].
+# A picture narrower than this is for a column: its legend is below it, and the caption replaces its title
+# [in].
 COLUMN = 5.0
-# Height of such a picture, at least, as a part of its width; and width of a letter, as a part of its size.
+# Least height of such a picture, as a part of its width; width of a letter, as a part of its size.
 LOWEST, LETTER = 0.75, 0.55
 
 
 class Picture(Figure):
-    """A figure that a notebook shows by itself; of pyplot's own it does so only once pyplot has drawn one."""
+    """A figure that a notebook shows by itself. It shows pyplot's figures only after pyplot has drawn one."""
 
     def _repr_png_(self) -> bytes:
         stream = io.BytesIO()
@@ -37,9 +38,9 @@ class Picture(Figure):
 
 
 def sheet(width: float, height: float) -> Figure:
-    """Return an empty figure of a size [in], or as wide as a user asks, with the same proportions.
+    """Return an empty figure of a size [in], or of the requested width with the same proportions.
 
-    Letters are as large as asked where what draws into it is within `lettering`.
+    Letters have the requested size if the code that draws into the figure runs within `lettering`.
     """
     wide = ASKED.get().width or width
     high = height * wide / width
@@ -47,7 +48,7 @@ def sheet(width: float, height: float) -> Figure:
 
 
 def lettering() -> AbstractContextManager[None]:
-    """Have letters as large as a user asks: those that are smaller by custom are 7 pt at least."""
+    """Have letters of the requested size: those that are smaller by custom have at least 7 pt."""
     font = ASKED.get().font or (8.0 if is_narrow() else None)
     if font is None:
         return nullcontext()
@@ -64,11 +65,11 @@ def entitle(figure: Figure, text: str) -> None:
 
 
 def explain(figure: Figure, **options: Any) -> None:
-    """Put a legend outside the axes of a picture, or below them, entry by entry, where it is for a column."""
+    """Put a legend outside the axes of a picture, or below them, entry by entry, if it is for a column."""
     if not is_narrow():
         figure.legend(frameon=False, **options)
         return
-    # The legend takes its height from nobody: the figure grows by it.
+    # The figure grows by the height of the legend, so the axes keep their size.
     found = figure.legend(**{**options, "frameon": False, "loc": "outside lower left", "ncols": 1})
     (width, height), size = figure.get_size_inches(), mpl.rcParams["font.size"]
     for text in found.get_texts():
@@ -91,7 +92,7 @@ def save(figure: Figure, paths: Sequence[Path]) -> None:
 
     Args:
         figure: The picture.
-        paths: Files to write; the suffix says how: `.png`, `.svg` or `.pdf`.
+        paths: Files to write, in the format of their suffix: `.png`, `.svg` or `.pdf`.
     """
     for path in paths:
         with written_whole(path) as temporary:
@@ -106,8 +107,8 @@ def as_svg(figure: Figure) -> str:
 
 
 def _write(figure: Figure, to: Path | io.BytesIO, kind: str) -> None:
-    # Text as text, so that a page can be searched, in fonts that journals take (they refuse Type 3); and the
-    # same bytes for the same picture, which a date would make differ.
+    # Text stays text, so that a page can be searched, in fonts that journals accept (they refuse Type 3). A
+    # date would make the files of equal pictures differ.
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
     with (
         mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rmrc", "pdf.fonttype": 42}),
@@ -118,7 +119,7 @@ def _write(figure: Figure, to: Path | io.BytesIO, kind: str) -> None:
 
 @contextmanager
 def _arranged(figure: Figure, kind: str) -> Iterator[None]:
-    """Arrange a figure by the widths of letters in a kind of file: `savefig` alone would draw it twice."""
+    """Arrange a figure for the widths of letters in a kind of file: `savefig` alone would draw it twice."""
     canvas, dpi, layout = figure.canvas, figure.dpi, figure.get_layout_engine()
     try:
         if layout is not None:
@@ -134,5 +135,5 @@ def _arranged(figure: Figure, kind: str) -> Iterator[None]:
 
 
 def plain(text: str) -> str:
-    """Return a text that is not read as mathematics."""
+    """Return a text that matplotlib does not read as mathematics."""
     return text.replace("$", r"\$")

@@ -1,4 +1,4 @@
-"""A page to send: one self-contained HTML file, which asks for nothing from elsewhere and prints well."""
+"""A page to send: one self-contained HTML file, which loads no other file and prints well."""
 
 import json
 import re
@@ -16,7 +16,7 @@ from rmrc.show.traces import Traces
 from rmrc.support.files import written_whole
 from rmrc.support.legible import visible
 
-# Nothing may be loaded, sent or framed: what the page needs is in it.
+# Nothing may be loaded, sent or framed: the page contains everything that it needs.
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 _ICON = "data:image/svg+xml,%3Csvg xmlns=%22http://www.w3.org/2000/svg%22/%3E"
 
@@ -27,7 +27,7 @@ def _asset(name: str) -> str:
 
 
 class Page:
-    """A page that is filled from the top down."""
+    """A page, filled from the top down."""
 
     def __init__(self, title: str, lead: str = "") -> None:
         """Begin a page.
@@ -66,17 +66,17 @@ class Page:
             self._body.append(f"<p>{_text(note)}</p>")
 
     def figure(self, figure: Figure, caption: str) -> None:
-        """Add a picture, as lines and letters; the caption describes it."""
+        """Add a picture as vector graphics; the caption describes it."""
         drawn = re.sub(r"(?s)<metadata>.*?</metadata>", "", as_svg(figure))
         drawn = drawn[drawn.index("<svg") :]
         self._count += 1
-        # Equal pictures have equal names of their parts, and a page may not have a name twice.
+        # Equal pictures have equal names of their parts, and names on a page must be unique.
         drawn = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>f{self._count}-", drawn)
         drawn = drawn.replace("<svg", f'<svg role="img" aria-label="{escape(visible(caption))}"', 1)
         self._body.append(f"<figure>{drawn}<figcaption>{_text(caption)}</figcaption></figure>")
 
     def code(self, text: str, button: str) -> None:
-        """Add lines to copy, with a button that does."""
+        """Add lines of text, with a button that copies them."""
         self._count += 1
         name = f"text-{self._count}"
         self._body.append(
@@ -85,7 +85,7 @@ class Page:
         )
 
     def plots(self, traces: Traces) -> None:
-        """Add plots over time that can be read off and zoomed; once a page."""
+        """Add plots over time with cursor and zoom; once per page."""
         self._body.append(
             '<div class="screen"><p>Move over a plot to read values, drag to zoom in on a time, and click '
             "a name below a plot to hide or show its line. "
@@ -95,7 +95,7 @@ class Page:
             peak = f' <span class="peak">{_text(panel.peak)}</span>' if panel.peak else ""
             self._body.append(f'<h3>{_text(panel.title)}{peak}</h3><div id="{panel.place}"></div>')
         self._body.append("</div>")
-        # Within a script only "</" and "<!" have a meaning.
+        # Within a script only "</" and "<!" have a meaning for the parser of the page.
         data = json.dumps(traces.json(), allow_nan=False).replace("<", "\\u003c")
         self._traces = f'<script type="application/json" id="traces">{data}</script>'
 

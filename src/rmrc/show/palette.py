@@ -1,20 +1,20 @@
 """Colors, 0xRRGGBBAA, one for each thing, for a dark and a light background and for all color vision.
 
-Each has a contrast of 3 at least against white and against the viewer's dark. Any two that share a panel
-differ by a ΔE of 20 at least (CIE 1976), as deuteranopes and protanopes see them too. Joints have no green,
+Each has a contrast of at least 3 against white and against the viewer's dark background. Any two that share a
+panel differ by a ΔE of at least 20 (CIE 1976), also for deuteranopes and protanopes. Joints have no green,
 magenta, red or turquoise: these are for σ_min, λ, serious statuses, and active ones.
 """
 
 from rmrc.scenario.choices import Status
 
-# Of joints, in the order of the chain, and of variants.
+# Colors of joints, in the order of the chain, and of variants.
 HUES = (
     0x2F7FE8FF, 0xE06C00FF, 0x692DFFFF, 0xA5875AFF, 0x4B96D2FF, 0xB44B1EFF, 0x695A87FF, 0x785A4BFF,
 )  # fmt: skip
 BLACK, WHITE = 0x000000FF, 0xFFFFFFFF
 # Limits and bounds; the smallest singular value, and the others; λ; the tip and its error.
 GRAY, GREEN, LIME, MAGENTA, GOLD = 0x949494FF, 0x1E9650FF, 0x50A808FF, 0xB4289BFF, 0xB08A00FF
-# The error across the path, where that along it is told apart.
+# The error across the path, if it is drawn apart from the error along the path.
 INDIGO = 0x5566FFFF
 # Statuses: serious, active, and none. The last is also for rotation errors and second tasks.
 RED, TEAL, SLATE = 0xFF2D2DFF, 0x00809CFF, 0x606060FF
@@ -32,7 +32,7 @@ def hue(joint: int) -> int:
 
 
 def distinct(count: int) -> list[int]:
-    """Return as many colors: the hues, then the same darker, then paler, and so on.
+    """Return this many colors: the hues, then darker ones, then paler ones, and so on.
 
     >>> [f"{color:08x}" for color in distinct(9)][::8]
     ['2f7fe8ff', '1c4c8bff']
@@ -50,6 +50,6 @@ def distinct(count: int) -> list[int]:
 
 
 def mix(first: int, second: int, part: float) -> int:
-    """Return the color that has gone so far from the first to the second, 0xRRGGBBAA."""
+    """Return the color at this part of the way from the first to the second, 0xRRGGBBAA."""
     channels = [((first >> s) & 255, (second >> s) & 255, s) for s in (24, 16, 8, 0)]
     return sum(round(a + (b - a) * part) << s for a, b, s in channels)

@@ -21,13 +21,13 @@ from rmrc.support.spatial import AXES
 
 Array = NDArray[np.float64]
 
-# In the order from the top.
+# Panels in their order from the top.
 NAMES = ("path", "rates", "sigma", "error", "torque", "pace", "status", "g")
-# The others have another axis than time.
+# Panels over time; the others have another axis.
 OVER_TIME = frozenset(NAMES) - {"path", "g"}
-# A figure that is as wide as this has the path beside the plots over time, else above them [in].
+# A figure of at least this width has the path beside the plots over time, a narrower one above them [in].
 WIDE = 5.0
-# Points of a curve: each of these spans of time keeps its least and its largest value, so that peaks stay.
+# Number of spans of time of a long curve. Each keeps its least and its largest value, so that peaks stay.
 SPANS = 1500
 # Heights of a panel over time, of a lane of the status, of the path, of the filter, in sizes of letters.
 TALL, LANE, PATH, FILTER = 10.0, 1.6, 17.0, 15.0
@@ -36,7 +36,7 @@ TALL, LANE, PATH, FILTER = 10.0, 1.6, 17.0, 15.0
 SIDE, RIGHT, GAP, BELOW = 6.8, 1.6, 0.8, 3.6
 # A line of a legend, in sizes of its letters.
 ENTRY = 1.7
-# Of legends: lengths of a handle and between columns, as parts of the size of letters.
+# Lengths in a legend: of a handle and between columns, as parts of the size of letters.
 HANDLE, SPACE = 2.2, 1.2
 # Rates are drawn up to this multiple of their limits; the value of a peak beyond is written.
 CLIPPED = 1.6
@@ -68,7 +68,7 @@ class Panel(NamedTuple):
 
     @property
     def height(self) -> float:
-        """How high its frame is, in sizes of letters."""
+        """Height of its frame, in sizes of letters."""
         heights = {"path": PATH, "g": FILTER, "status": 0.6 + LANE * len(self.lanes)}
         return heights.get(self.name, TALL)
 
@@ -76,8 +76,8 @@ class Panel(NamedTuple):
 def arranged(panels: Sequence[Panel], end: float, width: float) -> Picture:
     """Return a figure of panels: those over time below each other, the others beside or above them.
 
-    Nothing is drawn to arrange it: sizes follow from those of letters, so that frames stand below each other
-    and a legend of many lines takes its room from no frame.
+    The layout needs no drawing: sizes follow from those of letters, so that frames are aligned and a legend
+    of many lines takes no room from a frame.
 
     Args:
         panels: One at least.
@@ -107,7 +107,7 @@ def arranged(panels: Sequence[Panel], end: float, width: float) -> Picture:
                 axes.set_xlim(0.0, end)
                 axes.tick_params(labelbottom=is_last)
                 axes.set_xlabel("time [s]" if is_last else "")
-            if panel.name != "path":  # whose frame is as wide as its scale wants
+            if panel.name != "path":  # its frame has the width that its scale needs
                 _name_side(axes, panel.height * size, -(SIDE - 0.9) * size / free, size)
             column.append((axes, top, panel.height * size))
             top += panel.height * size + (BELOW if is_last else GAP) * size
@@ -128,13 +128,13 @@ def arranged(panels: Sequence[Panel], end: float, width: float) -> Picture:
 
 
 def _name_side(axes: Axes, height: float, place: float, size: float) -> None:
-    """Put the name of the vertical axis where all of a column have it, in two lines where it is too long.
+    """Align the name of the vertical axis with the others of a column, in two lines if it is too long.
 
     Args:
         axes: The panel.
         height: Height of its frame [pt].
-        place: Its center, in widths of the frame.
-        size: Size of its letters [pt].
+        place: Center of the name, in widths of the frame.
+        size: Size of the letters [pt].
     """
     name = axes.get_ylabel()
     if _width(name, size) > height:
@@ -144,12 +144,12 @@ def _name_side(axes: Axes, height: float, place: float, size: float) -> None:
 
 
 def path_plane(positions: Sequence[Array]) -> tuple[int, int, Array, Array]:
-    """Return the two world axes along which most happens, and the ends of the plot along each, (3,) [m].
+    """Return the two world axes of the largest extents, and the ends of the plot along each, (3,) [m].
 
-    A straight path, and a tip that only turns, still need a plane to be drawn in.
+    A straight path, and a tip that only turns, also need a plane.
 
     Args:
-        positions: Positions of all that is drawn, (T, 3) each [m].
+        positions: Positions of all curves, (T, 3) each [m].
     """
     both = np.vstack(positions)
     extent = np.ptp(both, axis=0)
@@ -186,7 +186,7 @@ def is_point(path: Array) -> bool:
 
 
 def draw_spans(axes: Axes, run: Run, flag: Status, lane: float, color: str) -> None:
-    """Draw when a status holds, outlined, so that one of a single tick is seen."""
+    """Draw the times of a status, outlined, so that a status of a single tick is visible."""
     holds = (run["status"].astype(np.int64) & int(flag)) != 0
     edges, time = np.flatnonzero(np.diff(np.concatenate([[0], holds, [0]]).astype(int))), run["time"]
     spans = [
@@ -204,7 +204,7 @@ def name_lanes(axes: Axes, names: Sequence[str]) -> None:
 
 
 def in_words(flag: Status) -> str:
-    """Return the name of a status as a reader has it."""
+    """Return the name of a status for a reader."""
     return str(flag.name).lower().replace("_", " ")
 
 
@@ -215,7 +215,7 @@ def statuses(run: Run) -> list[Status]:
 
 
 def thinned(time: Array, values: Array) -> tuple[Array, Array]:
-    """Return a curve by the least and the largest value of each span of time: no peak is lost."""
+    """Return a curve by the least and the largest value of each span of time, so that peaks stay."""
     every = -(-len(time) // SPANS)
     if every <= 2:
         return time, values
@@ -229,12 +229,12 @@ def thinned(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def paints(count: int) -> list[str]:
-    """Return colors that are read on white paper."""
+    """Return colors that are legible on white paper."""
     return [on_paper(color) for color in distinct(count)]
 
 
 def on_paper(color: int) -> str:
-    """Return a color of the palette as it is read on white paper."""
+    """Return a color of the palette as matplotlib takes it, legible on white paper."""
     return f"#{mix(color, BLACK, 0.15) >> 8:06x}"
 
 
@@ -250,7 +250,7 @@ def power(value: float) -> float:
 
 
 def scale_by_decades(axes: Axes, names: str = "y") -> None:
-    """Give axes a logarithmic scale: powers as letters, which are set sooner, and marks at 2 and 5.
+    """Give axes a logarithmic scale: powers as plain text, which is set faster, and marks at 2 and 5.
 
     Args:
         axes: The panel.
@@ -271,11 +271,11 @@ def decades(values: Array) -> tuple[float, float]:
 
 
 def legend(axes: Axes, columns: int) -> int:
-    """Put the legend above the panel, where it covers nothing; return how many lines it has.
+    """Put the legend above the panel, where it covers nothing; return its number of lines.
 
     Args:
         axes: The panel.
-        columns: At most; fewer where long names would make the legend wider than the panel.
+        columns: Largest number; fewer if long names would make the legend wider than the panel.
     """
     axes.grid(color="0.92", linewidth=0.6)
     if axes.get_yscale() == "linear":
@@ -302,7 +302,7 @@ def _width(text: str, size: float) -> float:
 def split_error(run: Run, moved: Sequence[int]) -> tuple[Array, Array]:
     """Return the position error along the path and across, (T,) each [m].
 
-    Where the path rests, its last direction counts.
+    While the path rests, its last direction counts.
     """
     error = np.zeros((len(run), 3))
     error[:, moved] = (run["pose_ref"] - run["pose"])[:, moved]
@@ -317,8 +317,8 @@ def split_error(run: Run, moved: Sequence[int]) -> tuple[Array, Array]:
 def off(run: Run) -> dict[str, tuple[Array, int]]:
     """Return the parts of the tracking error by their names, with units, (T,) each, and which curve each is.
 
-    A path along the axes of the arm or of the site has no direction in which its error could be split. The
-    path of a tip that only turns has none either.
+    An error along the axes of the arm or of the site cannot be split along the path. The path of a tip that
+    only turns has no direction.
     """
     moved, turned = error_rows(run)
     found: dict[str, tuple[Array, int]] = {}
@@ -339,12 +339,12 @@ def error_rows(run: Run) -> tuple[list[int], list[int]]:
 
 
 def error_units(names: Iterable[str]) -> list[str]:
-    """Return the units of some parts of the tracking error, each once."""
+    """Return the units of some parts of the tracking error, without repetition."""
     return [unit for unit in ("mm", "mrad") if any(f"[{unit}]" in name for name in names)]
 
 
 def grouped(value: float) -> str:
-    """Return a number of four digits, or up to a million whole, with its thousands apart."""
+    """Return a number with four digits, or whole up to a million, with its thousands separated."""
     return f"{value:,.0f}" if 1e3 <= value < 1e6 else f"{value:.4g}"
 
 
@@ -355,8 +355,8 @@ def torque_unit(run: Run) -> str:
 
 
 def applies(name: str, run: Run) -> bool:
-    """Return whether a run has something for a panel."""
-    if name == "path":  # of a tip that only turns it is a point
+    """Return whether a run has data for a panel."""
+    if name == "path":  # the path of a tip that only turns is a point
         return not {"x", "y", "z"}.isdisjoint(run.axes) or bool(np.ptp(run["pose"], axis=0)[:3].max() > POINT)
     if name == "torque":
         return bool(run["tau"].any())

@@ -1,4 +1,4 @@
-"""Plots of runs for a paper or a lecture: of one, or of several side by side."""
+"""Plots for a paper or a lecture: of one run, or of several side by side."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -31,7 +31,7 @@ def plot(
     Returns:
         The figure, which a notebook shows.
     """
-    # Sizes of letters are read when a figure is made.
+    # matplotlib reads sizes of letters when a figure is made.
     with mpl.rc_context({"font.size": font, "legend.fontsize": max(min(7.0, font), font - 1.0)}):
         several = {runs.name: runs} if isinstance(runs, Run) else runs
         if len(several) == 1:

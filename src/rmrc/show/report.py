@@ -1,4 +1,4 @@
-"""An answer that is ready to be shown: as tables for people, as JSON for machines, as a picture."""
+"""An answer in its forms: tables for people, JSON for machines, a picture."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -19,10 +19,10 @@ class Report:
     Attributes:
         sheets: Tables without a form, the most general first.
         json: The same for strict JSON, as `plain` returns it.
-        draw: Writes the picture to a file, atomically, whose suffix says how: `.png`, `.svg` or `.pdf`; None
-            if there is none.
+        draw: Writes the picture to a file, atomically, in the format of its suffix: `.png`, `.svg` or `.pdf`;
+            None if there is no picture.
         met: Whether the requested condition is met.
-        problem: Why it is not, in one line; "" if the sheets say it.
+        problem: The reason why it is not met, in one line; "" if the sheets give it.
         block: Lines of a scenario to paste, which are not wrapped; "" for none.
         cases: The checks, as CI counts them.
     """

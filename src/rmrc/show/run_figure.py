@@ -49,7 +49,7 @@ from rmrc.show.shadows import shadows
 # The rates of the plain inverse are drawn if they exceed this multiple of the peak; below it, the curves
 # coincide.
 PLAIN_MORE = 1.05
-# How much higher the plot is then.
+# The factor by which the plot is then higher.
 ROOM = 1.35
 # The share of the plot's height that one more written line takes.
 LINE = 0.25
@@ -60,7 +60,7 @@ def figure(run: Run, names: Sequence[str], width: float) -> Figure:
 
     Args:
         run: The run, with at least one tick.
-        names: Names of the panels, from the top; none: all that the run has something for.
+        names: Names of the panels, from the top; none: all for which the run has data.
         width: Width of the figure [in].
     """
     chosen = names or [name for name in NAMES if applies(name, run)]
@@ -72,7 +72,7 @@ def figure(run: Run, names: Sequence[str], width: float) -> Figure:
 
 
 def _draw_path(axes: Axes, run: Run) -> int:
-    """Draw the path wanted and the path taken, on the two world axes along which most happens."""
+    """Draw the wanted and the actual path, on the two world axes of the largest extents."""
     wanted, taken = run["pose_ref"][:, :3], run["pose"][:, :3]
     time, outlines, is_shadow = shadows(run, *path_plane([wanted, taken])[:2])
     first, second = frame_path(axes, [wanted, taken, *outlines])
@@ -115,7 +115,7 @@ def draw_rates(axes: Axes, run: Run) -> int:
     told += _draw_plain(axes, run, colors, peak)
     told += _draw_baseline(axes, run, is_roomy=bool(told))
     lines = len(told) - (not is_far or len(told) > 1)
-    if told and lines and axes.get_yscale() == "linear":  # room for each that has none yet
+    if told and lines and axes.get_yscale() == "linear":  # room for each text that has none yet
         low, high = axes.get_ylim()
         axes.set_ylim(low, low + (high - low) / (1.0 - LINE * lines))
     if told:
@@ -131,7 +131,7 @@ def draw_rates(axes: Axes, run: Run) -> int:
 def _draw_plain(axes: Axes, run: Run, colors: Sequence[str], peak: float) -> list[str]:
     """Draw the rates of the plain inverse where they exceed the command; return their peak in words."""
     rates = run.columns.get("qdot_plain")
-    if rates is None or not np.isfinite(rates).any():  # a file from before it was kept
+    if rates is None or not np.isfinite(rates).any():  # an older file without this column
         return []
     if float(np.nan_to_num(np.abs(rates), nan=0.0, posinf=0.0).max()) <= PLAIN_MORE * peak:
         return []
@@ -151,9 +151,9 @@ def _draw_beside(
     axes: Axes, run: Run, column: str, colors: Sequence[str], words: tuple[str, str],
     dash: tuple[float, float] = (2, 1.5), is_roomy: bool = False,
 ) -> list[str]:  # fmt: skip
-    """Draw rates beside those of the run, dashed; return their peak in words where it is beyond the plot.
+    """Draw rates beside those of the run, dashed; return their peak in words if it is beyond the plot.
 
-    The plot stays as high as its other curves need: a peak beyond them is written, not drawn.
+    The plot keeps the height that its other curves need: a peak beyond them is written, not drawn.
     """
     asked = np.nan_to_num(np.abs(run[column]), nan=0.0, posinf=0.0)
     most, (low, high), (name, does) = float(asked.max()), axes.get_ylim(), words
@@ -226,7 +226,7 @@ def _draw_pace(axes: Axes, run: Run) -> int:
 
 
 def _draw_status(axes: Axes, run: Run) -> int:
-    """Draw when each status holds, a lane each."""
+    """Draw the times of each status, with one lane per status."""
     flags = statuses(run)
     for lane, flag in enumerate(flags):
         draw_spans(axes, run, flag, lane, "0.4")
@@ -258,7 +258,7 @@ def _draw_filter(axes: Axes, run: Run) -> int:
 
 
 def _draw_limits(axes: Axes, limit: Array, colors: Sequence[str]) -> None:
-    """Draw finite limits of joints, (n,), to both sides: black where they are one, else in their colors."""
+    """Draw finite limits of joints, (n,), on both sides: black if all are equal, or else in their colors."""
     finite = np.isfinite(limit)
     is_one = len(set(limit.tolist())) == 1
     for i, j in enumerate(np.flatnonzero(finite)[: 1 if is_one else None]):

@@ -16,7 +16,7 @@ from rmrc.show.plot import plot
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.support.errors import QuestionError, ScenarioError
 
-# Metrics of variants side by side; of the times in a status, those that any variant has.
+# Metrics of variants side by side; they also get the time in each status that any variant has.
 FIGURES = (
     "joint_rate_cmd.peak", "joint_rate.peak", "joint_rate.rms", "joint_acceleration_cmd.peak",
     "joint_jerk_cmd.peak", "chatter", "tau.peak", "tau.share_of_limit", "position_error.max",
@@ -34,11 +34,11 @@ def page(columns: Path) -> Page:
     """Return the page of a run or of a comparison.
 
     Args:
-        columns: The `.npz` that `run` or `compare` left; its `.json` lies beside it.
+        columns: The `.npz` that `run` or `compare` wrote; its `.json` lies beside it.
 
     Raises:
         OSError: A file cannot be read.
-        QuestionError: It is something else, damaged, or has no tick.
+        QuestionError: The file is of another kind, is damaged, or has no tick.
     """
     runs, facts = read_runs(columns), _facts(columns.with_suffix(".json"))
     for label, run in runs.items():
@@ -184,7 +184,7 @@ def _scenario(made: Page, scenario: Mapping[str, Any]) -> None:
     """Add the scenario to copy, without defaults."""
     try:
         named = loads(block(scenario), "report").model_dump(mode="json", exclude_defaults=True)
-    except ScenarioError:  # its model is gone, or it is of another version: all of it, then
+    except ScenarioError:  # its model is missing, or another version wrote it: show all of it
         named = {**scenario, "arm": dict(scenario["arm"])}
     named["arm"]["model"] = Path(scenario["arm"]["model"]).name
     note = (

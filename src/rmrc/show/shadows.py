@@ -1,4 +1,4 @@
-"""Velocity ellipsoids along a path, as the shadows that they cast on the plane of a figure."""
+"""Velocity ellipsoids along a path, as their shadows on the plane of a figure."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +10,12 @@ from rmrc.textbook.screws import geometric_from_screws, space_jacobian
 
 Array = NDArray[np.float64]
 
-# Ellipsoids on the way out, beside that at the smallest singular value.
+# Number of ellipsoids on the way out, beside that at the smallest singular value.
 COUNT = 4
-# The longest half axis is at most this part of the path's extent, and stands for a motion of one of these
-# times at unit joint rates [s].
+# The longest half axis is at most this part of the path's extent. It is the motion at unit-norm joint rates
+# in one of these times [s].
 PART, TIMES = 0.5, (0.2, 0.1, 0.05, 0.02, 0.01)
-# A half axis so much shorter than the longest is rounding: the ellipsoid lies in the plane.
+# A half axis below this share of the longest is rounding: the ellipsoid lies in the plane.
 FLAT = 1e-9
 
 
@@ -30,8 +30,8 @@ def shadows(run: Run, first: int, second: int) -> tuple[float, list[Array], bool
         second: The other one.
 
     Returns:
-        The time in which a tip at unit joint rates draws them [s], their outlines (p, 3) [m], and whether
-        an ellipsoid is not flat in the plane, so that its shadow is less than the whole.
+        The time in which a tip at unit-norm joint rates draws them [s], their outlines (p, 3) [m], and
+        whether an ellipsoid extends out of the plane, so that its shadow does not show all of it.
     """
     if not run.screws or not {*run.axes} & {"x", "y", "z"}:
         return TIMES[0], [], False

@@ -13,12 +13,12 @@ class Sheet:
     """A table without a form: texts, and which columns are words and not numbers.
 
     Attributes:
-        title: Stands above; may be empty.
-        headings: One for each column; none where there are notes only.
+        title: The title above; may be empty.
+        headings: One for each column; none if there are only notes.
         rows: A cell for each column.
         left: Columns of words; the first names the rows.
-        groups: Sizes of the groups of columns, after the first, that stand beside each other where they can.
-        notes: Lines that stand below.
+        groups: Sizes of the groups of columns, after the first, that stay together if the width allows.
+        notes: Lines below the table.
         is_spaced: Whether an empty line follows.
     """
 
@@ -41,7 +41,7 @@ def as_markdown(sheet: Sheet) -> str:
 
 
 def escaped(text: str) -> str:
-    """Return one line that markdown shows as it is."""
+    """Return one line that markdown shows unchanged."""
     return re.sub(r"([\\|*`<\[\]])", r"\\\1", " ".join(text.split()))
 
 

@@ -1,7 +1,7 @@
 """Scorecards and the keys of a scenario as tables: for a terminal, and as markdown for a recording.
 
-Both forms show the same sheets, and these hold every figure that says something. Nothing depends on color
-alone, is cut off, or is read as markup.
+Both forms show the same sheets, and these hold every metric with information. Nothing depends on color alone,
+is cut off, or is read as markup.
 """
 
 import math
@@ -17,7 +17,7 @@ from rmrc.scenario import SchemaRow
 from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number
 from rmrc.show.terminal import Fitted, as_table
 
-if TYPE_CHECKING:  # with numba, which a table of keys does without
+if TYPE_CHECKING:  # it imports numba, which a table of keys does not need
     from rmrc.results.scorecard import Figure, Outcome, Scorecard
 
 _PEAKS = (
@@ -57,7 +57,7 @@ def render(
 
 
 class _Beside:
-    """Two tables beside each other, or below where the terminal is not wide enough."""
+    """Two tables side by side, or one below the other if the terminal is too narrow."""
 
     GAP = 4
 
@@ -81,7 +81,7 @@ def markdown(
     Args:
         card: The scorecard.
         outcomes: Outcomes of the scenario's expectations; none: no such table.
-        baseline: The figures that stand beside them, if any.
+        baseline: The metrics of the baseline beside them, if any.
     """
     blocks = [f"# {escaped(card.name)}", *map(as_markdown, sheets(card, outcomes, baseline))]
     return "\n\n".join(blocks) + "\n"
@@ -117,7 +117,7 @@ class _Keys:
 
 
 def schema_text(rows: Sequence[SchemaRow]) -> str:
-    """Return the keys of a scenario a line each, aligned, never wrapped: for a pipe or a file."""
+    """Return the keys of a scenario, one per line, aligned and never wrapped: for a pipe or a file."""
     table = [("key", "type", "unit", "default", "meaning"), *rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = ("  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)) for row in table)
@@ -127,7 +127,7 @@ def schema_text(rows: Sequence[SchemaRow]) -> str:
 # Sheets -----------------------------------------------------------------------------------------
 
 
-# Jerks that were not expected are shown where something limits them.
+# Jerks without an expectation are shown if a limit acts on them.
 _OF_JERK = ("status_time.JERK_LIMITED", "status_time.JERK_EXCEEDED")
 
 
@@ -299,7 +299,7 @@ def _text(figure: "Figure") -> str:
         return value or UNDEFINED
     if isinstance(value, int):
         return str(value)
-    # A time must name its tick, even late in a run.
+    # A time must identify its tick, even late in a run.
     return f"{value:.3f}" if figure.unit == "s" and 10.0 <= value < 1000.0 else number(value)
 
 

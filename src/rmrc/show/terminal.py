@@ -22,21 +22,21 @@ def as_table(sheet: Sheet) -> "Fitted":
 
 
 class Fitted:
-    """A sheet as one table, or as several with some of its columns each where it is wider than the terminal.
+    """A sheet as one table, or as several with some of its columns each if it is wider than the terminal.
 
-    Words go on in the next line between words alone, numbers stay whole; never an ellipsis. Rows whose names
-    leave no room for a number are numbered, and the names stand above.
+    Lines break between words only, numbers stay whole, and there is no ellipsis. If the names of rows leave
+    no room for a number, the rows are numbered, and a list above names them.
     """
 
     def __init__(self, sheet: Sheet) -> None:
-        """Keep a sheet, as it can be printed."""
+        """Keep a sheet in printable form."""
         cells = [tuple(visible(cell, keep="\n") for cell in row) for row in (sheet.headings, *sheet.rows)]
         self._sheet = replace(sheet, title=visible(sheet.title), headings=cells[0], rows=cells[1:])
         # One blank between columns, or two where there are few: names of joints need the room.
         self._gap = 2 if len(sheet.headings) <= 6 else 1
         columns = list(zip(*cells, strict=True))
         self._widest = [max(map(_line, column)) for column in columns]
-        # A column of numbers can give way in its heading only.
+        # A column of numbers can only become narrower by its heading.
         self._least = [
             max(map(_word, column)) if i in sheet.left else max(_word(column[0]), *map(_line, column[1:]), 0)
             for i, column in enumerate(columns)
@@ -46,7 +46,7 @@ class Fitted:
 
     @property
     def width(self) -> int:
-        """Columns of a terminal that it takes on one line per row."""
+        """Width in the terminal with one line per row."""
         return self._total(self._widest)
 
     def _total(self, widths: Sequence[int]) -> int:
@@ -75,12 +75,12 @@ class Fitted:
             yield self._table(part, self._fitting(part, options.max_width), is_first=i == 0)
 
     def _parts(self, width: int) -> list[list[int]]:
-        """Return which columns stand together, the first in each part."""
+        """Return the columns of each part, each with the first column."""
         parts: list[list[int]] = [[0]]
         for group in self._groups:
             is_whole = self._fits([0, *group], width)
             for piece in [group] if is_whole else [[column] for column in group]:
-                begins = not is_whole and piece[0] == group[0]  # a group that is split has a part of its own
+                begins = not is_whole and piece[0] == group[0]  # a divided group begins a part of its own
                 if len(parts[-1]) > 1 and (begins or not self._fits([*parts[-1], *piece], width)):
                     parts.append([0])
                 parts[-1] = [*parts[-1], *piece]
@@ -90,7 +90,7 @@ class Fitted:
         return self._total([self._least[i] for i in part]) <= width
 
     def _fitting(self, part: list[int], width: int) -> list[int]:
-        """Return the widths of some columns; the widest gives way first, and words before headings."""
+        """Return the widths of some columns; the widest becomes narrower first, and words before headings."""
         widths, left = [self._widest[i] for i in part], self._sheet.left
         for words in (True, False):
             while self._total(widths) > width:
@@ -98,7 +98,7 @@ class Fitted:
                 if not can:
                     break
                 widths[max(can, key=lambda k: widths[k])] -= 1
-        while self._total(widths) > width and max(widths) > 1:  # a word longer than the terminal is wide
+        while self._total(widths) > width and max(widths) > 1:  # a word may be wider than the terminal
             widths[widths.index(max(widths))] -= 1
         return widths
 
@@ -123,12 +123,12 @@ class Fitted:
 
 
 def _line(cell: str) -> int:
-    """Return the columns that the longest line of a cell takes."""
+    """Return the width of the longest line of a cell."""
     return max((cell_len(line) for line in cell.split("\n")), default=0)
 
 
 def _word(cell: str) -> int:
-    """Return the columns that the longest word of a cell takes."""
+    """Return the width of the longest word of a cell."""
     return max((cell_len(word) for word in cell.split()), default=0)
 
 

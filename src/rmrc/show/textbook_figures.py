@@ -17,17 +17,18 @@ from rmrc.textbook.two_link import (
 
 # The tip moves by this much: a part in 2000 of the reach [m].
 DISPLACEMENT = 1e-3
-# From where the exact answer has long left the others to where it cannot be told from J⁻¹ [rad].
+# Range of θ₂ [rad]: the exact answer is far from the others at its start, and equals J⁻¹ Δx to the eye at its
+# end.
 NEAREST, FARTHEST = 0.003, 1.0
 STYLES = {"exact": ("-", 3.5, "0.7"), "inverse": ("--", 1.6, "black"), "notes": (":", 2.2, "black")}
 
 
 def small_displacements(paths: Sequence[Path]) -> None:
-    """Draw what joint displacements a small tip displacement takes near full reach, for two links of 1 m.
+    """Draw the joint displacements of a small tip displacement near full reach, for two links of 1 m.
 
-    The tip moves in frame {1} by 1 mm towards the base (−x) and across the arm (y): exactly, by J⁻¹ Δx, and
-    by the first order in θ₂ [Khatib08]. Along the arm the exact answer stays finite where the others do not;
-    a millimeter outwards has none for θ₂ < 0.06, where it is out of reach.
+    The tip moves in frame {1} by 1 mm towards the base (−x) and across the arm (y). The curves are exact, by
+    J⁻¹ Δx, and by the first order in θ₂ [Khatib08]. Along the arm only the exact answer stays finite. A
+    millimeter outwards has no answer for θ₂ < 0.06, where it is out of reach.
 
     Args:
         paths: Files to write atomically, in the format of the suffix: `.png`, `.svg` or `.pdf`.

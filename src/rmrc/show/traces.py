@@ -1,4 +1,4 @@
-"""Curves over time for a page whose reader moves over them and zooms in."""
+"""Curves over time for a page with cursor and zoom."""
 
 import base64
 import math
@@ -32,15 +32,16 @@ from rmrc.show.panels import (
     torque_unit,
 )
 
-# Numbers of a panel at most: of a longer run, each span of time keeps the least and the largest of a curve.
+# Largest number of values of a panel. In a longer run, each span of time keeps the least and the largest
+# value.
 ROOM = 60_000
-# Decades of a logarithmic axis; and singular values are drawn down to such a share of the largest.
+# Decades of a logarithmic axis, and the share of the largest down to which singular values are drawn.
 DECADES, LEAST = 6, 1e-9
-# Curves of a baseline, on a light and on a dark page.
+# Colors of the curves of a baseline, on a light and on a dark page.
 GRAYS = ("#8c8c8c", "#a6a6a6")
-# Of the error along the path, across it, and of the rotation.
+# Colors of the errors along the path, across it, and of rotation.
 ERRORS = (GOLD, INDIGO, SLATE)
-# A dark page has colors of the palette so much paler.
+# Colors of the palette are paler by this part on a dark page.
 PALER = 0.08
 
 
@@ -51,12 +52,12 @@ class Trace:
     Attributes:
         label: Its name.
         values: (T,); values that are not finite are not drawn.
-        color: Which of the colors of joints or runs it has; of `paint`, none of these.
-        dash: Which of the dashes.
+        color: Number of its color among those of joints or runs; unused with `paint`.
+        dash: Number of its dashes.
         width: Width of the line [px].
-        is_shown: Whether it is drawn before somebody clicks its name.
-        is_gray: Whether it is gray, whatever its color: it is of a baseline.
-        paint: Its color in place of these, 0xRRGGBBAA, for curves that belong to no joint or run.
+        is_shown: Whether it is drawn before a click on its name.
+        is_gray: Whether it is gray, whatever its color: it belongs to a baseline.
+        paint: Its color, 0xRRGGBBAA, if the curve belongs to no joint or run.
     """
 
     label: str
@@ -69,7 +70,7 @@ class Trace:
     paint: int | None = None
 
     def colors(self, count: int) -> tuple[str, str]:
-        """Return its colors on a light and on a dark page that has so many joints or runs."""
+        """Return its colors on a light and on a dark page with this many joints or runs."""
         if self.is_gray:
             return GRAYS
         if self.paint is not None:
@@ -86,12 +87,12 @@ class Panel:
     """Curves over the same time.
 
     Attributes:
-        title: Above it.
+        title: The title above it.
         unit: Unit of its vertical axis, with its quantity.
         time: (T,) [s].
         traces: Its curves.
         lines: Values at which horizontal lines are drawn.
-        bounds: Ends of the vertical axis; None: those of the curves.
+        bounds: Ends of the vertical axis; None: from the curves.
         peak: Text beside the title about a curve that exceeds the axis; "": none.
         is_logarithmic: Whether its vertical axis is.
         lanes: Names of lanes 0, 1, ..., from below, where it has lanes instead of numbers.
@@ -113,7 +114,7 @@ class Panel:
         """Return the data that the page draws.
 
         Args:
-            colors: How many the page has.
+            colors: Number of colors of the page.
         """
         rows = kept([one.values for one in self.traces], ROOM)
         looks = [one.colors(colors) for one in self.traces]
@@ -138,8 +139,8 @@ class Traces:
     """The panels of a page.
 
     Attributes:
-        panels: From the top.
-        colors: How many colors they use.
+        panels: The panels, from the top.
+        colors: Number of colors that they use.
     """
 
     panels: Sequence[Panel]
@@ -193,7 +194,7 @@ def _rates(run: Run) -> Panel:
         Trace(f"{name}, {what}", place(run, run[column][:, j]), j, j, width, column == "qdot_cmd")
         for what, column, width in kinds
         for j, name in enumerate(run.joints)
-        if column != "qdot_plain" or np.isfinite(run[column]).any()  # a file from before it was kept
+        if column != "qdot_plain" or np.isfinite(run[column]).any()  # an older file without this column
     ]
     limits = sorted({limit for limit in run.rate_limit if math.isfinite(limit)})
     peak, bounds, told = float(np.abs(run["qdot_cmd"]).max()), None, list[str]()
@@ -224,14 +225,14 @@ def _rates(run: Run) -> Panel:
 
 
 def _peak(run: Run) -> str:
-    """Return the largest commanded rate, and of which joint it is."""
+    """Return the largest commanded rate and its joint."""
     rates = np.abs(run["qdot_cmd"]).max(axis=0)
     j = int(rates.argmax())
     return f"{grouped(float(rates[j]))} {run.joint_unit(j)}/s, of {run.joints[j]}"
 
 
 def _times(run: Run) -> tuple[Array, Callable[[Run, Array], Array]]:
-    """Return the times of a run and its baseline, and what places values of either at these."""
+    """Return the times of a run and its baseline, and a function that places values of either there."""
     other = run.baseline
     if other is None or not len(other) or np.array_equal(other["time"], run["time"]):
         return run["time"], lambda _, values: values
@@ -240,7 +241,7 @@ def _times(run: Run) -> tuple[Array, Callable[[Run, Array], Array]]:
 
 
 def _room(own: Sequence[Array], beside: Sequence[Array], low: float) -> tuple[float, float] | None:
-    """Return an axis for curves where those beside them would flatten them; None: these do not.
+    """Return an axis for curves if those beside them would flatten them; None: they do not.
 
     Args:
         own: The curves.
@@ -294,7 +295,7 @@ def _pace(runs: Mapping[str, Run]) -> list[Panel]:
 
 
 def _lanes(runs: Mapping[str, Run]) -> list[Panel]:
-    """Return when each status holds, a lane each."""
+    """Return the times of each status, with one lane per status."""
     lanes: list[tuple[str, Status, Run]] = [
         (f"{label}: {in_words(flag)}" if label else in_words(flag), flag, run)
         for label, run in reversed(list(runs.items()))
@@ -323,7 +324,7 @@ def _curves(
     dash: int = 0,
     paint: int | None = None,
 ) -> tuple[Array, list[Trace]]:
-    """Return the times of all runs, and one curve for each at these; that of one run alone has a paint."""
+    """Return the times of all runs, and the curve of each at these; that of a single run has a paint."""
     time = _common({label: run["time"] for label, run in runs.items()})
     return time, [
         Trace(", ".join(filter(None, (label, what))), _placed_at(time, runs[label]["time"], one),
@@ -345,7 +346,7 @@ def _placed_at(time: Array, own: Array, values: Array) -> Array:
 
 
 def _norms(title: str, unit: str, curves: tuple[Array, list[Trace]]) -> Panel:
-    """Return a panel of values that are not negative: logarithmic where one curve dwarfs the others."""
+    """Return a panel of values that are not negative: logarithmic if one curve dwarfs the others."""
     peaks = [float(np.nanmax(one.values)) for one in curves[1]]
     if max(peaks) <= APART * max(min(peaks), 1e-12):
         return Panel(title, unit, *curves)
@@ -354,7 +355,7 @@ def _norms(title: str, unit: str, curves: tuple[Array, list[Trace]]) -> Panel:
 
 
 def kept(curves: Sequence[Array], room: int) -> NDArray[np.intp]:
-    """Return the rows that are drawn.
+    """Return the rows to draw.
 
     These are all, or those around the ends of the gaps if the curves are constant between them, or those with
     the least and largest value of each span of time.
@@ -380,7 +381,7 @@ def kept(curves: Sequence[Array], room: int) -> NDArray[np.intp]:
 
 
 def _packed(values: Array, is_logarithmic: bool = False) -> str:
-    """Return values as little-endian 32-bit floats in base64; a logarithm has none of 0."""
+    """Return values as little-endian 32-bit floats in base64; on a logarithmic axis 0 becomes NaN."""
     shown = np.where(values > 0.0, values, np.nan) if is_logarithmic else values
     with np.errstate(over="ignore"):  # values beyond the range have no place in a plot
         return base64.b64encode(shown.astype("<f4").tobytes()).decode()

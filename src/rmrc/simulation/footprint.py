@@ -1,4 +1,4 @@
-"""Memory of runs: too large runs are refused before they start."""
+"""Memory of runs: runs that are too large are refused before they start."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from rmrc.support.errors import ScenarioError
 # Ticks that a batch holds where columns are not kept: half a megabyte for six joints. They are then added up
 # before they leave the processor's caches, which takes half as long.
 HELD = 512
-# With a watcher this factor more, because showing a block takes as long as some ticks.
+# With a watcher, this many times as many, because showing a block takes as long as some ticks.
 SHOWN = 16
 
 # Measured [B]: one sample of a reference; the additional memory of a recording per sample, the sample once
@@ -47,7 +47,7 @@ class Footprint(NamedTuple):
 
     @property
     def excess(self) -> str | None:
-        """Why this is too much, or None if it is not: see `rmrc.support.memory.excess`."""
+        """The reason why this is too much, or None: see `rmrc.support.memory.excess`."""
         return memory.excess(LIBRARIES + self.held, self.reserved)
 
 

@@ -40,7 +40,7 @@ class Live:
     """
 
     def __init__(self, prepared: Prepared, kept: int) -> None:
-        """Stand at the start of the scenario.
+        """Begin at the start of the scenario.
 
         Args:
             prepared: The scenario; its path has no effect.

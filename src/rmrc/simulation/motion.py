@@ -35,7 +35,7 @@ KINDS = ("pose", "q", "twist")
 UNIT = 1e-2
 # Beyond it a spline of quaternions could come near 0, and the direction of rotation is ambiguous [rad].
 LARGEST_TURN = math.pi / 2
-# The interpolation may exceed a limit by this factor; that is no fault of the motion.
+# The interpolation may exceed a limit by this factor, which is not a fault of the motion.
 SLACK = 0.01
 # A motion that is slowed to a limit stays below it by this factor.
 ROUNDING = 1e-6

@@ -71,7 +71,7 @@ class _Shard:
     ) -> bool:
         """Step one block of ticks and show it; return whether any world still runs."""
         if not self.keeps or rule:
-            self._add()  # which the next block overwrites, and a rule reads
+            self._add()  # before the next block overwrites the ticks, and before a rule reads the tallies
         first, started = self.batch.done, time.perf_counter()
         if rule and first and first % ASKED == 0:
             self._end(rule)

@@ -30,7 +30,7 @@ STEPS, RESTARTS = 300, 200
 def start_positions(arm: Arm, section: StartPose, near: Array, length: float) -> Array:
     """Return joint positions within the limits at which the site has a pose, (n,).
 
-    The search starts from the given positions; only if that fails it tries others.
+    The search starts from the given positions. If that fails, it tries others.
 
     Args:
         arm: The arm.

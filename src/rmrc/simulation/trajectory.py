@@ -71,7 +71,7 @@ _TICK_ROUNDING = 1e-6
 
 
 class Places(NamedTuple):
-    """Other things than the world that a path may refer to.
+    """Things other than the world that a path may refer to.
 
     Attributes:
         base: Pose of the arm's base, (7,).
@@ -103,7 +103,7 @@ def make_reference(
         period: The control period [s].
         offset: Offset of the absolute points of the path, `scenario.target.offset`, (2,) or (3,) [m].
         frame: Frame of the segments that name none, `scenario.target.frame`.
-        places: Other things that they refer to.
+        places: Other things that the segments refer to.
 
     Returns:
         The reference; the last sample is the end of the path, at rest.
