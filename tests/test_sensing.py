@@ -434,4 +434,6 @@ def test_friction_that_an_option_of_the_model_leaves_out_is_refused(scenario, tm
                 "plant.friction={coulomb: 1, viscous: 1}",
             )
         )
-    assert str(caught.value) == says(f"--set plant.friction: plant.friction.coulomb: {path} … option; … out…")
+    assert str(caught.value) == says(
+        f"--set plant.friction: plant.friction.coulomb: an option of {path} disables it; remove the option, …"
+    )
