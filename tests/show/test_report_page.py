@@ -8,6 +8,7 @@ import shutil
 from html.parser import HTMLParser
 from itertools import combinations
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -187,6 +188,20 @@ def test_curves_of_a_page_are_told_apart_and_no_joint_shares_its_color(left, sig
             assert min(contrast(one, int(paper + "ff", 16)) for one in some) >= 3.0
         joints = colors.pop("Joint")
         assert not joints & (colors["Smallest"] | colors.get("Status", set()))
+
+
+def test_extremes_link_to_recordings_from_wherever_the_page_is(left, tmp_path):
+    (rows,) = left.glob("*.sweep.parquet")
+    kept = tmp_path / "some rows"
+    kept.mkdir()
+    rows = Path(shutil.copy(rows, kept))
+    recording = kept / "approach_singularity-2.rrd"
+    recording.touch()
+    for folder in (kept, tmp_path / "pages"):
+        folder.mkdir(exist_ok=True)
+        page = Parsed(report(rows, folder / "sweep.html").read_text("utf-8"))
+        links = {attributes["href"] for attributes in page.all("a")}
+        assert [(folder / unquote(one)).resolve() for one in links] == [recording]  # runs 0 and 1 have none
 
 
 def test_a_sweep_can_be_plotted_and_a_search_is_told_from_it(rmrc, left):

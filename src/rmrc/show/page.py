@@ -1,12 +1,14 @@
 """A page to send: one self-contained HTML file, which loads no other file and prints well."""
 
 import json
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
+from urllib.parse import quote
 
 from matplotlib.figure import Figure
 
@@ -37,7 +39,7 @@ class Page:
             lead: A sentence below it; "": none.
         """
         self._title, self._body, self._traces = title, list[str](), ""
-        self._count = 0
+        self._count, self._linked = 0, dict[str, Path]()
         if lead:
             self._body.append(f'<p class="lead">{_text(lead)}</p>')
 
@@ -52,13 +54,18 @@ class Page:
         rows = "".join(f"<li>{_text(line)}</li>" for line in lines)
         self._body.append(f"<ul>{rows}</ul>")
 
-    def table(self, sheet: Sheet) -> None:
-        """Add a table and its notes; a cell that is `ok` or `MISSED` has that color as well."""
+    def table(self, sheet: Sheet, links: Mapping[int, Mapping[str, Path]] | None = None) -> None:
+        """Add a table and its notes; a cell that is `ok` or `MISSED` has that color as well.
+
+        Args:
+            sheet: The table.
+            links: Files that cells link to, by column and text. The links are relative to the page.
+        """
         if sheet.headings:
             title = f"<caption>{_text(sheet.title)}</caption>" if sheet.title else ""
             cells = [_heading(text, i in sheet.left) for i, text in enumerate(sheet.headings)]
             head = f"<thead><tr>{''.join(cells)}</tr></thead>" if any(sheet.headings) else ""
-            rows = "".join(f"<tr>{_row(row, sheet.left)}</tr>" for row in sheet.rows)
+            rows = "".join(f"<tr>{self._row(row, sheet.left, links or {})}</tr>" for row in sheet.rows)
             self._body.append(
                 f'<div class="wide" tabindex="0"><table>{title}{head}<tbody>{rows}</tbody></table></div>'
             )
@@ -101,8 +108,25 @@ class Page:
 
     def write(self, path: Path) -> None:
         """Write the page, atomically."""
+        html = self._html()
+        for place, file in self._linked.items():
+            html = html.replace(place, _address(file, path.parent))
         with written_whole(path) as temporary:
-            temporary.write_text(self._html(), "utf-8")
+            temporary.write_text(html, "utf-8")
+
+    def _row(self, row: Sequence[str], left: frozenset[int], links: Mapping[int, Mapping[str, Path]]) -> str:
+        cells = []
+        for i, cell in enumerate(row):
+            kinds = {"ok": ["ok"], "MISSED": ["missed"]}.get(cell, []) + ["word"] * (i in left)
+            kind = f' class="{" ".join(kinds)}"' if kinds else ""
+            text = _text(cell, lines=True)
+            if file := links.get(i, {}).get(cell):
+                place = f"rmrc:file-{len(self._linked)}-of-this-page"
+                self._linked[place] = file
+                text = f'<a href="{place}">{text}</a>'
+            opening, closing = ('<th scope="row"', "</th>") if i == 0 and cell else ("<td", "</td>")
+            cells.append(f"{opening}{kind}>{text}{closing}")
+        return "".join(cells)
 
     def _html(self) -> str:
         title = _text(self._title)
@@ -129,11 +153,9 @@ def _heading(text: str, is_word: bool) -> str:
     return f'<th scope="col"{kind}>{_text(text, lines=True)}</th>' if text.strip() else f"<td{kind}></td>"
 
 
-def _row(row: Sequence[str], left: frozenset[int]) -> str:
-    cells = []
-    for i, cell in enumerate(row):
-        kinds = {"ok": ["ok"], "MISSED": ["missed"]}.get(cell, []) + ["word"] * (i in left)
-        kind = f' class="{" ".join(kinds)}"' if kinds else ""
-        text = _text(cell, lines=True)
-        cells.append(f'<th scope="row"{kind}>{text}</th>' if i == 0 and cell else f"<td{kind}>{text}</td>")
-    return "".join(cells)
+def _address(file: Path, folder: Path) -> str:
+    """Return the address of a file relative to a folder; of one on another drive, the whole address."""
+    try:
+        return quote(Path(os.path.relpath(file, folder)).as_posix())
+    except ValueError:
+        return file.as_uri()

@@ -17,6 +17,9 @@ from rmrc.study.swept import Array, Swept
 # Number of listed values of a key; for more, only the ends are given.
 SHOWN = 6
 
+# Column of the run in the table of extremes.
+_RUN = 3
+
 _Rows = Mapping[str, list[Any]]
 
 
@@ -39,8 +42,9 @@ def page(path: Path, left: Left) -> Page:
     made.table(_varied(rows, varied, units))
     made.section("Distributions of the metrics")
     made.figure(histograms(swept), "Number of runs by value")
-    made.section("Extremes", "rmrc sweep with --record worst:1:METRIC or best:1:METRIC records such a run.")
-    made.table(_extremes(rows, varied, figures, units))
+    note = "rmrc sweep --record worst:1:METRIC or best:1:METRIC records such a run. Its number is a link."
+    made.section("Extremes", note)
+    made.table(_extremes(rows, varied, figures, units), {_RUN: _recordings(path, swept)})
     if swept.coordinates:
         first = next(iter(figures))
         made.section("From the varied keys to the metrics", f"One line per run, dark where {first} is large.")
@@ -95,6 +99,12 @@ def _extremes(
             value = f"{number(float(values[i]))} {unit}".strip()
             told.append((name, word, value, str(rows["index"][i]), setting))
     return Sheet("", ("metric", "", "value", "run", "where"), told, frozenset({0, 1, 4}))
+
+
+def _recordings(path: Path, swept: Swept) -> dict[str, Path]:
+    """Return the recordings next to the rows, by the number of their run."""
+    files = {str(i): path.with_name(f"{swept.name}-{i}.rrd") for i in swept.rows["index"]}
+    return {run: file.resolve() for run, file in files.items() if file.exists()}
 
 
 def _brief(value: object) -> str:
