@@ -103,13 +103,14 @@ def _rates(run: Recorded) -> str:
     limit = np.array(run.rate_limit or (math.inf,) * n)
     scale = np.where(np.isfinite(limit), limit, 1.0) if np.isfinite(limit).any() else np.ones(n)
     plain, sent = np.abs(run["qdot_plain"]), np.abs(run["qdot_cmd"]).max(axis=0)
-    hardest = plain / scale
+    with np.errstate(over="ignore"):  # beyond the least limits, all rates are infinitely hard
+        hardest, share = plain / scale, sent / scale
     if not np.isnan(hardest).any():
         tick, j = map(int, np.unravel_index(hardest.argmax(), hardest.shape))
         keepers = _keepers(run, tick, int(np.abs(run["qdot_cmd"][:, j]).argmax()))
         if plain[tick, j] > MORE * sent[j] and keepers:
             return f"{keepers} kept {_name(run.joints[j])}'s commands at {_of_limit(run, j, sent[j])}"
-    j = int((sent / scale).argmax())
+    j = int(share.argmax())
     return f"{_name(run.joints[j])}'s commands peaked at {_of_limit(run, j, sent[j])}"
 
 
