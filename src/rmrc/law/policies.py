@@ -251,7 +251,7 @@ def find_barrier(world: Record, tick: Record, i: int) -> None:
     value_task(world, tick.sigma, z)
     for j in range(n):
         world.barrier[i, j] = z[j]
-    world.least[i], world.push[i] = least if tick.sigma[i] >= floor else -math.inf, 0.0
+    world.least[i], world.push[i] = least, 0.0
     world.need[i] = least - dot(world.slopes[i], tick.qdot_cmd, n) if square > FLAT * FLAT else 0.0
 
 
@@ -331,9 +331,9 @@ def hold_off(world: Record, tick: Record) -> int:
     if world.is_eased:
         return 0
     for i in range(world.rank):
-        falls = dot(world.slopes[i], tick.qdot_cmd, n)
-        if falls < world.least[i]:
-            share = min(share, world.least[i] / falls)
+        falls, least = dot(world.slopes[i], tick.qdot_cmd, n), min(world.least[i], 0.0)  # rest is allowed
+        if falls < least:
+            share = min(share, least / falls)
     if share > ALL:
         return 0
     for j in range(n):
