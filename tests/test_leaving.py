@@ -184,6 +184,23 @@ def test_a_comparison_whose_recording_fails_midway_leaves_the_rest(rmrc, quick, 
     assert [one["status"] for one in facts["variants"]] == ["complete"] * 2
 
 
+def test_a_recording_that_lost_its_end_is_no_finished_one(rmrc, quick, monkeypatch):
+    # As when the disk is full for what rerun writes last; it only logs that.
+    def cut(stream, close=Stream.close):
+        was_open = stream.is_open
+        close(stream)
+        if was_open:
+            os.truncate(stream.part_path, stream.part_path.stat().st_size - 20)
+
+    monkeypatch.setattr(Stream, "close", cut)
+    code, _, err = rmrc("run", "quick.yaml")
+    part = "recordings/quick.rrd.part"
+    assert (code, err) == (
+        2, f"rmrc: error: {part}: cannot write the recording: its end is missing; is the disk full?\n",
+    )  # fmt: skip
+    assert left(quick) == ["quick.json", "quick.npz", "quick.rrd.part"]
+
+
 FULL = """
 import resource, signal
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

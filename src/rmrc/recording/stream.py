@@ -22,6 +22,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from rmrc.recording.viewer import is_torn
 from rmrc.support.errors import RmrcError
 
 # Seconds that a block of some 0.5 MB may take to reach the disk. Rerun waits forever for a writer that
@@ -145,6 +146,8 @@ class Stream:
         """
         self.flush()
         self.close()
+        if is_torn(self.part_path):  # rerun reports no error at its end
+            raise _cannot_write(self.part_path, "its end is missing; is the disk full?")
         try:
             self.part_path.replace(self.path)
         except OSError as error:
