@@ -112,6 +112,13 @@ class OneCluster(LoadGroupScheduling):
         groups = [group for group in (CLUSTER, *SHARING, *LIKEWISE) if group in nodeid]
         return LIKEWISE.get(groups[0], groups[0]) if groups else super()._split_scope(nodeid)
 
+    def mark_test_complete(self, node, item_index, duration=0):
+        """Forget what is done: after each test, xdist looks through all that a process ever had, which takes seconds."""
+        super().mark_test_complete(node, item_index, duration)
+        work = self.assigned_work[node]
+        for scope in [scope for scope, tests in work.items() if all(tests.values())]:
+            del work[scope]
+
 
 def pytest_xdist_make_scheduler(config, log):
     return OneCluster(config, log) if config.getvalue("dist") == "loadgroup" else None

@@ -297,6 +297,7 @@ def test_the_first_run_ever_says_what_takes_so_long(tmp_path):
         assert (done.stdout, done.stderr) == ("", said)
 
 
+@pytest.mark.long  # it waits; that a run which compiles nothing says nothing is tried in all tests of `run`
 def test_what_takes_long_for_another_reason_is_not_called_compiling(rmrc, monkeypatch):
     rmrc("run", "quick.yaml", "-q", "--no-record")  # compiles, if nobody did
     simulation = Job.compile
