@@ -14,9 +14,9 @@ from xdist.scheduler import LoadGroupScheduling
 
 import project
 from project import ROOT
-from rmrc import cli
+from rmrc import arm, cli
 from rmrc.arm import loading
-from rmrc.scenario import loads
+from rmrc.scenario import loads, reading
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 
@@ -53,7 +53,37 @@ def once(read):
     return copied
 
 
+def shared(load):
+    """Return what finds each arm of `models/` once: tests share it, as the worlds of a sweep do."""
+    known = functools.cache(load)
+
+    @functools.wraps(load)
+    def found(path, site=None, joints=None, *, tool=None, packages=None, **more):
+        if tool or packages or path.resolve().parent != ROOT / "models":
+            return load(path, site, joints, tool=tool, packages=packages, **more)
+        return known(path, site, None if joints is None else tuple(joints), **more)
+
+    return found
+
+
 loading.read = once(loading.read)
+loading.load = arm.load = shared(loading.load)
+
+
+def composed(compose):
+    """Return what composes the nodes of each YAML text once, which takes PyYAML milliseconds; nobody changes nodes."""
+    known = {}
+
+    def recalled(loader):
+        text = loader.buffer
+        if text not in known:
+            known[text] = compose(loader)
+        return known[text]
+
+    return recalled
+
+
+reading._Loader.get_single_node = composed(reading._Loader.get_single_node)
 
 # Typer makes all commands anew for each call of the command line, which takes longer than most calls.
 typer.main.get_command = functools.cache(typer.main.get_command)
@@ -64,7 +94,7 @@ CLUSTER = "/test_cluster"
 SHARING = (
     "/test_report_page.py", "/test_comparison.py", "/test_sweep.py", "/test_resuming.py", "/test_workspace.py",
     "/test_film.py", "/test_architecture.py", "/test_peers_page.py", "/test_scenarios.py",
-    "/test_browser.py", "/test_browser_page.py",
+    "/test_browser.py", "/test_browser_page.py", "/test_plot.py", "/test_overlay.py",
 )  # fmt: skip
 # The file whose tests share the runs of shipped scenarios with those of another.
 LIKEWISE = {"/test_docs.py": "/test_scenarios.py"}
@@ -92,7 +122,7 @@ def pytest_collection_finish():
     gc.enable()
     gc.freeze()
     gc.unfreeze()
-    gc.set_threshold(700, 10, 1000)
+    gc.set_threshold(10_000, 20, 1000)
 
 
 @pytest.hookimpl(trylast=True)

@@ -133,13 +133,13 @@ def test_a_film_has_the_frames_and_the_pace_asked_and_the_same_bytes_each_time(w
 @pytest.mark.usefixtures("opened")
 def test_variants_stand_side_by_side_on_one_scale(worlds):
     ((world, run),) = worlds.values()
-    film = Film({"one": (world, run), "two": (world, run)}, (640, 320))
+    film = Film({"one": (world, run), "two": (world, run)}, (400, 200))
     with film:
         frame = film.frame(0.3)
-    assert frame.shape == (320, 640, 3)
+    assert frame.shape == (200, 400, 3)
     title = 44
-    assert (frame[title:, :320] == frame[title:, 320:]).all()  # all but their labels
-    assert (frame[:title, :320] != frame[:title, 320:]).any()
+    assert (frame[title:, :200] == frame[title:, 200:]).all()  # all but their labels
+    assert (frame[:title, :200] != frame[:title, 200:]).any()
 
 
 @pytest.mark.usefixtures("opened")

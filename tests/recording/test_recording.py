@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from layouts import last_layout, layouts
 from rerun.chunk import RrdReader
 
+from project import mostly_long
 from rmrc.arm import Shape
 from rmrc.recording import plots, stream, track
 from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT, geometries, ramp
@@ -152,7 +153,7 @@ def test_columns_do_not_depend_on_the_size_of_blocks_and_keep_nan_and_infinity(p
     assert_same_bits(read_columns(tmp_path / "run.rrd"), run.columns)
 
 
-@pytest.mark.parametrize("name", ["gain", "condition", "manipulability", "pose_error"])
+@pytest.mark.parametrize("name", mostly_long(["gain", "condition", "manipulability", "pose_error"], 3))
 def test_a_column_is_left_out_only_of_blocks_in_which_it_follows_to_the_bit(recorded, tmp_path, name):
     prepared, run, path = recorded
     found = stored(path, "/columns")
@@ -809,8 +810,9 @@ LOOKS = {  # the plot that is in sight, and what it has at each tick
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("quantity", LOOKS)
-@pytest.mark.parametrize("at", [None, 0.3])
+@pytest.mark.parametrize(
+    ("at", "quantity"), [*((None, one) for one in LOOKS), *mostly_long([(0.3, one) for one in LOOKS], 4)]
+)
 def test_what_the_scenario_asks_to_look_at_is_in_sight_and_marked(quantity, at, tmp_path):
     """The marks are the run's own values at that tick: float32, and angles of cosines near 1."""
     asked = f"look: {{quantity: {quantity}{'' if at is None else f', at: {at}'}}}\n"

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import null_space
 
-from project import ROOT, mostly_long
+from project import ROOT, mostly_long, undrawn
 from rmrc.results.run import Run, read_runs
 from rmrc.scenario import load
 from rmrc.show.panels import GRAY, NAMES, OVER_TIME, SPANS, thinned
@@ -160,10 +160,9 @@ def test_a_file_from_before_limits_were_kept_is_drawn_without_them(left, tmp_pat
 def compared(tmp_path_factory):
     """Return the file that a comparison left, and its runs."""
     folder = tmp_path_factory.mktemp("compared")
-    runs = compare(
-        ROOT / "scenarios/blow_up.yaml", {"control.inverse.method": ["inverse", "damped"]}, out=folder,
-        record=False,
-    )  # fmt: skip
+    methods = {"control.inverse.method": ["inverse", "damped"]}
+    with undrawn():
+        runs = compare(ROOT / "scenarios/blow_up.yaml", methods, out=folder, record=False)
     return folder / "blow_up.compare.npz", runs
 
 
@@ -418,9 +417,9 @@ def test_a_logarithmic_axis_has_its_powers_as_letters(left):
 
 
 def test_python_draws_a_sweep_from_its_rows_or_its_file_as_the_verb_does(rmrc, tmp_path):
-    rows = sweep(
-        ROOT / "scenarios/line_tracking.yaml", {"control.feedback": [5, 10, 20]}, out=tmp_path, threads=1
-    )
+    feedback = {"control.feedback": [5, 10, 20]}
+    with undrawn():
+        rows = sweep(ROOT / "scenarios/line_tracking.yaml", feedback, out=tmp_path, threads=1)
     (file,) = tmp_path.glob("*.parquet")
     first = plot_any(rows, tmp_path / "rows.svg", ["parallel"])
     plot_any(file, tmp_path / "file.svg", ["parallel"])

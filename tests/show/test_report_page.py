@@ -151,7 +151,8 @@ def test_a_page_says_what_the_files_say(pages, left):
     assert "Recommended: " in pages["tune"].texts[""]
 
 
-def test_a_page_begins_with_the_verdict_and_has_the_baseline_beside_the_run(left, tmp_path):
+def test_a_page_begins_with_the_verdict_and_has_the_baseline_beside_the_run(left, tmp_path, monkeypatch):
+    monkeypatch.setattr("rmrc.show.page.as_svg", lambda _: "<svg></svg>")
     runs = rmrc.read_runs(left / "blow_up.compare.npz")
     run = dataclasses.replace(runs["damped"], baseline=runs["inverse"])
     run.save(tmp_path / "both.npz")
@@ -190,11 +191,12 @@ def test_curves_of_a_page_are_told_apart_and_no_joint_shares_its_color(left, sig
         assert not joints & (colors["Smallest"] | colors.get("Status", set()))
 
 
-def test_extremes_link_to_recordings_from_wherever_the_page_is(left, tmp_path):
+def test_extremes_link_to_recordings_from_wherever_the_page_is(left, tmp_path, monkeypatch):
     (rows,) = left.glob("*.sweep.parquet")
     kept = tmp_path / "some rows"
     kept.mkdir()
     rows = Path(shutil.copy(rows, kept))
+    monkeypatch.setattr("rmrc.show.page.as_svg", lambda _: "<svg></svg>")
     recording = kept / "approach_singularity-2.rrd"
     recording.touch()
     for folder in (kept, tmp_path / "pages"):
