@@ -9,6 +9,7 @@ import sys
 
 import pytest
 import typer.main
+from _pytest.doctest import DoctestModule
 from hypothesis import settings
 from xdist.scheduler import LoadGroupScheduling
 
@@ -98,6 +99,13 @@ SHARING = (
 )  # fmt: skip
 # The file whose tests share the runs of shipped scenarios with those of another.
 LIKEWISE = {"/test_docs.py": "/test_scenarios.py"}
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file():
+    """Leave out the doctests of tests: there are none, and to look for them takes a fourteenth of collecting."""
+    found = yield
+    return [one for one in found if not isinstance(one, DoctestModule)]
 
 
 def pytest_collection_modifyitems(items):

@@ -118,10 +118,10 @@ def test_a_picture_has_the_size_asked_and_an_instant(worlds, tmp_path):
 def test_a_film_has_the_frames_and_the_pace_asked_and_the_same_bytes_each_time(worlds, tmp_path):
     end = float(next(iter(worlds.values()))[1]["time"][-1])
     for name in ("a.gif", "b.gif"):
-        render(worlds, tmp_path / name, Cut(fps=12.5, speed=2.0), (200, 200))
+        render(worlds, tmp_path / name, Cut(fps=12.5, speed=4.0), (200, 200))
     with Image.open(tmp_path / "a.gif") as film:
         frames = film.n_frames
-        assert frames == int(np.ceil(end / 0.16 - 1e-9)) + 1
+        assert frames == int(np.ceil(end / 0.32 - 1e-9)) + 1
         durations = []
         for i in range(frames):
             film.seek(i)

@@ -183,6 +183,7 @@ def test_a_comparison_is_kept_bit_for_bit_and_has_a_curve_per_variant(compared):
     assert {"inverse: singular", "damped: damped"} <= lanes
 
 
+@pytest.mark.usefixtures("undrawn")  # a comparison is drawn above
 def test_the_verb_draws_a_comparison(rmrc, compared):
     path = compared[0]
     code, out, err = rmrc("plot", str(path.with_suffix(".json")), "-o", "both.svg", "--panels", "rates,g")

@@ -206,6 +206,7 @@ def test_extremes_link_to_recordings_from_wherever_the_page_is(left, tmp_path, m
         assert [(folder / unquote(one)).resolve() for one in links] == [recording]  # runs 0 and 1 have none
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_sweep_can_be_plotted_and_a_search_is_told_from_it(rmrc, left):
     rows = str(left / "approach_singularity.sweep.parquet")
     assert rmrc("plot", rows, "-o", "x.svg", "--width", "3.5in")[:2] == (0, "wrote x.svg\n")
