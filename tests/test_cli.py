@@ -366,13 +366,3 @@ def test_ctrl_c_in_a_comparison_exits_130_and_keeps_every_variant(tmp_path):
     assert err.replace(COMPILING, "") == said
     recording = tmp_path / "recordings/long.compare.rrd"
     assert [len(read_columns(recording, label)["time"]) for label in ("inverse", "damped")] == ticks
-
-
-def test_importing_the_face_loads_none_of_the_slow_libraries():
-    loaded = subprocess.run(
-        [sys.executable, "-c", "import rmrc.cli, sys; print(*sys.modules)"],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.split()
-    assert not {"rerun", "matplotlib", "mujoco", "numba"} & set(loaded)
