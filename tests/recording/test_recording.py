@@ -67,7 +67,7 @@ def stanford():
     return simulated(STANFORD)
 
 
-@pytest.fixture(scope="module", params=["planar", "stanford"])
+@pytest.fixture(scope="module", params=mostly_long(["stanford", "planar"], 2))
 def ran(request):
     """(prepared, run), of a planar and of a spatial arm."""
     return request.getfixturevalue(request.param)
