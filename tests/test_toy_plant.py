@@ -7,7 +7,6 @@ import pyarrow.parquet as pq
 import pytest
 from numpy.testing import assert_allclose
 
-from project import mostly_long
 from toy import Copy
 from wording import says
 
@@ -180,16 +179,14 @@ def test_it_is_in_the_schema_and_in_messages(toy):
     ]
 
 
+@pytest.mark.long  # the same of an inverse without its function is tried in tests/test_toy_choices.py
 @pytest.mark.parametrize(
     ("module", "old", "new"),
-    mostly_long(
-        [
-            ("plants/kinds.py", "Model, Lagging)", "Model)"),
-            ("scenario/choices.py", "MODEL, LAGGING)", "MODEL)"),
-            ("plants/lagging.py", 'name = "lagging"', 'name = "laging"'),
-        ],
-        3,
-    ),
+    [
+        ("plants/kinds.py", "Model, Lagging)", "Model)"),
+        ("scenario/choices.py", "MODEL, LAGGING)", "MODEL)"),
+        ("plants/lagging.py", 'name = "lagging"', 'name = "laging"'),
+    ],
     ids=["class", "declaration", "name"],
 )
 def test_what_is_forgotten_is_said_at_import(tmp_path, module, old, new):
