@@ -204,9 +204,8 @@ def test_nohup_stays_deaf_and_the_second_signal_does_not_wait(hard):
     wait_for(process, lambda: part.exists() and part.stat().st_size > 70_000)
     process.send_signal(signal.SIGHUP)
     process.send_signal(signal.SIGINT)
-    assert (
-        process.stdout.readline() == "saves\n"
-    )  # for a minute; had it heard the first, it were ended by the second
+    # It saves for a minute. If it had heard the first signal, the second would have ended it.
+    assert process.stdout.readline() == "saves\n"
     assert process.poll() is None
     returned, err, took = ended(process, signal.SIGTERM)
     assert (returned, err) == (-signal.SIGTERM, "") and took < PATIENCE
