@@ -125,52 +125,62 @@ def pose_error(p: np.ndarray, R: np.ndarray, p_now: np.ndarray, R_now: np.ndarra
 
 @dataclass(frozen=True)
 class Case:
-    """A path of one arm.
+    """A path of one arm, which takes its tool along a screw and back.
 
     Attributes:
         name: What it is about.
         what: What happens, in a sentence.
         arm: Which arm.
         start: Joint positions at the start.
-        poses: Where the tool is wanted at each tick, and at the end of the last.
-        twists: At which velocity in the mean until the next tick, (T, 6) [m/s, rad/s].
+        screw: [v at the origin; ω], by its norm: all of the way.
+        duration: Of the way there [s].
     """
 
     name: str
     what: str
     arm: Arm
     start: np.ndarray
-    poses: tuple[Pose, ...]
-    twists: np.ndarray
+    screw: np.ndarray
+    duration: float
 
     @property
     def ticks(self) -> int:
         """Number of control ticks."""
         return len(self.twists)
 
+    @functools.cached_property
+    def shares(self) -> np.ndarray:
+        """Share of the screw at each tick, and at the end of the last, (T + 1,)."""
+        leg, rest = round(self.duration / PERIOD), round(REST / PERIOD)
+        x = np.arange(leg + 1) / leg
+        out = x**3 * (10 - 15 * x + 6 * x**2)
+        return np.concatenate([out[:-1], np.ones(rest), 1 - out, np.zeros(rest)])
 
-def case(name: str, what: str, one: Arm, q: np.ndarray, screw: np.ndarray, duration: float) -> Case:
-    """Return the path that takes the tool along a screw [v at the origin; ω], by its norm, and back."""
-    data = one.at(q)
-    p0, R0 = data.site(one.site).xpos.copy(), data.site(one.site).xmat.reshape(3, 3).copy()
-    leg, rest = round(duration / PERIOD), round(REST / PERIOD)
-    x = np.arange(leg + 1) / leg
-    out = x**3 * (10 - 15 * x + 6 * x**2)
-    s = np.concatenate([out[:-1], np.ones(rest), 1 - out, np.zeros(rest)])
-    poses = []
-    v, w = screw[:3], screw[3:]
-    # A screw is a turn about a line, or a translation: no case here is both.
-    center, way = (np.cross(w, v) / (w @ w), np.zeros(3)) if w.any() else (np.zeros(3), v)
-    for part in s:
-        R = rotation(part * w)
-        p = center + R @ (p0 - center) + part * way
-        T, quat = np.eye(4), np.zeros(4)
-        T[:3, :3], T[:3, 3] = R @ R0, p
-        mujoco.mju_mat2Quat(quat, T[:3, :3].ravel())
-        poses.append(Pose(p, quat, T, np.concatenate([p, quat])))
-    here = [pose.p for pose in poses[:-1]]
-    twists = np.diff(s)[:, None] / PERIOD * np.hstack([v + np.cross(w, here), np.tile(w, (len(here), 1))])
-    return Case(name, what, one, q, tuple(poses), twists)
+    @functools.cached_property
+    def poses(self) -> tuple[Pose, ...]:
+        """Where the tool is wanted at each tick, and at the end of the last."""
+        data, site = self.arm.at(self.start), self.arm.site
+        p0, R0 = data.site(site).xpos.copy(), data.site(site).xmat.reshape(3, 3).copy()
+        v, w = self.screw[:3], self.screw[3:]
+        # A screw is a turn about a line, or a translation: no case here is both.
+        center, way = (np.cross(w, v) / (w @ w), np.zeros(3)) if w.any() else (np.zeros(3), v)
+        poses = []
+        for part in self.shares:
+            R = rotation(part * w)
+            p = center + R @ (p0 - center) + part * way
+            T, quat = np.eye(4), np.zeros(4)
+            T[:3, :3], T[:3, 3] = R @ R0, p
+            mujoco.mju_mat2Quat(quat, T[:3, :3].ravel())
+            poses.append(Pose(p, quat, T, np.concatenate([p, quat])))
+        return tuple(poses)
+
+    @functools.cached_property
+    def twists(self) -> np.ndarray:
+        """At which velocity in the mean until the next tick, (T, 6) [m/s, rad/s]."""
+        v, w = self.screw[:3], self.screw[3:]
+        here = [pose.p for pose in self.poses[:-1]]
+        velocities = np.hstack([v + np.cross(w, here), np.tile(w, (len(here), 1))])
+        return np.diff(self.shares)[:, None] / PERIOD * velocities
 
 
 def turning(point: np.ndarray, axis: np.ndarray, angle: float) -> np.ndarray:
@@ -188,7 +198,7 @@ def reach(
     out /= np.linalg.norm(out)
     p, R = data.site(one.site).xpos, data.site(one.site).xmat.reshape(3, 3)
     start = one.solve(stretched + bend, p - 0.25 * out, R)
-    return case(name, what, one, start, line((0.25 + beyond) * out), 2.0)
+    return Case(name, what, one, start, line((0.25 + beyond) * out), 2.0)
 
 
 def crossing(name: str, what: str, one: Arm, q: np.ndarray, joint: int, offset: float) -> Case:
@@ -198,7 +208,7 @@ def crossing(name: str, what: str, one: Arm, q: np.ndarray, joint: int, offset: 
     tilt, point = rotation(offset * np.cross(axis, after)), data.xanchor[joint].copy()
     p, R = data.site(one.site).xpos, data.site(one.site).xmat.reshape(3, 3)
     start = one.solve(q, point + tilt @ (p - point), tilt @ R)
-    return case(name, what, one, start, turning(point, axis, -2 * q[joint]), 2.0)
+    return Case(name, what, one, start, turning(point, axis, -2 * q[joint]), 2.0)
 
 
 def at_limit(name: str, one: Arm, q: np.ndarray, joint: int) -> Case:
@@ -207,14 +217,14 @@ def at_limit(name: str, one: Arm, q: np.ndarray, joint: int) -> Case:
     q[joint] = one.model.jnt_range[joint, 1] - (ASKED - BEYOND)
     data = one.at(q)
     what = f"A turn of 40° about axis {joint + 1}, the last 83 mrad of it beyond the limit."
-    return case(name, what, one, q, turning(data.xanchor[joint], data.xaxis[joint], ASKED), 2.0)
+    return Case(name, what, one, q, turning(data.xanchor[joint], data.xaxis[joint], ASKED), 2.0)
 
 
 def boom(name: str, what: str, one: Arm, beyond: float) -> Case:
     """Return the path along the Stanford arm's boom, from 0.17 m before its stop to so much beyond it."""
     q = np.array([0, 1.2, 1.1, 0, 1.2, 0])
     way = one.model.jnt_range[2, 1] - q[2] + beyond
-    return case(name, what, one, q, line(way * one.at(q).xaxis[2]), 2.0)
+    return Case(name, what, one, q, line(way * one.at(q).xaxis[2]), 2.0)
 
 
 RATES = {
@@ -254,7 +264,7 @@ def cases() -> tuple[Case, ...]:
     arms = {name: arm(FILES[name], rate) for name, rate in RATES.items()}
     far = "0.2 m sideways, far from any singularity."
     found = [
-        case(f"far, {name}", far, one, HOMES[name], line([0, 0.2, 0.05]), 2.0) for name, one in arms.items()
+        Case(f"far, {name}", far, one, HOMES[name], line([0, 0.2, 0.05]), 2.0) for name, one in arms.items()
     ]
     for title, where, beyond in (("-5 mm", "5 mm before", -0.005), ("+1 mm", "1 mm beyond", 0.001)):
         what = f"Straight out to {where} full reach, and back."

@@ -9,14 +9,15 @@ import sys
 
 import pytest
 import typer.main
+from _pytest.doctest import DoctestModule
 from hypothesis import settings
 from xdist.scheduler import LoadGroupScheduling
 
 import project
 from project import ROOT
-from rmrc import cli
+from rmrc import arm, cli
 from rmrc.arm import loading
-from rmrc.scenario import loads
+from rmrc.scenario import loads, reading
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 
@@ -53,7 +54,37 @@ def once(read):
     return copied
 
 
+def shared(load):
+    """Return what finds each arm of `models/` once: tests share it, as the worlds of a sweep do."""
+    known = functools.cache(load)
+
+    @functools.wraps(load)
+    def found(path, site=None, joints=None, *, tool=None, packages=None, **more):
+        if tool or packages or path.resolve().parent != ROOT / "models":
+            return load(path, site, joints, tool=tool, packages=packages, **more)
+        return known(path, site, None if joints is None else tuple(joints), **more)
+
+    return found
+
+
 loading.read = once(loading.read)
+loading.load = arm.load = shared(loading.load)
+
+
+def composed(compose):
+    """Return what composes the nodes of each YAML text once, which takes PyYAML milliseconds; nobody changes nodes."""
+    known = {}
+
+    def recalled(loader):
+        text = loader.buffer
+        if text not in known:
+            known[text] = compose(loader)
+        return known[text]
+
+    return recalled
+
+
+reading._Loader.get_single_node = composed(reading._Loader.get_single_node)
 
 # Typer makes all commands anew for each call of the command line, which takes longer than most calls.
 typer.main.get_command = functools.cache(typer.main.get_command)
@@ -64,10 +95,17 @@ CLUSTER = "/test_cluster"
 SHARING = (
     "/test_report_page.py", "/test_comparison.py", "/test_sweep.py", "/test_resuming.py", "/test_workspace.py",
     "/test_film.py", "/test_architecture.py", "/test_peers_page.py", "/test_scenarios.py",
-    "/test_browser.py", "/test_browser_page.py",
+    "/test_browser.py", "/test_browser_page.py", "/test_plot.py", "/test_overlay.py",
 )  # fmt: skip
 # The file whose tests share the runs of shipped scenarios with those of another.
 LIKEWISE = {"/test_docs.py": "/test_scenarios.py"}
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file():
+    """Leave out the doctests of tests: there are none, and to look for them takes a fourteenth of collecting."""
+    found = yield
+    return [one for one in found if not isinstance(one, DoctestModule)]
 
 
 def pytest_collection_modifyitems(items):
@@ -92,7 +130,7 @@ def pytest_collection_finish():
     gc.enable()
     gc.freeze()
     gc.unfreeze()
-    gc.set_threshold(700, 10, 1000)
+    gc.set_threshold(10_000, 20, 1000)
 
 
 @pytest.hookimpl(trylast=True)
@@ -111,6 +149,13 @@ class OneCluster(LoadGroupScheduling):
     def _split_scope(self, nodeid):
         groups = [group for group in (CLUSTER, *SHARING, *LIKEWISE) if group in nodeid]
         return LIKEWISE.get(groups[0], groups[0]) if groups else super()._split_scope(nodeid)
+
+    def mark_test_complete(self, node, item_index, duration=0):
+        """Forget what is done: after each test, xdist looks through all that a process ever had, which takes seconds."""
+        super().mark_test_complete(node, item_index, duration)
+        work = self.assigned_work[node]
+        for scope in [scope for scope, tests in work.items() if all(tests.values())]:
+            del work[scope]
 
 
 def pytest_xdist_make_scheduler(config, log):

@@ -297,6 +297,7 @@ def test_the_first_run_ever_says_what_takes_so_long(tmp_path):
         assert (done.stdout, done.stderr) == ("", said)
 
 
+@pytest.mark.long  # it waits; that a run which compiles nothing says nothing is tried in all tests of `run`
 def test_what_takes_long_for_another_reason_is_not_called_compiling(rmrc, monkeypatch):
     rmrc("run", "quick.yaml", "-q", "--no-record")  # compiles, if nobody did
     simulation = Job.compile
@@ -365,13 +366,3 @@ def test_ctrl_c_in_a_comparison_exits_130_and_keeps_every_variant(tmp_path):
     assert err.replace(COMPILING, "") == said
     recording = tmp_path / "recordings/long.compare.rrd"
     assert [len(read_columns(recording, label)["time"]) for label in ("inverse", "damped")] == ticks
-
-
-def test_importing_the_face_loads_none_of_the_slow_libraries():
-    loaded = subprocess.run(
-        [sys.executable, "-c", "import rmrc.cli, sys; print(*sys.modules)"],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.split()
-    assert not {"rerun", "matplotlib", "mujoco", "numba"} & set(loaded)

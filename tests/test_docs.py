@@ -496,6 +496,7 @@ def takes_long(command, lines):
     return searches or (" workspace " in command and not lines)
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("command", "lines"),
     [
@@ -566,7 +567,7 @@ def test_the_python_examples_of_a_page_print_what_it_says(monkeypatch, capsys, n
 @pytest.mark.usefixtures("unmargined")
 def test_the_python_example_of_the_readme_runs(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)  # it names what is shipped
-    (block,) = (text.replace("runs=100", "runs=40") for text in fenced(README, "python"))
+    (block,) = (text.replace("runs=100", "runs=15") for text in fenced(README, "python"))
     names = {}
     exec(compile(block, "README.md", "exec"), names)
     assert list(tmp_path.iterdir()) == []

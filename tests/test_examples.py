@@ -46,7 +46,10 @@ SAYS = {
 
 @pytest.mark.parametrize(
     "path",
-    [pytest.param(path, marks=[pytest.mark.long] * (path.stem == "tune")) for path in EXAMPLES],
+    [
+        pytest.param(path, marks=[pytest.mark.long] * (path.stem in ("tune", "sweep_to_pandas")))
+        for path in EXAMPLES
+    ],
     ids=lambda path: path.stem,
 )
 def test_an_example_runs_and_says_what_it_should(path, capsys, monkeypatch, tmp_path):

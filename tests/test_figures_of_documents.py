@@ -38,7 +38,11 @@ COARSE = {
 
 
 @pytest.mark.usefixtures("unmargined")
-@pytest.mark.parametrize("command", mostly_long(COMMANDS, 3), ids=lambda command: PICTURE.search(command)[1])
+@pytest.mark.parametrize(
+    "command",
+    mostly_long(COMMANDS, 5, slow=[one for one in COMMANDS if " margins " in one]),
+    ids=lambda command: PICTURE.search(command)[1],
+)
 def test_commands_of_the_makefile_run(rmrc, tmp_path, command):
     """Coarser than for the page, and into another folder."""
     arguments = [

@@ -73,7 +73,7 @@ def test_no_more_steps_than_the_bound_are_done_between_two_looks(scenario, monke
     assert max(done.values()) <= 30  # a tick alone has 40, and 120
 
 
-@pytest.mark.parametrize("most", mostly_long([1, 7, 39, 41, 100], 2))
+@pytest.mark.parametrize("most", mostly_long([1, 7, 39, 41, 100], 2, slow=[100]))
 @pytest.mark.parametrize(
     "overrides",
     [

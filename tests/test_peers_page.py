@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from project import ROOT
+from project import ROOT, mostly_long
 
 sys.path.insert(0, str(ROOT / "benchmarks"))
 
@@ -27,7 +27,7 @@ def named(name):
     return next(case for case in peer_cases.cases() if case.name == name)
 
 
-@pytest.mark.parametrize("name", [title[0].lower() + title[1:] for title in TITLES])
+@pytest.mark.parametrize("name", mostly_long([title[0].lower() + title[1:] for title in TITLES], 4))
 def test_a_path_starts_where_the_arm_is_and_returns_and_its_twists_are_its_slopes(name):
     case = named(name)
     site = case.arm.at(case.start).site(case.arm.site)

@@ -247,7 +247,9 @@ def test_lengths_that_are_half_a_percent_off_cost_ten_millimeters_near_reach_und
     # 1e-6: what the integration of a path so near to reach has left after 2 s of the lowest gain
     assert_allclose(run["pose_error"][-1, :2], [-0.005 * 1.99, 0.0], rtol=0, atol=1e-6)
     assert_allclose(
-        run["pose"][:, :2], 1.005 * np.array([prepared.arm.pose(q)[:2] for q in run["q"]]), atol=1e-12
+        run["pose"][::20, :2],
+        1.005 * np.array([prepared.arm.pose(q)[:2] for q in run["q"][::20]]),
+        atol=1e-12,
     )
     assert_array_equal(run["q_believed"], run["q"])
 

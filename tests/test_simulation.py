@@ -36,7 +36,7 @@ from rmrc.simulation.simulation import BLOCK, Simulation
 from screws import screw_chain
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
-COARSE = "control.period=0.008"  # the oracle takes half a millisecond a tick
+COARSE = "control.period=0.016"  # the oracle takes half a millisecond a tick
 BRISK = "target.path=[{line: {by: [0.02, 0.02]}}]"  # some hundred ticks, of 2 ms
 FINER = "control.period=0.002"  # the torque plant carries rounding too far along at a longer one
 SIX = (
@@ -437,7 +437,7 @@ OFF = {
 
 
 # whose oracle takes seconds, and beside which others have the same faults
-SLOW = ["jerk, at a stop", "jerk, redistributed"]
+SLOW = ["jerk, at a stop", "jerk, redistributed", "jerk, clamped, all limits"]
 HAVE_FAULTS = list(dict.fromkeys(name for name, _ in OFF.values()))
 OTHERS = [name for name in VARIANTS if name not in HAVE_FAULTS]
 
@@ -461,7 +461,7 @@ def test_every_fault_is_one_of_a_variant():
     assert {name for name, _ in OFF.values()} <= VARIANTS.keys()
 
 
-@pytest.mark.parametrize("every", [7, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("every", [11, pytest.param(1, marks=pytest.mark.long)])
 def test_the_same_world_gives_the_same_bits_alone_among_others_and_on_threads(scenario, every):
     chosen = [(REACH,), (REACH, "plant.kv=500"), *list(VARIANTS.values())[::every]]
     prepared = [prepare(scenario(*overrides)) for overrides in chosen]
@@ -547,7 +547,7 @@ def test_worlds_of_different_length_end_on_their_own(scenario):
 
 
 @given(seeds)
-@examples(2, 3, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(1, 3, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_chain_under_any_law_equals_the_numpy_loop(scenario, tmp_path_factory, seed):
     compare_random_chain(scenario, tmp_path_factory, seed)
 

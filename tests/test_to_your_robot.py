@@ -29,6 +29,7 @@ def words(line):
     ]
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     "verbs",
     [["identify", "run"], *(pytest.param([one], marks=pytest.mark.long) for one in ("margins", "tune"))],
@@ -63,6 +64,7 @@ def test_the_sample_is_what_the_program_logs(capsys):
     )
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_the_block_says_is_what_the_page_pastes(rmrc, tmp_path):
     assert rmrc("identify", str(ROOT / "scenarios/arm_log.csv"), "-q")[0] == 0
     block = yaml.safe_load((tmp_path / "recordings/arm_log.identify.yaml").read_text("utf-8"))

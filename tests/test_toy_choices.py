@@ -92,20 +92,24 @@ KNOWS = """
 import json
 from rmrc.scenario import loads, schema_rows, json_schema
 from rmrc.scenario.choices import INVERSES, record_fields
+from rmrc.tuning import space
 rows = {row.key: row for row in schema_rows()}
 schema = json_schema()["$defs"]["InverseSection"]["properties"]
+(soft,) = (one for one in space.all_structures() if one.method == "soft" and one.at_singularity == "damp")
 print(json.dumps([
     rows["control.inverse.softness"], rows["control.inverse.method"].type, schema["softness"],
     schema["method"]["enum"], [field[0] for field in record_fields()],
+    [soft.keys, soft.schedule, "control.inverse.softness" in space.NUMBERS, "soft" in space.WORDS[space.METHOD]],
 ]))
 """
 
 
-def test_schema_and_record_have_what_is_declared(tmp_path):
+def test_schema_and_record_have_what_is_declared_and_tune_searches_it(tmp_path):
     copy = declared(tmp_path)
+    copy.add("law/inverses.py", FUNCTION, before="gains = ")
     ended = copy.python(KNOWS)
     assert ended.returncode == 0, ended.stderr
-    row, kinds, field, names, fields = json.loads(ended.stdout)
+    row, kinds, field, names, fields, searched = json.loads(ended.stdout)
     meaning = "soft: what is added to each singular value"
     assert row == ["control.inverse.softness", "number > 0", "as σ", "0.1", meaning]
     assert "transpose | soft | damped" in kinds and "soft" in names
@@ -114,6 +118,7 @@ def test_schema_and_record_have_what_is_declared(tmp_path):
         "unit": "as σ",
     }  # fmt: skip
     assert "inverse_softness" in fields
+    assert searched == [["control.inverse.softness", "control.feedback"], "", True, True]
 
 
 @pytest.mark.parametrize("has", ["none", pytest.param("of other arguments", marks=pytest.mark.long)])
@@ -127,21 +132,6 @@ def test_an_inverse_without_its_function_cannot_be_imported(tmp_path, has):
     )
     ended = copy.python("import rmrc.law.inverses")
     assert ended.returncode == 1 and ended.stderr.splitlines()[-1] == wanted
-
-
-SEARCHED = """
-from rmrc.scenario.choices import Scales
-from rmrc.tuning import space
-(soft,) = (one for one in space.all_structures() if one.method == "soft" and one.at_singularity == "damp")
-print(soft.keys, soft.schedule == "", "control.inverse.softness" in space.NUMBERS, "soft" in space.WORDS[space.METHOD])
-"""
-
-
-def test_tune_searches_what_is_declared(tmp_path):
-    copy = declared(tmp_path)
-    copy.add("law/inverses.py", FUNCTION, before="gains = ")
-    ended = copy.python(SEARCHED)
-    assert ended.stdout == "('control.inverse.softness', 'control.feedback') True True True\n", ended.stderr
 
 
 @pytest.fixture(scope="module")

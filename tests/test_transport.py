@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from loops import controller_of
 from oracle_way import drawn, edge, ends, formula, response
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.plants.response import oscillator
 from rmrc.results.columns import COLUMNS
 from rmrc.scenario import Scenario, load
@@ -181,7 +181,7 @@ def drives(model, ticks, **plant):
     }))  # fmt: skip
 
 
-@pytest.mark.parametrize("ticks", [0, 1, 7])
+@pytest.mark.parametrize("ticks", mostly_long([0, 1, 7], 2))
 @pytest.mark.parametrize("world", [servos, own_drives])
 def test_a_delay_of_whole_ticks_is_a_queue_bit_for_bit(world, ticks):
     prepared, model, start, tell = world(ticks)

@@ -24,8 +24,9 @@ def test_a_loop_follows_a_path_far_from_singularities(name):
     if not peers.installed(package):
         pytest.skip(f"{package} is not installed; `.ci/run peers` installs it")
     arm = peer_cases.arm(peer_cases.FILES["UR5e"], peer_cases.RATES["UR5e"])
-    far = peer_cases.case("far", "", arm, peer_cases.HOMES["UR5e"], peer_cases.line([0, 0.2, 0.05]), 2.0)
-    short = dataclasses.replace(far, poses=far.poses[: TICKS + 1], twists=far.twists[:TICKS])
+    far = peer_cases.Case("far", "", arm, peer_cases.HOMES["UR5e"], peer_cases.line([0, 0.2, 0.05]), 2.0)
+    short = dataclasses.replace(far)
+    vars(short).update(poses=far.poses[: TICKS + 1], twists=far.twists[:TICKS])  # the first of its ticks
     setting = peer.settings[0]
     figures = peers.run(short, peer, setting)
     assert isinstance(figures, dict), figures

@@ -1,4 +1,5 @@
 import contextlib
+import inspect
 import math
 import os
 import re
@@ -17,6 +18,7 @@ from hypothesis import strategies as st
 from layouts import last_layout, layouts
 from rerun.chunk import RrdReader
 
+from project import mostly_long
 from rmrc.arm import Shape
 from rmrc.recording import plots, stream, track
 from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT, geometries, ramp
@@ -65,7 +67,7 @@ def stanford():
     return simulated(STANFORD)
 
 
-@pytest.fixture(scope="module", params=["planar", "stanford"])
+@pytest.fixture(scope="module", params=mostly_long(["stanford", "planar"], 2))
 def ran(request):
     """(prepared, run), of a planar and of a spatial arm."""
     return request.getfixturevalue(request.param)
@@ -151,7 +153,7 @@ def test_columns_do_not_depend_on_the_size_of_blocks_and_keep_nan_and_infinity(p
     assert_same_bits(read_columns(tmp_path / "run.rrd"), run.columns)
 
 
-@pytest.mark.parametrize("name", ["gain", "condition", "manipulability", "pose_error"])
+@pytest.mark.parametrize("name", mostly_long(["gain", "condition", "manipulability", "pose_error"], 3))
 def test_a_column_is_left_out_only_of_blocks_in_which_it_follows_to_the_bit(recorded, tmp_path, name):
     prepared, run, path = recorded
     found = stored(path, "/columns")
@@ -241,27 +243,24 @@ def test_a_tick_takes_no_more_than_its_budget_on_disk(recorded, tmp_path):
 # Another process reads the run from an npz: it need not wait for the law to be compiled.
 PRELUDE = f"""
 import os, resource, signal, sys, time
-sys.path.insert(0, {str(Path(__file__).parent)!r})
+from dataclasses import replace
 from pathlib import Path
-from test_recording import PLANAR, Recorder, RecordingError, Run, blocks, loads, prepare, record
+from rmrc.recording.single import Recorder, RecordingError
+from rmrc.results.run import Run
+from rmrc.scenario import loads
+from rmrc.simulation.prepare import prepare
+{"".join(map(inspect.getsource, (record, blocks, rows)))}
 folder = Path(sys.argv[1])
-prepared, run = prepare(loads(PLANAR)), Run.read(folder / "run.npz")
+prepared, run = prepare(loads({PLANAR!r})), Run.read(folder / "run.npz")
 """
 
 KILLED = """
-recorder = Recorder(folder / "run.rrd", prepared)
-for part in blocks(run, 100)[:7]:
-    recorder.write(part)
-    print(recorder.part_path.stat().st_size, flush=True)
-os.kill(os.getpid(), signal.SIGKILL)
-"""
-
-KILLED_LATE = """
 from rmrc.recording import stream
 stream.LONG = 0.1
 recorder = Recorder(folder / "run.rrd", prepared)
 for i, part in enumerate(blocks(run, 100)):
     recorder.write(part)
+    print(recorder.part_path.stat().st_size, flush=True)
     time.sleep(0.15 * (i == 6))
     if i + 1 == int(sys.argv[2]):
         os.kill(os.getpid(), signal.SIGKILL)
@@ -282,26 +281,14 @@ def in_another_process(code, folder, *more):
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
-def test_after_kill_9_every_block_written_is_readable(planar, tmp_path):
-    run = planar[1]
-    run.save(tmp_path / "run.npz")
-    done = in_another_process(KILLED, tmp_path)
-    assert done.returncode == -signal.SIGKILL, done.stderr
-    assert not (tmp_path / "run.rrd").exists()
-    part = tmp_path / "run.rrd.part"
-    assert_same_bits(read_columns(part), rows(run, 0, 700).columns)
-    # torn early in the last block, as when the computer stops
-    os.truncate(part, int(done.stdout.split()[5]) + 2000)
-    assert_same_bits(read_columns(part), rows(run, 0, 600).columns)
-
-
 @pytest.mark.parametrize("count", [8, pytest.param(7, marks=pytest.mark.long)])
-def test_a_run_killed_after_some_blocks_has_the_layout_and_its_rows(planar, tmp_path, count):
+def test_after_kill_9_every_block_written_is_readable_and_the_layout_is_there(planar, tmp_path, count):
     """The layout is written with the eighth block, or later: not before some time has passed."""
     run = planar[1]
     run.save(tmp_path / "run.npz")
-    done = in_another_process(KILLED_LATE, tmp_path, str(count))
+    done = in_another_process(KILLED, tmp_path, str(count))
     assert done.returncode == -signal.SIGKILL, done.stderr
+    assert not (tmp_path / "run.rrd").exists()
     part, seen = tmp_path / "run.rrd.part", tmp_path / "seen.rrd"
     assert_same_bits(read_columns(part), rows(run, 0, 100 * count).columns)
     repair(part, seen)
@@ -315,6 +302,9 @@ def test_a_run_killed_after_some_blocks_has_the_layout_and_its_rows(planar, tmp_
         assert_looks_at_what_is_recorded(seen, [last_layout(seen)])
         assert drawn(seen)["error"].shape == (800, 1)
         assert {"Events", "Scenario", "Now"} <= {*names}
+    # torn early in the last block, as when the computer stops
+    os.truncate(part, int(done.stdout.split()[count - 2]) + 2000)
+    assert_same_bits(read_columns(part), rows(run, 0, 100 * (count - 1)).columns)
 
 
 @pytest.mark.long  # rerun may first have to be waited for
@@ -820,8 +810,9 @@ LOOKS = {  # the plot that is in sight, and what it has at each tick
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("quantity", LOOKS)
-@pytest.mark.parametrize("at", [None, 0.3])
+@pytest.mark.parametrize(
+    ("at", "quantity"), [*((None, one) for one in LOOKS), *mostly_long([(0.3, one) for one in LOOKS], 4)]
+)
 def test_what_the_scenario_asks_to_look_at_is_in_sight_and_marked(quantity, at, tmp_path):
     """The marks are the run's own values at that tick: float32, and angles of cosines near 1."""
     asked = f"look: {{quantity: {quantity}{'' if at is None else f', at: {at}'}}}\n"

@@ -15,6 +15,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from processes import descendants, started
+from project import mostly_long
 from rmrc.recording import viewer_process
 from rmrc.recording.viewer import ViewerError, is_torn, recording_of, repair, replay
 from rmrc.support.invocation import command
@@ -114,7 +115,7 @@ def served(path, folder):
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 @pytest.mark.parametrize(
     ("suffix", "number", "code"),
-    [("", signal.SIGINT, 130), (".part", signal.SIGTERM, 143), ("", signal.SIGHUP, 129)],
+    mostly_long([("", signal.SIGINT, 130), (".part", signal.SIGTERM, 143), ("", signal.SIGHUP, 129)], 3),
 )
 def test_web_listens_on_the_loopback_alone_and_leaves_no_process(recording, tmp_path, suffix, number, code):
     path = Path(f"{tmp_path}/run.rrd{suffix}")

@@ -1,4 +1,5 @@
 import re
+from functools import cache
 
 import pytest
 import yaml
@@ -176,9 +177,15 @@ def plain(text):
     return yaml.safe_load(text)
 
 
+@cache
+def described():
+    """Return the schema, which takes pydantic a twentieth of a second."""
+    return json_schema()
+
+
 @pytest.mark.parametrize("text", [MINIMAL, EXAMPLE, FULL])
 def test_the_json_schema_accepts_what_is_read(text):
-    schema = json_schema()
+    schema = described()
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     assert valid(plain(text), schema, schema)
     assert valid(loads(text).model_dump(mode="json"), schema, schema)
@@ -207,14 +214,14 @@ def test_the_json_schema_accepts_what_is_read(text):
 def test_the_json_schema_refuses_what_is_refused(old, new):
     assert old in FULL
     text = FULL.replace(old, new)
-    schema = json_schema()
+    schema = described()
     assert not valid(plain(text), schema, schema)
     with pytest.raises(ScenarioError):
         loads(text)
 
 
 def test_the_json_schema_gives_editors_units_and_meanings():
-    damping = json_schema()["$defs"]["DampingSection"]["properties"]["maximum"]
+    damping = described()["$defs"]["DampingSection"]["properties"]["maximum"]
     assert damping["unit"] == "as σ"
     assert damping["description"] == "λ_max, the largest damping (λ, not λ²)"
     assert damping["exclusiveMinimum"] == 0

@@ -3,6 +3,7 @@ import math
 import pytest
 from scenario_texts import FULL, MINIMAL, full_number_keys, problems
 
+from project import mostly_long
 from rmrc.scenario import loads
 from rmrc.support.errors import ScenarioError
 from wording import says
@@ -44,7 +45,9 @@ def test_a_model_that_is_not_there_is_told_with_its_neighbor(folder):
     assert len(problems(MINIMAL.replace("arm.xml", "loop"))) == 1
 
 
-@pytest.mark.parametrize(("text", "shown"), [(".nan", "nan"), (".inf", "inf"), ("-.inf", "-inf")])
+@pytest.mark.parametrize(
+    ("text", "shown"), mostly_long([(".nan", "nan"), (".inf", "inf"), ("-.inf", "-inf")], 2)
+)
 def test_no_number_of_a_scenario_may_be_nan_or_infinite(text, shown):
     # those of a sweep aside, whose own keys have dots and brackets
     keys = [key for key in full_number_keys() if not key.startswith("sweep.")]

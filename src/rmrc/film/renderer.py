@@ -51,7 +51,7 @@ class Renderer:
         self._model = model = copy.copy(model)
         look = model.vis
         look.global_.offwidth, look.global_.offheight = FINER * width, FINER * height
-        look.global_.fovy, look.quality.offsamples = np.degrees(ANGLE), 0
+        look.global_.fovy, look.quality.offsamples, look.quality.shadowsize = np.degrees(ANGLE), 0, 0
         self._gl = opened(FINER * width, FINER * height)
         try:
             self._gl.make_current()
