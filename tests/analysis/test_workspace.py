@@ -1,6 +1,5 @@
 """A workspace is what closed forms, MuJoCo and numpy say: areas, boundaries, singular sets, postures."""
 
-import functools
 import json
 import re
 from dataclasses import replace
@@ -9,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from numpy.testing import assert_allclose
+from spaces import arm_of, found
 
 from chains import random_chain, seeds
 from project import ROOT
@@ -33,16 +33,6 @@ BASE = 1.2  # height of frame {0} of both
 
 # Newton's method ends where σ_min is below 1e-9 of the largest entry of J_v, of about 1 m to 9 m.
 SINGULAR = 1e-8
-
-
-def arm_of(name, site=None):
-    return arms.load(ROOT / f"models/{name}.xml", site)
-
-
-@functools.cache
-def found(name, site=None, plane=None, through=None, **options):
-    options = {"cells": 100, "samples": 20_000} | options
-    return workspace(arm_of(name, site), plane, through=through and np.array(through), **options)
 
 
 def middles(space):
@@ -75,16 +65,16 @@ def test_singular_set_of_the_arm_of_6_and_3_is_the_circles_of_radius_9_and_3():
 def test_area_of_the_annulus_is_measured_to_the_accuracy_that_is_stated():
     exact = two_link_free_area(SIX_THREE)
     assert_allclose(exact, np.pi * (9**2 - 3**2), rtol=1e-15)
-    for cells in (50, 200):
+    for cells in (50, 100):
         free = found("planar_6_3", cells=cells).free
         assert abs(free.area - exact) < free.accuracy < 10.0 * exact / cells
     # A cell at the border is in or out by its middle, and that averages out.
-    assert_allclose(free.area, exact, rtol=2e-3)
+    assert_allclose(free.area, exact, rtol=5e-3)
     # With limits each point has one posture: the area is ∫∫ |det J| = 18 ∫∫ sin q2.
-    limited = found("planar_6_3", cells=200).limited
-    assert_allclose(limited.area, 18.0 * (1.0 - np.cos(LIMITS[1, 1])) * LIMITS[0, 1], rtol=5e-3)
-    # Negative control: other limits, by a degree.
-    assert abs(limited.area / (18.0 * (1.0 - np.cos(LIMITS[1, 1])) * (LIMITS[0, 1] + 0.0175)) - 1.0) > 5e-3
+    limited = found("planar_6_3").limited
+    assert_allclose(limited.area, 18.0 * (1.0 - np.cos(LIMITS[1, 1])) * LIMITS[0, 1], rtol=1e-2)
+    # Negative control: other limits, by two degrees.
+    assert abs(limited.area / (18.0 * (1.0 - np.cos(LIMITS[1, 1])) * (LIMITS[0, 1] + 0.035)) - 1.0) > 1e-2
 
 
 def test_boundary_with_limits_is_that_of_the_textbook():
@@ -154,7 +144,7 @@ def test_postures_of_the_torus_arm_are_those_of_the_closed_form(name):
 
 def test_area_and_volume_of_the_torus_are_those_of_pappus():
     l1, l2, l3 = TORI["torus_3r"]
-    space = found("torus_3r", cells=200)
+    space = found("torus_3r")
     area = np.pi * ((l2 + l3) ** 2 - (l2 - l3) ** 2)
     assert abs(space.free.area - area) < space.free.accuracy
     assert_allclose(space.volume(space.free), area * 2.0 * np.pi * l1, rtol=2e-3)
@@ -421,7 +411,7 @@ def test_a_map_over_two_joints_has_a_double_zero_of_the_determinant_too(tmp_path
 
 
 def test_an_arm_without_known_factors_has_no_families():
-    space = found("planar_3link")
+    space = found("planar_3link", cells=30)
     assert space.families == () and all(curve.family is None for curve in space.singular)
 
 
@@ -546,7 +536,7 @@ def test_kept_postures_are_within_limits_that_do_not_lie_around_zero(tmp_path):
     path.write_text(text.replace('name="elbow" range="-2.7925268 2.7925268"', 'name="elbow" range="1.0 5.0"'))
     arm = arms.load(path)
     assert arm.position_limit[1].tolist() == [1.0, 5.0]
-    space = workspace(arm, q=np.array([0.0, 2.0, 0.0]), cells=30, samples=2000)
+    space = workspace(arm, q=np.array([0.0, 2.0, 0.0]), cells=20, samples=2000)
     kept = space.limited.q[space.limited.reached]
     low, high = arm.position_limit.T
     assert (kept >= low - 1e-8).all() and (kept <= high + 1e-8).all()
