@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from numpy.testing import assert_allclose
 from spaces import arm_of, found
 
 from chains import random_chain, seeds
-from project import ROOT
+from project import ROOT, examples
 from rmrc import arm as arms
 from rmrc.analysis.survey import jacobians
 from rmrc.analysis.workspace import files as workspace_files
@@ -259,7 +259,7 @@ def test_the_worst_posture_is_worse_than_the_best():
 
 
 @given(seeds)
-@settings(max_examples=8)
+@examples(4, 40)
 def test_nearest_singular_configurations_of_any_chain_are_singular(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("chain") / "chain.xml"
     path.write_text(random_chain(seed, 3 + seed % 4))
@@ -279,7 +279,7 @@ def test_nearest_singular_configurations_of_any_chain_are_singular(tmp_path_fact
 
 
 @given(seeds)
-@settings(max_examples=10, deadline=None)
+@examples(6, 60)
 def test_curvature_of_any_chain_is_the_derivative_of_its_linear_velocities(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("chain") / "chain.xml"
     path.write_text(random_chain(seed))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from project import mostly_long
 from rmrc.show.palette import distinct
 from rmrc.study import filter_figure
 from rmrc.study.filter_figure import filter_factors
@@ -95,7 +96,7 @@ def test_the_words_name_scenario_axes_units_and_variants():
     ]
 
 
-@pytest.mark.parametrize("count", [1, 12])
+@pytest.mark.parametrize("count", mostly_long([12, 1], 2))
 def test_the_legend_hides_nothing_and_is_not_cut_off(count):
     figure = filter_figure._filter_factors("case", some(count))
     figure.draw_without_rendering()

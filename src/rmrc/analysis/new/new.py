@@ -206,8 +206,7 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
     if not (move.by.any() or move.turn.any()):
         return _Trial(move, (True,))
     try:
-        one = loads(_placed(suits, move, IDEAL.name, {}, []))
-        run = _run(one, IDEAL.name, cache, COARSE)
+        run = _run(one := loads(_placed(suits, move, IDEAL.name, {}, [])), IDEAL.name, cache, COARSE)
     except ScenarioError as error:
         return _Trial(move, (True,), why=f": {error.problems[0].text}")
     card = scorecard(run)
@@ -239,13 +238,10 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
 
 def _run(one: Scenario, plant: str, cache: Cache, period: float = PERIOD) -> Run:
     """Return the run of a scenario on a plant."""
-    changed = one.set({"control.period": period, "plant.kind": plant})
-    return Simulation([prepare(changed, cache)]).run()[0]
+    return Simulation([prepare(one.set({"control.period": period, "plant.kind": plant}), cache)]).run()[0]
 
 
-def _tried(
-    suits: Scales, one: Scenario, plant: str, cache: Cache
-) -> tuple[dict[str, Scorecard], tuple[str, ...]]:
+def _tried(suits: Scales, one: Scenario, plant: str, cache: Cache) -> tuple[dict[str, Scorecard], list[str]]:
     """Return the metrics on the plants that can run the motion, and a sentence on each of the others."""
     cards, left = {}, []
     for name in PLANTS.names:
@@ -269,7 +265,7 @@ def _tried(
                 f"{suits.task.arm.path}: the {name} plant diverges at {run.divergence.time:g} s: "
                 f"{run.divergence.reason}; give another --plant, or fix the errors found by `rmrc check`"
             )
-    return cards, tuple(left)
+    return cards, left
 
 
 def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tuple[dict[str, Any], list[str]]:
