@@ -209,8 +209,9 @@ def test_the_two_examples_of_the_notes():
     assert_allclose(stretched.reaction_world, [[0, 1000, 0, 0, 0, 0]] * 2, atol=1e-12)
 
 
-def test_gravity_and_springs_are_how_the_energy_rises(made, chain):
-    own = (arms.load(ROOT / f"models/{name}.xml") for name in MODELS[::2])
+@pytest.mark.parametrize("every", [2, pytest.param(1, marks=pytest.mark.long)])
+def test_gravity_and_springs_are_how_the_energy_rises(made, chain, every):
+    own = (arms.load(ROOT / f"models/{name}.xml") for name in MODELS[::every])
     for arm in (*own, made(screw_chain()), chain(11), chain(12)):
         q = arm.sampled(1)[0]
         weight, springs = arm.rest_torques(q)

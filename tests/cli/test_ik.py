@@ -206,7 +206,6 @@ def test_each_continuum_is_listed_once_with_its_starts(rmrc):
 
 
 @pytest.mark.usefixtures("asked_once")
-@pytest.mark.usefixtures("asked_once")
 def test_where_no_connection_was_found_it_says_so(rmrc):
     # Three freedoms: waist to the left or to the right, which no chain of postures connected.
     ask = ("ik", PUMA, "--axes", "x,y,z", "--to-q", "0.2,-1,1,0.3,0.4,0.5", "--all", "--no-limits")

@@ -74,6 +74,7 @@ def test_it_prints_the_front_a_block_to_paste_and_what_that_costs(rmrc, tmp_path
     assert rmrc("run", "recordings/quick.tune.yaml", "--no-record", "--quiet")[0] == 0
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick", "undrawn", "unmargined")
 def test_threads_change_no_letter_of_it(rmrc):
     asked = ["tune", "quick.yaml", "--runs", "30", "--perturbed", "1"]

@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import rmrc
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.results.run import Run
 from rmrc.scenario import variants
 from rmrc.study.compare import Comparison
@@ -106,7 +106,8 @@ def test_compare_writes_what_the_verb_writes_if_it_is_asked_to(short, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "drawn", [{}, {"random": {"control.feedback": (5, 40)}}, {"sobol": {"control.feedback": [5, 40]}}]
+    "drawn",
+    mostly_long([{}, {"random": {"control.feedback": (5, 40)}}, {"sobol": {"control.feedback": [5, 40]}}], 2),
 )
 def test_sweep_gives_the_rows_of_the_verb(short, tmp_path, drawn):
     samples = 3 if drawn else None
