@@ -13,7 +13,11 @@ def arm_of(name, site=None):
     return arms.load(ROOT / f"models/{name}.xml", site)
 
 
+def found(name, site=None, plane=None, through=None, cells=100, samples=20_000, worst=False):
+    return _found(name, site, plane, through, cells, samples, worst)
+
+
 @functools.cache
-def found(name, site=None, plane=None, through=None, **options):
-    options = {"cells": 100, "samples": 20_000} | options
-    return workspace(arm_of(name, site), plane, through=through and np.array(through), **options)
+def _found(name, site, plane, through, cells, samples, worst):
+    point = through and np.array(through)
+    return workspace(arm_of(name, site), plane, through=point, cells=cells, samples=samples, worst=worst)

@@ -59,7 +59,7 @@ def test_the_arm_of_6_and_3_shows_both_sets_circles_limits_and_the_arm():
 @pytest.mark.parametrize(
     "cut",
     [
-        {},
+        {"cells": 50},
         pytest.param(
             {"plane": "xz", "through": (0.0, 0.0, 1.0), "cells": 40, "samples": 5000}, marks=pytest.mark.long
         ),
