@@ -160,8 +160,8 @@ def test_the_optimum_of_damping_and_feedback_is_that_of_a_fine_grid(path):
     study = Study(draft_of(path, limit))
     grid = [
         (damping, feedback)
-        for damping in np.geomspace(best.setting.numbers[0] / 4, 4.0 * best.setting.numbers[0], 16)
-        for feedback in np.geomspace(1.0, 10.0, 10)
+        for damping in np.geomspace(best.setting.numbers[0] / 30, 1.0, 40)
+        for feedback in np.geomspace(1.0, 10.0, 12)
     ]
     key = "control.inverse.damping.maximum"
     worlds = [study.prepare(changes_of({key: d, "control.feedback": k})) for d, k in grid]
@@ -172,7 +172,7 @@ def test_the_optimum_of_damping_and_feedback_is_that_of_a_fine_grid(path):
     able = [i for i, card in enumerate(cards) if card["joint_rate.peak"].value <= 0.7 * 1.01]
     least = min(cards[i]["position_error.max"].value for i in able)
     assert 0 < len(able) < len(grid)  # the limit does act
-    # The grid's steps are 20 % and 29 %, and the search ends with 1 %: it is as good or better, give or take 1 %.
+    # The grid's steps are 15 %, and the search ends with 1 %: it is as good or better, give or take 1 %.
     found_least = min(one.worst.error for one in found.feasible)
     assert 0.95 * least <= found_least <= 1.01 * least
     assert best.worst.error <= 1.02 * found_least  # of errors that are alike, the lowest rate
