@@ -41,7 +41,10 @@ QUESTIONS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", QUESTIONS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.long) if name == "workspace" else name for name in QUESTIONS],
+)
 def test_a_file_an_arm_and_a_scenario_are_the_same_model(name):
     ask, of = QUESTIONS[name]
     answer = of(ask(TWO, q=Q))

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from spaces import found
 
 from project import ROOT, examples
 from rmrc import arm as arms
@@ -13,10 +14,6 @@ from rmrc.analysis.workspace.workspace import workspace
 
 # What the search promises: Newton's method ends at rounding.
 REACHED = 1e-9
-
-
-def found(name, **options):
-    return workspace(arms.load(ROOT / f"models/{name}.xml"), **({"cells": 40, "samples": 20_000} | options))
 
 
 def assert_extents(reach, first, second):
@@ -78,7 +75,7 @@ def test_extents_of_the_torus_are_its_tubes(name, l1, inner):
 
 def test_extents_of_a_cut_through_the_torus_are_those_of_the_circle_in_it():
     # The plane y = 0.5 cuts the outermost circle, of 2.3 m, and has its heights from the circle of 1.2 m.
-    space = found("torus_3r", plane="xz", through=np.array([0.0, 0.5, 0.0]))
+    space = found("torus_3r", None, "xz", (0.0, 0.5, 0.0), cells=50)
     across = np.sqrt(2.3**2 - 0.5**2)
     assert_extents(space.free, [-across, across], [0.1, 2.3])
     assert_reached(space, space.free)
@@ -95,12 +92,23 @@ def test_extents_of_sampled_arms_are_reached_to_rounding():
 
 
 def test_a_singular_posture_counts_only_if_no_better_one_reaches_its_point():
-    space = found("torus_3r_short", cells=30)
+    space = found("torus_3r_short")
     assert space.free.ends["sigma_min"][0] == 0.0 and space.free.source["sigma_min"] == "singular"
     # The Stanford arm is singular at many points of its inside, which other postures reach as well.
-    best, worst = (found("stanford", cells=12, samples=2000, worst=worst) for worst in (False, True))
+    best = found("stanford", cells=12, samples=2000)
     assert len(best.singular[0].q) > 500
     assert best.free.ends["sigma_min"][0] > 0.02
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("torus_3r_short", {}),
+        pytest.param("stanford", {"cells": 12, "samples": 2000}, marks=pytest.mark.long),
+    ],
+)
+def test_of_the_worst_postures_a_singular_one_counts(name, options):
+    worst = found(name, worst=True, **options)
     assert worst.free.ends["sigma_min"][0] == 0.0 and worst.free.source["sigma_min"] == "singular"
 
 

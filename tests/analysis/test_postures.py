@@ -169,11 +169,11 @@ def test_on_the_waist_axis_there_is_a_continuum():
 
 def test_an_arm_with_joints_to_spare_has_a_continuum():
     task = choose(load("planar_3link"), ["x", "y"])
-    found = find_postures(task, goal_pose(task, [0.6, 0.3]), starts=200, limits=False)
+    found = find_postures(task, goal_pose(task, [0.6, 0.3]), starts=100, limits=False)
     assert found.is_continuum and found.freedom.tolist() == [1]
     assert found.hits.tolist() == [found.starts]
     # Its limits cut the loop into two pieces.
-    kept = find_postures(task, goal_pose(task, [0.6, 0.3]), starts=200)
+    kept = find_postures(task, goal_pose(task, [0.6, 0.3]), starts=100)
     assert kept.freedom.tolist() == [1, 1] and kept.hits.sum() > found.starts / 2
 
 
@@ -304,7 +304,7 @@ def test_circuits_that_meet_are_one_continuum(tmp_path_factory, bars):
     assert apart.freedom.tolist() == [1, 1]
 
 
-def circuits(lengths, reach, second, third, steps=6001):
+def circuits(lengths, reach, second, third, steps=3001):
     """Pieces of the linkage within limits of its second and third hinge, by their first hinge on a grid.
 
     Returns the number of pieces, and the shortest of pieces and gaps along the first hinge [rad].
@@ -359,7 +359,7 @@ def test_limits_leave_the_pieces_of_a_linkage_that_a_grid_shows(
     lengths, (shortest, *middle, longest) = (a, b, c), sorted([a, b, c, reach])
     assume(longest < 0.95 * (shortest + sum(middle)) and abs(sum(middle) - shortest - longest) > 0.02)
     count, least = circuits(lengths, reach, second, third)
-    # 200 starts do not miss a piece of a tenth; the grid, of a thousandth, no gap of a tenth.
+    # 200 starts do not miss a piece of a tenth; the grid, of two thousandths, no gap of a tenth.
     assume(count and least > 0.1)
     task = planar(tmp_path_factory, lengths, (None, (-second, second), (-third, third)))
     found = continua(task, reach, limits=True, starts=200)

@@ -72,10 +72,31 @@ def test_quiet_says_nothing(workspace, tmp_path):
     assert (tmp_path / "recordings/planar_6_3.workspace.png").is_file()
 
 
+OPTIONS = ["--plane", "yz", "--through", "0.3,0,0", "--axes", "x,y,z", "--length", "0.5", "--worst"]
+
+
+def test_samples_axes_through_and_worst_reach_the_computation(workspace, monkeypatch):
+    asked = {}
+
+    def ask(_, **options):
+        asked.update(options)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rmrc.analysis.workspace.workspace.workspace", ask)
+    code, *_ = workspace(STANFORD, "--cells", "10", "--samples", "1000", "--json", *OPTIONS)
+    assert code == 130
+    assert asked.pop("through").tolist() == [0.3, 0.0, 0.0] and len(asked.pop("q")) == 6
+    assert callable(asked.pop("on_samples"))
+    assert asked == {
+        "plane": "yz", "samples": 1000, "worst": True, "axes": ("x", "y", "z"), "task_frame": None,
+        "length": 0.5, "cells": 10,
+    }  # fmt: skip
+
+
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
-def test_samples_axes_through_and_worst_reach_the_computation(workspace):
-    arguments = ["--plane", "yz", "--through", "0.3,0,0", "--axes", "x,y,z", "--length", "0.5", "--worst"]
-    code, out, _ = workspace(STANFORD, "--cells", "10", "--samples", "1000", "--json", *arguments)
+def test_the_summary_tells_samples_axes_through_and_worst(workspace):
+    code, out, _ = workspace(STANFORD, "--cells", "10", "--samples", "1000", "--json", *OPTIONS)
     facts = json.loads(out)
     assert code == 0
     assert (facts["slice"], facts["origin"], facts["posture"]) == ("yz", [0.3, 0.0, 0.0], "worst")

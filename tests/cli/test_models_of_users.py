@@ -70,7 +70,7 @@ def test_a_package_is_found_by_its_option_and_by_its_key(rmrc, tmp_path):
     (tmp_path / "own.yaml").write_text(
         SCENARIO.format(model="arm.urdf", more=", packages: {arm_description: parts}", plant="ideal")
     )
-    code, _, err = rmrc("run", "own.yaml", "--quiet")
+    code, _, err = rmrc("run", "own.yaml", "--quiet", "--no-record")
     assert code == 0 and "package" not in err
     facts = json.loads((tmp_path / "recordings/own.json").read_text())
     notes = facts["assumed"][:3]  # behind them stands what the run has otherwise than the model

@@ -111,7 +111,7 @@ PROCESSES = {
 }
 
 
-@pytest.mark.parametrize("case", mostly_long(PROCESSES, 2))
+@pytest.mark.parametrize("case", mostly_long(PROCESSES, 4))
 def test_a_process_ends_as_other_tools_do(tmp_path, case):
     """As in a shell, with all that the interpreter does at its own end."""
     line, code, err = PROCESSES[case]

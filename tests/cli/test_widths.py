@@ -93,13 +93,28 @@ def test_no_word_that_a_verb_prints_is_broken(drawn, case):
         assert max(map(len, tables_only)) <= width
 
 
+HELPS = {}
+
+
+@pytest.fixture
+def help_of(rmrc, monkeypatch):
+    """Return a function: verb, width -> the help as a terminal of that width shows it, printed once."""
+
+    def shown(verb, width):
+        if (verb, width) not in HELPS:
+            monkeypatch.setenv("COLUMNS", str(width))
+            code, HELPS[verb, width], _ = rmrc(*filter(None, [verb]), "--help")
+            assert code == 0
+        return HELPS[verb, width]
+
+    return shown
+
+
 @pytest.mark.parametrize("verb", ["", *VERBS])
-def test_no_word_of_a_help_is_broken_or_cut(rmrc, monkeypatch, verb):
+def test_no_word_of_a_help_is_broken_or_cut(help_of, verb):
     shown = {}
     for width in (200, 80, 60):
-        monkeypatch.setenv("COLUMNS", str(width))
-        code, shown[width], _ = rmrc(*filter(None, [verb]), "--help")
-        assert code == 0
+        shown[width] = help_of(verb, width)
         assert max(map(len, shown[width].splitlines())) <= width
         assert "..." not in shown[width].replace(",...", "").replace("[ARGS]...", "")
     for width in (80, 60):
@@ -126,10 +141,8 @@ def sources(verb):
 
 @pytest.mark.parametrize("width", [60, 80, 200])
 @pytest.mark.parametrize("verb", VERBS)
-def test_a_help_says_what_its_source_says(rmrc, monkeypatch, verb, width):
-    monkeypatch.setenv("COLUMNS", str(width))
-    _, shown, _ = rmrc(verb, "--help")
-    text = " ".join(shown.split())
+def test_a_help_says_what_its_source_says(help_of, verb, width):
+    text = " ".join(help_of(verb, width).split())
     for help_ in sources(verb):
         assert " ".join(help_.split()) in text
     if verb == "tune":  # what rich took for markup

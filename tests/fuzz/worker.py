@@ -4,7 +4,6 @@ import contextlib
 import faulthandler
 import functools
 import importlib
-import importlib.metadata
 import json
 import os
 import resource
@@ -102,16 +101,13 @@ def _modules():
 
 
 def _remember_what_never_changes():
-    """Keep what libraries find out anew at each call of the command line: its own parser, and their versions.
+    """Keep what libraries find out anew at each call of the command line: its own parser.
 
     Nothing of rmrc is remembered, so that what an input leaves behind shows in the next.
     """
     import typer.main
 
-    import rmrc.results.facts
-
     typer.main.get_command = functools.cache(typer.main.get_command)
-    rmrc.results.facts.version = functools.cache(importlib.metadata.version)
 
 
 def _planted(name):

@@ -33,8 +33,20 @@ class World(NamedTuple):
     arm: object
 
 
-def drawn(folder, chain, scale, objective=Objective.NONE, length=True):
-    """Return a world of a chain whose lengths are multiplied by `scale`, with the same motion asked of it."""
+def drawn(folder, chain, *how, **options):
+    """Return a world of a chain whose lengths are multiplied by a scale, with the same motion asked of it."""
+    key = (chain, how, *options.items())
+    if key not in DRAWN:
+        DRAWN[key] = draw(folder, chain, *how, **options)
+    found = DRAWN[key]
+    return found._replace(world=found.world.copy(), tick=found.tick.copy())
+
+
+# Each is drawn once for all methods.
+DRAWN = {}
+
+
+def draw(folder, chain, scale, objective=Objective.NONE, length=True):
     seed, n, rows = chain
     rng = np.random.default_rng(seed)
     path = folder / f"{scale:g}.xml"

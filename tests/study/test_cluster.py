@@ -275,6 +275,7 @@ def test_what_a_worker_took_with_it_is_not_waited_for_and_comes_once(monkeypatch
         here.scale(2)  # another beside the one that is gone
         found = {}
         while len(found) < len(running):
+            time.sleep(0.01)
             some = dict(crew.ended({one: indices for one, indices in running.items() if one not in found}))
             assert found.keys().isdisjoint(some)
             found |= some

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from project import mostly_long
 from rmrc.show.palette import distinct
 from rmrc.study import filter_figure
 from rmrc.study.filter_figure import filter_factors
@@ -33,7 +34,7 @@ def lines(axes, curves):
     return [drawn[label] for label, _ in curves]
 
 
-@pytest.mark.parametrize("count", [1, 2, 12])
+@pytest.mark.parametrize("count", [1, 12])
 def test_every_curve_is_drawn_with_its_mark_on_it_and_in_the_rug(count):
     curves = some(count)
     axes = axes_of(curves)
@@ -95,7 +96,7 @@ def test_the_words_name_scenario_axes_units_and_variants():
     ]
 
 
-@pytest.mark.parametrize("count", [1, 12])
+@pytest.mark.parametrize("count", mostly_long([12, 1], 2))
 def test_the_legend_hides_nothing_and_is_not_cut_off(count):
     figure = filter_figure._filter_factors("case", some(count))
     figure.draw_without_rendering()
@@ -109,12 +110,12 @@ def test_the_legend_hides_nothing_and_is_not_cut_off(count):
 
 def test_files_are_whole_pictures_with_text_as_text_and_equal_for_equal_curves(tmp_path):
     paths = [tmp_path / "new" / "a.png", tmp_path / "new" / "a.svg"]
-    filter_factors("case", some(2), paths)
+    filter_factors("case", some(2), paths[1:])
+    before = paths[1].read_bytes()
+    filter_factors("case", some(2), paths[::-1])
+    assert paths[1].read_bytes() == before
     assert sorted(tmp_path.glob("new/*")) == paths
     picture = imread(paths[0])
     assert picture.shape[0] > 500 and picture.shape[1] > 1000 and picture[..., :3].min() < 0.5
     text = paths[1].read_text("utf-8")
     assert re.search(r"<text[^>]*>maximum=0.1</text>|>maximum=0.1<", text)
-    before = [path.read_bytes() for path in paths]
-    filter_factors("case", some(2), paths)
-    assert [path.read_bytes() for path in paths] == before

@@ -48,7 +48,7 @@ def judge(study, **changes):
 
 
 def test_the_edge_of_the_ideal_plant_is_that_of_the_equation(short):
-    ticks = np.arange(6)
+    ticks = np.array([0, 1, 5])
     found = gain_margins(short, [changes_of({"plant.delay": PERIOD * d}) for d in ticks])
     wanted = 2.0 * np.sin(np.pi / (2 * (2 * ticks + 1))) / PERIOD
     assert_allclose([10.0 * edge.value for edge in found], wanted, rtol=0.02)
@@ -65,7 +65,8 @@ def test_so_it_is_between_ticks_and_with_a_lag(short):
 
 def test_the_same_dead_time_can_be_added_as_the_equation_says(short):
     for own in (0.0, 0.04):
-        found = rmrc.margins(short.prepare(changes_of({"plant.delay": own})).scenario, threads=1)
+        one = short.prepare(changes_of({"plant.delay": own})).scenario
+        found = rmrc.margins(one, accuracy=0.04, threads=1)
         assert found.is_stable and found.late == (own, 0.0)
         assert_allclose(own + found.delay.value + PERIOD / 2, own + found.delay.ideal + PERIOD / 2, rtol=0.02)
         # π/2/K is the dead time of a loop without a period
@@ -165,8 +166,8 @@ def test_more_delay_leaves_less_gain_and_a_finer_search_comes_nearer(short):
     found = gain_margins(short, [changes_of({"plant.delay": delay}) for delay in delays])
     assert sorted((edge.value for edge in found), reverse=True) == [edge.value for edge in found]
     scenario = short.prepare().scenario
-    coarse, fine = (Asking(scenario, accuracy=share, threads=1).run().gain.edge for share in (0.2, 0.02))
-    assert fine.high / fine.low <= 1.02 < coarse.high / coarse.low <= 1.2
+    coarse, fine = (Asking(scenario, accuracy=share, threads=1).run().gain.edge for share in (0.2, 0.05))
+    assert fine.high / fine.low <= 1.05 < coarse.high / coarse.low <= 1.2
 
 
 def test_bits_do_not_depend_on_threads_or_on_what_is_asked_beside(short):

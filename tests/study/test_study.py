@@ -61,7 +61,7 @@ def alone(path, overrides, varied):
     return prepared
 
 
-@pytest.mark.parametrize("path", mostly_long(SCENARIOS, 12), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", mostly_long(SCENARIOS, 20), ids=lambda path: path.stem)
 def test_each_variant_is_what_it_is_alone(path):
     once = functools.cache(lambda *texts: alone(path, SHARED, texts))
     arm = once().arm

@@ -118,7 +118,7 @@ def test_each_row_has_the_bits_of_its_run_alone(swept):
     rows = table.to_pylist()
     assert [row["index"] for row in rows] == list(range(RUNS))
     path = sweep.dataset.file.parent.parent / "quick.yaml"
-    for row in rows:
+    for row in rows[::3]:
         prepared = prepare(load(path, [str(change) for change in sweep.plan.changes(row["index"])]))
         (run,) = Simulation([prepared]).run()
         card = scorecard(run)
@@ -285,13 +285,11 @@ def test_a_second_ctrl_c_while_threads_end_leaves_the_interpreter_as_it_was(monk
     assert sys.getswitchinterval() == before
 
 
-def test_a_sweep_of_a_scenario_object_has_the_rows_of_its_file(swept, path, tmp_path):
-    assert Sweep(load(path), folder=tmp_path / "a").run().done == RUNS
-    whole = swept[0].dataset.file.read_bytes()
-    assert (tmp_path / "a/quick.sweep.parquet").read_bytes() == whole
-    made = Scenario.model_validate(load(path).model_dump())  # which has no file
-    assert Sweep(made, folder=tmp_path / "b").run().done == RUNS
-    assert (tmp_path / "b/quick.sweep.parquet").read_bytes() == whole
+@pytest.mark.parametrize("has_file", mostly_long([False, True], 2))
+def test_a_sweep_of_a_scenario_object_has_the_rows_of_its_file(swept, path, tmp_path, has_file):
+    one = load(path) if has_file else Scenario.model_validate(load(path).model_dump())
+    assert Sweep(one, folder=tmp_path).run().done == RUNS
+    assert (tmp_path / "quick.sweep.parquet").read_bytes() == swept[0].dataset.file.read_bytes()
 
 
 def test_what_a_crew_does_survives_the_way_to_another_machine(swept):

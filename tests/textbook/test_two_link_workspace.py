@@ -59,7 +59,8 @@ def image(limits):
     """Return where the tip gets to on a grid of joint positions, no two neighbors further than 0.018 apart."""
     low, high = np.where(np.isfinite(limits), limits, np.pi * np.sign(limits)).T
     grid = np.stack(np.meshgrid(*np.linspace(low, high, 700).T, indexing="ij"), axis=-1)
-    return cKDTree(two_link_position(LENGTHS, grid.reshape(-1, 2)))
+    # a balanced tree would take longer to make than all that is asked of it
+    return cKDTree(two_link_position(LENGTHS, grid.reshape(-1, 2)), balanced_tree=False, compact_nodes=False)
 
 
 def sides(reached, arc):
@@ -133,7 +134,7 @@ def widest_gap(arcs):
     return gaps.min(axis=1).max()
 
 
-@pytest.mark.parametrize("draws", [10, pytest.param(40, marks=pytest.mark.long)])
+@pytest.mark.parametrize("draws", [4, pytest.param(40, marks=pytest.mark.long)])
 def test_whatever_the_limits_every_arc_ends_where_another_begins(draws):
     for limits in LIMITS:
         # a margin of 1e-6 rad around limits, and curves that cross at some angle

@@ -133,6 +133,7 @@ def test_what_was_ended_could_not_count(path):
     assert saved == len(some)  # negative control: they were ended, and not at their end
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("unmodeled")
 def test_a_search_that_ends_runs_finds_what_one_that_does_not_finds(path, monkeypatch):
     only = ["control.inverse.method=damped", "control.inverse.damping.schedule=constant,smallest_singular_value",

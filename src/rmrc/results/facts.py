@@ -3,7 +3,8 @@
 import json
 import platform
 from collections.abc import Mapping
-from importlib.metadata import version
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,9 @@ from rmrc.support.files import written_whole
 
 # The libraries that determine the bits and the appearance of a result.
 LIBRARIES = ("rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk")
+
+
+version = cache(metadata.version)
 
 
 def versions(*more: str) -> dict[str, str]:

@@ -83,6 +83,7 @@ class _Trial:
 
     move: Move
     faults: tuple[bool, ...]
+    scenario: Scenario | None = None
     why: str = ""
 
     @property
@@ -141,9 +142,9 @@ def new(
         raise QuestionError(
             f"{arm.path}: its joints do not move {quoted(arm.site)}; choose another with --site or --body"
         )
-    best = _best(suits, cache)
+    best, ideal = _best(suits, cache)
     move = best.move
-    cards, left = _tried(suits, move, plant, cache)
+    cards, left = _tried(suits, ideal, plant, cache)
     expect, said = _expected(suits, move, cards)
     said += comment(" ".join(left))
     if best.words:
@@ -184,8 +185,8 @@ def _placed(suits: Scales, move: Move, plant: str, expect: Mapping[str, Any], sa
     return written(suits, move, Path.resolve, _name(path), plant, expect, said)
 
 
-def _best(suits: Scales, cache: Cache) -> _Trial:
-    """Return the first motion without a fault, or else the one whose worst fault is the smallest."""
+def _best(suits: Scales, cache: Cache) -> tuple[_Trial, Scenario]:
+    """Return the first motion without a fault, or else that with the smallest; and its scenario."""
     best: _Trial | None = None
     for move in moves(suits):
         trial = _trial(suits, move, cache)
@@ -193,21 +194,21 @@ def _best(suits: Scales, cache: Cache) -> _Trial:
             best = trial
         if not any(best.faults):
             break
-    if best is None or best.faults[0]:
+    if best is None or best.scenario is None or best.faults[0]:
         raise QuestionError(
             f"{suits.task.arm.path}: no move from near home can run{best.why if best else ''}; give "
             "another --site or --body, and run `rmrc check` for details"
         )
-    return best
+    return best, best.scenario
 
 
 def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
     if not (move.by.any() or move.turn.any()):
         return _Trial(move, (True,))
     try:
-        run = _run(suits, move, IDEAL.name, cache, COARSE)
+        run = _run(one := loads(_placed(suits, move, IDEAL.name, {}, [])), IDEAL.name, cache, COARSE)
     except ScenarioError as error:
-        return _Trial(move, (True,), f": {error.problems[0].text}")
+        return _Trial(move, (True,), why=f": {error.problems[0].text}")
     card = scorecard(run)
     if run.divergence or not run.is_complete:
         return _Trial(move, (True,))
@@ -231,23 +232,21 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
             move.how == "aside", _value(card, "duration") > LONG,
             any(one.is_moved for one in first),
         ),
+        one,
     )  # fmt: skip
 
 
-def _run(suits: Scales, move: Move, plant: str, cache: Cache, period: float = PERIOD) -> Run:
-    """Return the run of a motion on a plant."""
-    one = loads(_placed(suits, move, plant, {}, [])).set({"control.period": period})
-    return Simulation([prepare(one, cache)]).run()[0]
+def _run(one: Scenario, plant: str, cache: Cache, period: float = PERIOD) -> Run:
+    """Return the run of a scenario on a plant."""
+    return Simulation([prepare(one.set({"control.period": period, "plant.kind": plant}), cache)]).run()[0]
 
 
-def _tried(
-    suits: Scales, move: Move, plant: str, cache: Cache
-) -> tuple[dict[str, Scorecard], tuple[str, ...]]:
+def _tried(suits: Scales, one: Scenario, plant: str, cache: Cache) -> tuple[dict[str, Scorecard], list[str]]:
     """Return the metrics on the plants that can run the motion, and a sentence on each of the others."""
     cards, left = {}, []
     for name in PLANTS.names:
         try:
-            run = _run(suits, move, name, cache)
+            run = _run(one, name, cache)
         except ScenarioError as error:
             if name == plant:
                 key, why = error.problems[0].key, error.problems[0].text
@@ -266,7 +265,7 @@ def _tried(
                 f"{suits.task.arm.path}: the {name} plant diverges at {run.divergence.time:g} s: "
                 f"{run.divergence.reason}; give another --plant, or fix the errors found by `rmrc check`"
             )
-    return cards, tuple(left)
+    return cards, left
 
 
 def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tuple[dict[str, Any], list[str]]:
