@@ -95,10 +95,13 @@ CLUSTER = "/test_cluster"
 SHARING = (
     "/test_report_page.py", "/test_comparison.py", "/test_sweep.py", "/test_resuming.py", "/test_workspace.py",
     "/test_film.py", "/test_architecture.py", "/test_peers_page.py", "/test_scenarios.py",
-    "/test_browser.py", "/test_browser_page.py", "/test_plot.py", "/test_overlay.py",
+    "/test_browser.py", "/test_browser_page.py", "/test_plot.py", "/test_overlay.py", "/test_registers.py",
 )  # fmt: skip
-# The file whose tests share the runs of shipped scenarios with those of another.
-LIKEWISE = {"/test_docs.py": "/test_scenarios.py"}
+# Files whose tests share what those of another make: runs of shipped scenarios, workspaces.
+LIKEWISE = {
+    "/test_docs.py": "/test_scenarios.py", "/test_extents.py": "/test_workspace.py",
+    "/test_workspace_figure.py": "/test_workspace.py",
+}  # fmt: skip
 
 
 @pytest.hookimpl(wrapper=True)
