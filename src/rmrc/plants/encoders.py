@@ -20,7 +20,7 @@ from rmrc.plants.stage import Stage, in_ticks, refuse_unseen
 _MOST_OFF = 1e6
 # Finer steps [rad, m] are lost in the rounding of positions, and their number overflows.
 _FINEST = 1e-12
-# Noise of this many ticks is drawn at once: between two ticks MuJoCo and the law evict its code and its tables
+# Noise of this many ticks is drawn at once: between two ticks MuJoCo and the law evict its code and tables
 # from the first caches.
 AHEAD = 32
 
