@@ -34,6 +34,7 @@ from rmrc.law.record import tick_type
 from rmrc.plants import native
 from rmrc.plants.around import BEFORE
 from rmrc.plants.chance import normals
+from rmrc.plants.encoders import AHEAD
 from rmrc.results.columns import COLUMNS
 from rmrc.scenario import loads
 from rmrc.scenario.choices import INVERSES, SCHEDULES
@@ -381,8 +382,8 @@ def ticks_alone(prepared: Prepared, count: int, keeps: bool) -> float:
 @entry
 def noise_many(records: Record, outs: Record, calls: int) -> None:  # noqa: ARG001 - as all
     """Draw the noise of six joints again and again."""
-    for tick in range(calls):
-        normals(1, 2, tick, records[0].n, records[0].drawn, records[0].noise)
+    for first in range(0, calls, AHEAD):
+        normals(1, 2, first, records[0].n, records[0].drawn, records[0].noise)
 
 
 @entry

@@ -27,13 +27,18 @@ def uniform(seed, stream, tick):
 
 @numba.njit
 def draw(seed, stream, tick, drawn, found):
-    chance.normals(seed, stream, tick, len(found), drawn, found)
+    chance.normals(seed, stream, tick, found.shape[1], drawn, found)
 
 
 def normal(seed, tick, count):
     """Return the normal numbers of a tick, (count,)."""
-    found = np.empty(count)
-    draw(chance.word(seed), chance.ENCODER_NOISE, tick, np.empty(count + 3, np.int64), found)
+    return normals(seed, tick, count, 1)[0]
+
+
+def normals(seed, first, count, ticks):
+    """Return the normal numbers of some ticks, (ticks, count)."""
+    found = np.full((ticks, count), np.nan)
+    draw(chance.word(seed), chance.ENCODER_NOISE, first, np.empty(count + 3, np.int64), found)
     return found
 
 
@@ -82,6 +87,12 @@ def test_so_are_those_beyond_the_edge_and_between_layers(tick):
     # of these some 26 are beyond the lowest layer's edge, and 1,200 are drawn between two layers
     assert (np.abs(found) > 3.6541528853610088).sum() > 10
     assert_allclose(found, normals_by_numpy(3, tick, 100_000), rtol=1e-13)
+
+
+@given(st.integers(0, 2**200), st.integers(0, 2**62), st.integers(1, 8))
+def test_those_of_many_ticks_at_once_are_those_of_each(seed, first, count):
+    found = normals(seed, first, count, 100)
+    np.testing.assert_array_equal(found, [normal(seed, first + i, count) for i in range(100)])
 
 
 def test_those_of_ticks_and_joints_are_independent():

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("viser")
 
 import rmrc
+from oracle_sensing import normals
 from project import mostly_long
 from rmrc.explore.answer import Explored
 from rmrc.explore.drag import LATE, PERIOD, Drag, Reference
@@ -74,6 +75,21 @@ def test_the_loop_is_that_of_a_run_where_it_sees_the_same(scenario):
         assert np.allclose(found[name], run[name], rtol=0.0, atol=1e-9), name
     assert np.array_equal(found["status"], run["status"])
     assert live.run(10)["time"][-1] == pytest.approx(9 * one.control.period)
+
+
+@pytest.mark.parametrize("before", ["arm.encoder.noise=0.0", "arm.encoder={noise: 0.1, seed: 7}"])
+def test_a_loop_that_takes_over_has_the_noise_of_its_own_seed(scenario, before):
+    first, second = (
+        Live(rmrc.prepare(scenario(one)), 1) for one in (before, "arm.encoder={noise: 0.01, seed: 3}")
+    )
+    law, pose = rmrc.Controller(first.prepared.arm, control=first.prepared.scenario), np.eye(7)[3]
+    for _ in range(5):  # noise of some ticks is drawn at once: these are among the same
+        assert first.sense()
+        assert first.obey(law.step(first.q, first.qdot, twist=np.zeros(6)), pose, np.zeros(6))
+    second.take_over(first)
+    assert second.sense()
+    off = second.q - first._qpos[0]
+    assert np.allclose(off, 0.01 * normals(3, 5, len(off)), rtol=0.0, atol=1e-14)
 
 
 def test_a_reference_follows_a_jump_within_speed_and_acceleration(explored):

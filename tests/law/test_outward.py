@@ -15,9 +15,9 @@ from rmrc.support.spatial import quat_to_matrix
 
 @entry
 def follow(chain: Array, leader: Array, q: Array, outward: Array, axes: int, place: Array, J: Array) -> None:
-    found = follow_first(chain, leader, q, outward, 0, HERE)
+    found = follow_first(chain, leader, q, outward, 0, axes, HERE)
     for first in range(LANES, axes, LANES):
-        found = follow_on(chain, leader, q, outward, first, found)
+        found = follow_on(chain, leader, q, outward, first, axes - first, found)
     for i in range(7):
         place[i] = found[i]
     for first in range(0, axes, LANES):
@@ -98,6 +98,40 @@ def test_a_chain_is_the_product_of_its_joints(axes):
     # Negative control: a step that is missing is seen.
     chain[STEP, axes - 1] += 1e-9
     assert np.abs(followed(chain, q)[1][4:] - end).max() > 1e-10
+
+
+def product(a, b):
+    """The product of two quaternions, in the order of the module's own sums."""
+    return (
+        (a[0] * b[0] - a[1] * b[1]) - (a[2] * b[2] + a[3] * b[3]),
+        (a[0] * b[1] + a[1] * b[0]) + (a[2] * b[3] - a[3] * b[2]),
+        (a[0] * b[2] - a[1] * b[3]) + (a[2] * b[0] + a[3] * b[1]),
+        (a[0] * b[3] + a[1] * b[2]) - (a[2] * b[1] - a[3] * b[0]),
+    )
+
+
+@pytest.mark.parametrize("axes", [1, 3, 4, 5, 8, 9, 12, 13, 16])
+def test_the_order_of_the_products_is_fixed_to_the_bit(axes):
+    rng, none = np.random.default_rng(axes), (1.0, 0.0, 0.0, 0.0)
+    chain, z, _, pitch = chain_of(axes, rng)
+    q, last, straight = rng.uniform(-1.0, 1.0, axes), none, none
+    turns = []
+    for axis, moved, h in zip(z, q, pitch, strict=True):
+        alone = np.zeros((ROWS_OF_CHAIN, 8))
+        alone[HALF, 0], alone[AXIS, 0] = 0.5 * ~np.isinf(h), 1.0
+        c, s = followed(alone, [moved])[1][:2]
+        turns.append((c, *(s * axis)))
+        straight = product(straight, turns[-1])
+    turns += [none] * (-axes % 4)
+    for first in range(0, len(turns), 4):  # pairs, pairs of pairs, and groups one after the other
+        group = turns[first : first + 4]
+        for count in (1, 2):
+            group = [product(group[i - count] if i >= count else none, group[i]) for i in range(4)]
+        last = product(last, group[3]) if first else group[3]
+    found = followed(chain, q)[1][:4]
+    np.testing.assert_array_equal(found, last)
+    # Negative control: one after the other, the bits of long chains are different.
+    assert axes < 8 or not np.array_equal(found, straight)
 
 
 @pytest.mark.parametrize("turns", [0, 1, 7, 1_000, 100_000])

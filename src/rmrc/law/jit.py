@@ -315,7 +315,7 @@ def chain(
     for called, condition in zip(names, calls, strict=True):
         lines += [f"    if {condition}:", f"        {called}({passed or arguments})", "        called = True"]
     exec("\n".join([*lines, "    return called"]), names)
-    return compiled(cast(Callable[..., bool], names[name]))
+    return inlined(cast(Callable[..., bool], names[name]))
 
 
 def entry(function: Function, **options: Any) -> Function:

@@ -3,7 +3,7 @@
 import math
 from typing import TypeAlias
 
-from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.jit import Array, Record, compiled, inlined
 from rmrc.law.outward import HERE, LANES, contribute, follow_first, follow_on
 
 Quaternion: TypeAlias = tuple[float, float, float, float]
@@ -98,9 +98,9 @@ def follow_chain(world: Record, q: Array) -> None:
         world: Read: the arm's geometry at 0. Written: `outward` and `pose`.
         q: Joint positions, (n,).
     """
-    place = follow_first(world.chain, world.leader, q, world.outward, 0, HERE)
+    place = follow_first(world.chain, world.leader, q, world.outward, 0, world.axes, HERE)
     for first in range(LANES, world.axes, LANES):
-        place = follow_on(world.chain, world.leader, q, world.outward, first, place)
+        place = follow_on(world.chain, world.leader, q, world.outward, first, world.axes - first, place)
     turn, tip = (place[0], place[1], place[2], place[3]), world.tip_quat
     dx, dy, dz = turned(turn, world.tip_step)
     world.pose[0], world.pose[1], world.pose[2] = place[4] + dx, place[5] + dy, place[6] + dz
@@ -152,7 +152,7 @@ def quat_product(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
-@compiled
+@inlined
 def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
     """Write [p_ref − p; log(R_ref Rᵀ)], (6,) [m, rad], along world axes.
 
@@ -210,7 +210,7 @@ def turn_columns(turn: Quaternion, J: Array, n: int) -> None:
             J[half, j], J[half + 1, j], J[half + 2, j] = x, y, z
 
 
-@compiled
+@inlined
 def framed_error(frame: int, base: Array, free: int, pose: Array, pose_ref: Array, error: Array) -> None:
     """Write `pose_error` along the axes of a frame.
 

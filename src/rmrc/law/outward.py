@@ -1,10 +1,11 @@
-"""Kinematics of a chain, outward from its base, with four axes at a time in vector registers.
+"""Kinematics of a chain, outward from its base, with eight axes at a time in vector registers.
 
 The rotation before each axis is the product of the rotations about the axes before it. Two steps make the
-products of four rotations, each step all four at once [Hillis86]; one after the other, they take four steps.
+products within both groups of four rotations, each step all at once [Hillis86]; one after the other, they
+take four steps. The product of the first group then comes before those of the second.
 
 Products and sums have a fixed order and are not fused. The bits are the same on processors whose registers
-hold less than four numbers.
+hold less than eight numbers.
 """
 
 import math
@@ -18,7 +19,7 @@ from numba.extending import intrinsic
 from rmrc.law.jit import Array
 from rmrc.law.record import AXIS, HALF, STEP, TURNS
 
-LANES = 4
+LANES, GROUP = 8, 4
 # A multiple of π/2 is subtracted in two parts; the first has so few bits that products with it are exact.
 _FIRST, _REST = 1.57079632673412561417, 6.07710050650619224932e-11
 # The sum with this number is rounded to an integer, which is in its last bits.
@@ -35,12 +36,11 @@ _COSINE = (
 
 _REAL, _WORD, _NUMBER = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 _ROW, _BITS = ir.VectorType(_REAL, LANES), ir.VectorType(_WORD, LANES)
-_NOTHING = ir.Constant(_ROW, ir.Undefined)
 _untyped: Any = types
 
 
 class _Row:
-    """Four numbers in a register, and the code of their sums and products."""
+    """The numbers in a register, and the code of their sums and products."""
 
     def __init__(self, builder: Any, value: Any) -> None:
         self.builder, self.value = builder, value
@@ -49,7 +49,7 @@ class _Row:
         """Return a row of one number, or a row as it is."""
         if isinstance(value, _Row):
             return value
-        return _Row(self.builder, ir.Constant(_ROW, [float(value)] * LANES))
+        return _Row(self.builder, ir.Constant(self.value.type, [float(value)] * self.value.type.count))
 
     def __add__(self, other: Any) -> "_Row":
         return _Row(self.builder, self.builder.fadd(self.value, self.of(other).value))
@@ -60,20 +60,24 @@ class _Row:
     def __mul__(self, other: Any) -> "_Row":
         return _Row(self.builder, self.builder.fmul(self.value, self.of(other).value))
 
-    def behind(self, count: int, first: Any) -> "_Row":
-        """Return the numbers some places further on, behind some of another row."""
-        places = [i if i < count else LANES + i - count for i in range(LANES)]
-        return self.mixed(self.of(first).value, self.value, places)
+    def behind(self, count: int, first: Any, size: int = GROUP) -> "_Row":
+        """Return the numbers some places further on within each group of a size, behind others."""
+        places = [LANES + i % size if i % size < count else i - count for i in range(LANES)]
+        return self.mixed(self.of(first), places)
 
-    def mixed(self, a: Any, b: Any, places: Sequence[int]) -> "_Row":
+    def mixed(self, other: "_Row", places: Sequence[int]) -> "_Row":
         """Return numbers of two registers."""
-        taken = ir.Constant(ir.VectorType(_NUMBER, LANES), list(places))
-        return _Row(self.builder, self.builder.shuffle_vector(a, b, taken))
+        taken = ir.Constant(ir.VectorType(_NUMBER, len(places)), list(places))
+        return _Row(self.builder, self.builder.shuffle_vector(self.value, other.value, taken))
+
+    def groups(self) -> tuple["_Row", "_Row"]:
+        """Return both groups."""
+        return self.mixed(self, range(GROUP)), self.mixed(self, range(GROUP, LANES))
 
     @property
     def last(self) -> Any:
-        """The last number."""
-        return self.builder.extract_element(self.value, _NUMBER(LANES - 1))
+        """The last number of a group."""
+        return self.builder.extract_element(self.value, _NUMBER(GROUP - 1))
 
 
 _Rows: TypeAlias = Sequence[_Row]
@@ -81,8 +85,8 @@ _Rows: TypeAlias = Sequence[_Row]
 
 def _spread(builder: Any, value: Any) -> _Row:
     """Return a row of one number."""
-    first = builder.insert_element(_NOTHING, value, _NUMBER(0))
-    return _Row(builder, first).mixed(first, _NOTHING, [0] * LANES)
+    first = _Row(builder, builder.insert_element(ir.Constant(_ROW, ir.Undefined), value, _NUMBER(0)))
+    return first.mixed(first, [0] * LANES)
 
 
 def _polynomial(x: _Row, of: Sequence[float]) -> _Row:
@@ -133,7 +137,7 @@ def _turned(turn: _Rows, v: _Rows) -> list[_Row]:
 
 
 class _Table:
-    """Four columns of an array, beginning with a given one; of a row alone, its numbers."""
+    """Eight columns of an array, beginning with a given one; of a row alone, its numbers."""
 
     def __init__(self, context: Any, builder: Any, kind: Any, array: Any, first: Any) -> None:
         made = context.make_array(kind)(context, builder, array)
@@ -169,15 +173,15 @@ _PLACE = _untyped.UniTuple(types.float64, len(HERE))
 
 
 def _typed_follow(is_first: bool) -> Any:
-    """Return the generator of code for four axes: the first of a chain, or those behind a place."""
+    """Return the generator of code for eight axes: the first of a chain, or those behind a place."""
 
-    def typed(_: Any, chain: Any, leader: Any, q: Any, outward: Any, _first: Any, _place: Any) -> Any:
+    def typed(_: Any, chain: Any, leader: Any, q: Any, outward: Any, _a: Any, _n: Any, _at: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
             at = [given[4]] * 2 + [_WORD(0)] + [given[4]]
             of_chain, leaders, of_q, found = (
                 _Table(context, builder, *one) for one in zip(signature.args[:4], given[:4], at, strict=True)
             )
-            values = _NOTHING
+            values = ir.Constant(_ROW, ir.Undefined)
             for i in range(LANES):
                 value = of_q.number(leaders.number(_WORD(i)))
                 values = builder.insert_element(values, value, _NUMBER(i))
@@ -187,23 +191,32 @@ def _typed_follow(is_first: bool) -> Any:
             turn = [cosine, *(sine * one for one in axis)]
             for count in (1, 2):
                 turn = _product([one.behind(count, no) for one, no in zip(turn, HERE, strict=False)], turn)
+            near, far = map(list, zip(*(one.groups() for one in turn), strict=True))
             before: Sequence[Any] = HERE
             if not is_first:
-                before = [_spread(builder, builder.extract_value(given[5], i)) for i in range(len(HERE))]
-                turn = _product(before[:4], turn)
-            turned = [one.behind(1, at) for one, at in zip(turn, before, strict=False)]
-            axis, point, ends = _turned(turned, axis), _turned(turned, step), []
+                before = [_spread(builder, builder.extract_value(given[6], i)) for i in range(len(HERE))]
+                near = _product([one.groups()[0] for one in before[:4]], near)
+            far = _product([_spread(builder, one.last).groups()[0] for one in near], far)
+            turn = [a.mixed(b, range(LANES)) for a, b in zip(near, far, strict=True)]
+            turned = [one.behind(1, at, LANES) for one, at in zip(turn, before, strict=False)]
+            axis, point = _turned(turned, axis), _turned(turned, step)
             for i in range(3):
                 go = way * axis[i]
                 so_far = point[i] + go.behind(1, 0.0)
                 for count in (1, 2):
                     so_far += so_far.behind(count, 0.0)
-                point[i] = so_far if is_first else so_far + before[4 + i]
-                ends.append((point[i] + go).last)
+                (near_at, far_at), (near_go, far_go) = so_far.groups(), go.groups()
+                near_at = near_at if is_first else near_at + before[4 + i].groups()[0]
+                near.append(near_at + near_go)
+                far_at += _spread(builder, near[-1].last).groups()[0]
+                far.append(far_at + far_go)
+                point[i] = near_at.mixed(far_at, range(LANES))
             found.write(0, [*axis, *point])
-            return context.make_tuple(builder, _PLACE, [*(one.last for one in turn), *ends])
+            is_near = builder.icmp_signed("<=", given[5], _WORD(GROUP))
+            ends = (builder.select(is_near, a.last, b.last) for a, b in zip(near, far, strict=True))
+            return context.make_tuple(builder, _PLACE, list(ends))
 
-        return _PLACE(chain, leader, q, outward, types.int64, _PLACE), generate
+        return _PLACE(chain, leader, q, outward, types.int64, types.int64, _PLACE), generate
 
     return typed
 
@@ -224,10 +237,10 @@ def _typed_contribute(_: Any, chain: Any, outward: Any, point: Any, columns: Any
 
 
 _make: Any = intrinsic
-# (chain, leader, q, outward, first, place): writes the axes and their anchors, [z; o] (6, ℓ), of four axes
-# from the first on, which come behind a place; returns the place behind them.
-# The first four come behind HERE, which is not multiplied.
-follow_first: Callable[[Array, Any, Array, Array, int, Place], Place] = _make(_typed_follow(True))
-follow_on: Callable[[Array, Any, Array, Array, int, Place], Place] = _make(_typed_follow(False))
-# (chain, outward, point, columns, first): writes the contributions of four axes to the twist of a point.
+# (chain, leader, q, outward, first, count, place): writes the axes and their anchors, [z; o] (6, ℓ), of eight
+# axes from the first on, which come behind a place; returns the place behind them, of which `count` are real.
+# The first eight come behind HERE, which is not multiplied.
+follow_first: Callable[[Array, Any, Array, Array, int, int, Place], Place] = _make(_typed_follow(True))
+follow_on: Callable[[Array, Any, Array, Array, int, int, Place], Place] = _make(_typed_follow(False))
+# (chain, outward, point, columns, first): writes the contributions of eight axes to the twist of a point.
 contribute: Callable[[Array, Array, Array, Array, int], None] = _make(_typed_contribute)

@@ -8,13 +8,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rmrc.law.jit import Record, compiled
+from rmrc.law.jit import Record, inlined
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.stage import Stage
 from rmrc.scenario.choices import PLANTS
 
 
-@compiled
+@inlined
 def cross_play(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
     """Remove from each rate the part that the actuator needs to cross the gap in its direction."""
     for j in range(world.n):

@@ -89,28 +89,30 @@ def uniforms(seed: int, stream: int, tick: int) -> tuple[float, float]:
 
 
 @compiled
-def normals(seed: int, stream: int, tick: int, count: int, drawn: Words, found: Array) -> None:
+def normals(seed: int, stream: int, first: int, count: int, drawn: Words, found: Array) -> None:
     """Write numbers of the standard normal distribution, the same as numpy's `standard_normal` draws.
 
-    Its generator is a `numpy.random.Philox` whose first counter is the words 0, tick, 0, 0. All but one of
-    a hundred numbers take one word, one multiplication and one comparison.
+    The generator of a tick is a `numpy.random.Philox` whose first counter is the words 0, tick, 0, 0. All but
+    one of a hundred numbers take one word, one multiplication and one comparison.
 
     Args:
         seed: Seed of the world, as `word` makes it.
         stream: Their purpose, as above.
-        tick: Number of the tick.
-        count: How many numbers to write.
+        first: Number of the first tick.
+        count: How many numbers to write for each tick.
         drawn: Scratch, with room for a multiple of four.
-        found: Written, (count,).
+        found: Written, (ticks, count).
     """
-    for k in range(0, count, 4):
-        drawn[k], drawn[k + 1], drawn[k + 2], drawn[k + 3] = words(seed, stream, k // 4, tick)
-    for k in range(count):
-        of_layer, inward = _LAYER[drawn[k] & _BYTE], float((drawn[k] >> 9) & _MANTISSA)
-        if inward >= of_layer[1]:
-            _draw_on(seed, stream, tick, k, count, drawn, found)
-            return
-        found[k] = (1 - ((drawn[k] >> 7) & 2)) * (inward * of_layer[0])
+    for i in range(found.shape[0]):
+        tick = first + i
+        for k in range(0, count, 4):
+            drawn[k], drawn[k + 1], drawn[k + 2], drawn[k + 3] = words(seed, stream, k // 4, tick)
+        for k in range(count):
+            of_layer, inward = _LAYER[drawn[k] & _BYTE], float((drawn[k] >> 9) & _MANTISSA)
+            if inward >= of_layer[1]:
+                _draw_on(seed, stream, tick, k, count, drawn, found[i])
+                break
+            found[i, k] = (1 - ((drawn[k] >> 7) & 2)) * (inward * of_layer[0])
 
 
 @compiled

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.jit import Array, Record, compiled, inlined
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.chance import ENCODER_NOISE, normals, word
 from rmrc.plants.stage import Stage, in_ticks, refuse_unseen
@@ -20,28 +20,31 @@ from rmrc.plants.stage import Stage, in_ticks, refuse_unseen
 _MOST_OFF = 1e6
 # Finer steps [rad, m] are lost in the rounding of positions, and their number overflows.
 _FINEST = 1e-12
+# Noise of this many ticks is drawn at once: between two ticks MuJoCo and the law evict its code and tables
+# from the first caches.
+AHEAD = 32
 
 
-@compiled
-def read_encoders(world: Record, out: Record, past: Record, t: int) -> None:
+@inlined
+def read_encoders(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
     """Have the law take the readings of the encoders for the joint positions."""
-    if not world.differentiates:
-        for j in range(world.n):
-            world.q[j] = out.q[j] + world.encoder_offset[j]
-        return
     if world.encoder_delay > 0.0:
         look_back(world, past, t)
+    noise, first = world.noise[t % AHEAD], t - t % AHEAD
+    if world.is_noisy and world.noise_from != first:
+        world.noise_from = first
+        normals(world.encoder_seed, ENCODER_NOISE, first, world.n, world.drawn, world.noise)
     for j in range(world.n):
-        world.q[j] += world.encoder_offset[j]
-    if world.is_noisy:
-        normals(world.encoder_seed, ENCODER_NOISE, t, world.n, world.drawn, world.noise)
-        for j in range(world.n):
-            world.q[j] += world.encoder_noise[j] * world.noise[j]
-    for j in range(world.n):
-        step = world.encoder_resolution[j]
+        q, step = world.q[j] + world.encoder_offset[j], world.encoder_resolution[j]
+        if world.is_noisy:
+            q += world.encoder_noise[j] * noise[j]
         if step > 0.0:
-            world.q[j] = step * math.floor(world.q[j] / step + 0.5)
-    differentiate(world, t)
+            q = step * math.floor(q / step + 0.5)
+        world.q[j] = q
+        if world.differentiates:  # filtered difference quotients of the readings: y⁺ = u + exp(−T/τ) (y − u)
+            quotient = (q - world.q_read[j]) / world.period if t > 0 else 0.0
+            rate = quotient + world.rate_decay * (world.qdot_read[j] - quotient)
+            world.q_read[j], world.qdot_read[j], world.qdot[j] = q, rate, rate
 
 
 @compiled
@@ -52,16 +55,6 @@ def look_back(world: Record, past: Record, t: int) -> None:
     first, last = past[before % rows].q, past[after % rows].q
     for j in range(world.n):
         world.q[j] = last[j] + (after - when) * (first[j] - last[j])
-
-
-@compiled
-def differentiate(world: Record, t: int) -> None:
-    """Set the rates to the filtered difference quotients of the readings: y⁺ = u + exp(−T/τ) (y − u)."""
-    for j in range(world.n):
-        quotient = (world.q[j] - world.q_read[j]) / world.period if t > 0 else 0.0
-        world.q_read[j] = world.q[j]
-        world.qdot_read[j] = quotient + world.rate_decay * (world.qdot_read[j] - quotient)
-        world.qdot[j] = world.qdot_read[j]
 
 
 class Encoders(Stage):
@@ -77,11 +70,11 @@ class Encoders(Stage):
         Field("differentiates", np.int64), Field("rate_decay"), Field("encoder_delay"),  # in ticks
         Field("is_noisy", np.int64), Field("encoder_noise", size=(JOINTS,)), Field("encoder_seed", np.int64),
         Field("encoder_resolution", size=(JOINTS,)),
+        # standard noise of the ticks from `noise_from` on, which follows from the seed; scratch
+        Field("noise", size=(AHEAD, JOINTS)), Field("noise_from", np.int64),
+        Field("drawn", np.int64, (JOINTS,)),
     )  # fmt: skip
-    memory = (
-        Field("q_read", size=(JOINTS,)), Field("qdot_read", size=(JOINTS,)),
-        Field("drawn", np.int64, (JOINTS,)), Field("noise", size=(JOINTS,)),
-    )  # fmt: skip
+    memory = Field("q_read", size=(JOINTS,)), Field("qdot_read", size=(JOINTS,))
 
     @cached_property
     def offset(self) -> Array:
@@ -128,6 +121,7 @@ class Encoders(Stage):
         encoder, control = scenario.arm.encoder, scenario.control
         world["is_misled"], world["encoder_offset"][:n] = self.is_used, self.offset
         world["differentiates"], world["encoder_delay"] = self.differentiates, self.delay
+        world["noise_from"] = -1
         filtered = control.rate_filter
         world["rate_decay"] = math.exp(-control.period / filtered) if filtered else 0.0
         world["is_noisy"], world["encoder_noise"][:n] = np.any(encoder.noise), encoder.noise

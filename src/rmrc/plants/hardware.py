@@ -34,6 +34,8 @@ class Hardware:
     )
     memory = (
         Field("qdot_sent", size=(JOINTS,)),
+        Field("true_error", size=(6,)),
+        Field("true_error_2", start=np.nan),
         *dict.fromkeys(field for part in _PARTS for field in part.memory),
     )
 

@@ -4,12 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rmrc.law.jit import Record, compiled
+from rmrc.law.jit import Record, inlined
 from rmrc.law.record import Field
 from rmrc.plants.stage import Stage, refuse_unseen
 
 
-@compiled
+@inlined
 def integrate_commands(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
     """Have the law use q⁺ = q + period · qdot_cmd, from the encoders' reading at the start."""
     if t > 0:

@@ -105,6 +105,7 @@ def tick(
             going = world.diverged < 0 and t_w < world.ticks
             if going:
                 sense(world, out, state[w], force[w])
+                read_reference(world, out, reference[world.reference])
                 is_misled = read_joints(world, out, ticks, w, t_w, site_xpos[w], site_xquat[w])
                 world.diverged_joint = bad_joint(world, warning[w])
                 going = world.diverged_joint < -1
@@ -114,11 +115,8 @@ def tick(
                     if world.m_2 > 0:
                         measure_second(world, is_misled, site_xpos[w], site_xquat[w])
                     out.time = t_w * world.period
-                    read_reference(world, out, reference[world.reference])
                     control(world, out)
                     out.status |= read_loads(world, out, qfrc_gravcomp[w])
-                    if is_misled:
-                        take_true_errors(world, out, site_xpos[w], site_xquat[w])
                     world.diverged_joint = bad_command(world, out)
                     going = world.diverged_joint < 0
                 if going:
@@ -133,7 +131,11 @@ def tick(
 
 @inlined
 def act(world: Record, out: Record, ticks: Record, w: int, t: int, state: Array) -> bool:
-    """Send the command to the plant, and advance along the path; return whether a tick follows."""
+    """Send the command, record the true errors, advance along the path; return whether a tick follows."""
+    if world.is_sensed:  # the law took the arm to be elsewhere
+        for i in range(6):
+            out.pose_error[i] = world.true_error[i]
+        out.secondary_error = world.true_error_2
     send(world, out, ticks, w, t)
     obey(world, out, state)
     proceed(world, t)
@@ -163,10 +165,14 @@ def read_joints(world: Record, out: Record, ticks: Record, w: int, t: int, xpos:
 
 @apart("call_sensed", is_sensed=())
 def sense_by_stages(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
-    """Apply the stages before the law to the sensed state, and compute the kinematics from it."""
+    """Apply the stages before the law to the sensed state, and compute the kinematics from it.
+
+    The true error comes from other numbers, so that the processor computes it at the same time.
+    """
     sensed(world, out, ticks, w, t)
     for j in range(world.n):
         out.q_believed[j] = world.q[j]
+    take_error(world, out.pose_ref, out.pose, world.true_error)
     follow_chain(world, world.q)
     chain_jacobian(world)
 
@@ -188,29 +194,15 @@ def read_loads(world: Record, out: Record, gravcomp: Array) -> int:
 @apart("call_second", m_2=())
 def measure_second(world: Record, is_misled: bool, site_xpos: Array, site_xquat: Array) -> None:
     """Write pose and Jacobian of the second task's site, from the state that the law uses."""
+    for i in range(3):
+        world.pose_2[i] = site_xpos[world.site_2, i]
+    for i in range(4):
+        world.pose_2[3 + i] = site_xquat[world.site_2, i]
     if is_misled:
+        world.true_error_2 = second_error(world)
         follow_second(world, world.q)
     else:
-        see_second(world, site_xpos, site_xquat)
         second_jacobian(world)
-
-
-@compiled
-def take_true_errors(world: Record, out: Record, xpos: Array, xquat: Array) -> None:
-    """Record the true errors, where the law took the arm to be elsewhere."""
-    take_error(world, out.pose_ref, out.pose, out.pose_error)
-    if world.m_2 > 0:
-        see_second(world, xpos, xquat)
-        out.secondary_error = second_error(world)
-
-
-@compiled
-def see_second(world: Record, xpos: Array, xquat: Array) -> None:
-    """Read the pose of the second task's site."""
-    for i in range(3):
-        world.pose_2[i] = xpos[world.site_2, i]
-    for i in range(4):
-        world.pose_2[3 + i] = xquat[world.site_2, i]
 
 
 @compiled

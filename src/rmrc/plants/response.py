@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.jit import Array, Record, inlined
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.stage import Stage
 from rmrc.scenario.choices import PLANTS
@@ -22,7 +22,7 @@ _ALWAYS = 2.0**52
 _SLOWEST, _FASTEST, _MOST_DAMPED = 1e-5, 1e3, 10.0
 
 
-@compiled
+@inlined
 def lag_behind(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
     """Follow the arriving rate u by lag · dy/dt = u − y; the plant gets the mean of y."""
     for j in range(world.n):
@@ -61,7 +61,7 @@ class Lag(Stage):
         yield from ()
 
 
-@compiled
+@inlined
 def swing(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
     """Follow the arriving rate u by y" + 2ζω y' + ω² y = ω² u; the plant gets the mean of y.
 

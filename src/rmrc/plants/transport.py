@@ -10,13 +10,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.jit import Array, Record, compiled, inlined
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.chance import TRANSPORT, uniforms, word
 from rmrc.plants.stage import Stage, in_ticks
 
 
-@compiled
+@inlined
 def carry(world: Record, out: Record, past: Record, t: int) -> None:
     """Send the plant the command in effect in tick t, [t, t + 1): the last one sent of those that arrived."""
     if world.jitter > 0.0 or world.loss > 0.0:
