@@ -200,8 +200,14 @@ def take_true_errors(world: Record, out: Record, xpos: Array, xquat: Array) -> N
     """Record the true errors, where the law took the arm to be elsewhere."""
     take_error(world, out.pose_ref, out.pose, out.pose_error)
     if world.m_2 > 0:
-        see_second(world, xpos, xquat)
-        out.secondary_error = second_error(world)
+        take_second_error(world, out, xpos, xquat)
+
+
+@apart("call_second_error", m_2=())
+def take_second_error(world: Record, out: Record, site_xpos: Array, site_xquat: Array) -> None:
+    """Record the true error of the second task."""
+    see_second(world, site_xpos, site_xquat)
+    out.secondary_error = second_error(world)
 
 
 @compiled
@@ -247,13 +253,19 @@ def read_reference(world: Record, out: Record, reference: Array) -> None:
 def send(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
     """Send the command through the stages after the law, and record what arrives."""
     if world.is_eased:
-        keep_changes(world, out.qdot_cmd)
+        keep_course(world, out)
     for j in range(world.n):
         world.qdot_cmd_last[j] = world.qdot_sent[j] = out.qdot_cmd[j]
     if world.is_sent:
         send_by_stages(world, out, ticks, w, t)
     for j in range(world.n):
         out.qdot_arrived[j] = world.qdot_sent[j]
+
+
+@apart("call_course", is_eased=())
+def keep_course(world: Record, out: Record) -> None:
+    """Remember the changes of the rates, where jerk is limited."""
+    keep_changes(world, out.qdot_cmd)
 
 
 @apart("call_sent", is_sent=())
