@@ -27,10 +27,16 @@ from numpy.typing import NDArray
 from rmrc.law.brisk import briskly
 from rmrc.law.keeping import known_home, notice, own_folder
 from rmrc.law.kept import Kept
-from rmrc.law.linking import LongCompiler, PartCompiler, WholeCompiler
 from rmrc.scenario.choices import Choice, Choices
 from rmrc.support import lifetime
 from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
+
+try:
+    from rmrc.law.linking import LongCompiler, PartCompiler, WholeCompiler
+except ImportError:  # another version of numba has moved what they are made of
+    from numba.core.compiler import Compiler
+
+    LongCompiler = PartCompiler = WholeCompiler = Compiler  # type: ignore[misc, assignment]
 
 Array: TypeAlias = NDArray[np.float64]
 Record: TypeAlias = Any  # one element of a structured array, see records.py
@@ -563,7 +569,7 @@ def _forget_other_sources(directory: Path, function: Callable[..., object]) -> N
 
 
 # Modules of this folder that determine the machine code of functions.
-_HOW = "jit", "brisk", "indexing", "linking", "addresses", "outward"
+_HOW = "jit", "brisk", "shortcuts", "indexing", "linking", "addresses", "outward"
 # Folders whose modules may have compiled functions.
 _ROOMS = ("plants", "results", "simulation", "analysis")
 
