@@ -3,26 +3,18 @@
 from collections.abc import Callable
 from typing import Any, cast
 
-import numba
 import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba.core import cgutils, types
 from numba.extending import intrinsic
+from numba.np import arrayobj
 from numpy.typing import NDArray
-
-from rmrc.law.jit import inlined
 
 _WORD = ir.IntType(64)
 _function: Any = cgutils.get_or_insert_function
+_arrays: Any = arrayobj
 # Bytes that a processor's memory moves at once.
 _LINE = 64
-
-
-def _typed_pointer(_: Any, address: Any) -> Any:
-    def generate(context: Any, builder: Any, _: Any, given: Any) -> Any:
-        return builder.inttoptr(given[0], context.get_value_type(types.voidptr))
-
-    return types.voidptr(address), generate
 
 
 def _typed_call(_: Any, address: Any, first: Any, second: Any) -> Any:
@@ -32,6 +24,17 @@ def _typed_call(_: Any, address: Any, first: Any, second: Any) -> Any:
         return context.get_dummy_value()
 
     return types.none(address, first, second), generate
+
+
+def _typed_words(_: Any, address: Any, count: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        words = _arrays.make_array(signature.return_type)(context, builder)
+        size = context.get_constant(types.intp, _WORD.width // 8)
+        data = builder.inttoptr(given[0], _WORD.as_pointer())
+        _arrays.populate_array(words, data, [given[1]], [size], size, None)
+        return words._getvalue()
+
+    return types.Array(types.int64, 1, "C")(address, count), generate
 
 
 def _typed_fetch(_: Any, record: Any) -> Any:
@@ -48,18 +51,12 @@ def _typed_fetch(_: Any, record: Any) -> Any:
 
 
 _make: Any = intrinsic
-_carray: Any = cast(Any, numba).carray
-_pointer: Callable[[int], int] = _make(_typed_pointer)
+# Returns the 64-bit words that begin at an address, (count,): of memory that another owns.
+words_at: Callable[[int, int], NDArray[np.int64]] = _make(_typed_words)
 # Calls a C function that takes two pointers and returns nothing.
 call_c: Callable[[int, int, int], None] = _make(_typed_call)
 # Has the processor load a record that is written soon into its cache, while it does other work.
 fetch: Callable[[Any], None] = _make(_typed_fetch)
-
-
-@inlined
-def words_at(address: int, count: int) -> NDArray[np.int64]:
-    """Return the 64-bit words that begin at an address, (count,)."""
-    return _carray(_pointer(address), count, np.int64)  # type: ignore[no-any-return]
 
 
 def caller_of(count: int) -> Callable[[int, int, int], int]:

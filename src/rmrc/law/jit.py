@@ -49,7 +49,7 @@ _flags: dict[str, Any] = {"nogil": True, "error_model": "numpy", "pipeline_class
 # Functions that make arrays use these names. Only they count references to arrays. The others use arrays
 # of their caller, which outlive the call; counting would cost 0.1 to 0.25 us per tick. Numba refuses to
 # compile a function that makes an array in another way.
-_MAKERS = frozenset({"diag", "empty", "ones", "zeros", "_carray", "words_at"})
+_MAKERS = frozenset({"diag", "empty", "ones", "zeros"})
 # Functions that only compiled code calls need no wrappers for Python and C, a quarter of the compile time.
 _inner = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _part: dict[str, Any] = {"pipeline_class": PartCompiler, **_inner}

@@ -48,7 +48,7 @@ def _by_type(found: Callable[..., Any]) -> Callable[..., Any]:
             args = plain if all(isinstance(one, types.Number) for one in plain) else args
         key = (self, context, *args)
         if key not in known:
-            known[key] = found(self, context, args, kws)
+            known[key] = indexing.result(self.typing_key, args) or found(self, context, args, kws)
         return known[key]
 
     return get_call_type
