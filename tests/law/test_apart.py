@@ -13,6 +13,10 @@ from rmrc.law.jit import Array, Record, compiled, entry, machine_code
 from rmrc.law.record import ADDRESSES
 from rmrc.plants import lockstep
 from rmrc.plants.wiring import WIRING
+from rmrc.scenario import load
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
 
 WORLD = np.dtype([
     ("call_toy", np.int64), ("call_chosen", np.int64), ("call_doubled", np.int64), ("call_late", np.int64), ("is_doubled", np.int64), ("is_toy", np.int64), ("choice", np.int64), ("values", float, (3,))
@@ -160,3 +164,31 @@ def test_the_first_run_compiles_what_it_needs(tmp_path):
 
     assert kept() == USED
     assert kept("--set", "control.at_singularity=slow") == USED | {"policies.slow"}  # negative control
+
+
+def at_the_stop():
+    prepared = prepare(load(ROOT / "scenarios/at_the_stop.yaml"))
+    return Simulation([prepared])
+
+
+def test_joints_at_their_stops_meet_a_late_function_and_an_interrupt_waits_for_it(monkeypatch):
+    found, compiled_late = jit._found, []
+
+    def interrupted(one, *about):
+        if one.is_late and not compiled_late:
+            compiled_late.append(one.function.__name__)
+            raise KeyboardInterrupt
+        return found(one, *about)
+
+    with jit.all_at_once():
+        (wanted,) = at_the_stop().run()
+    monkeypatch.setattr(jit, "_addresses", {})
+    monkeypatch.setattr(jit, "_finders", {})
+    simulation = at_the_stop()
+    monkeypatch.setattr(jit, "_found", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        simulation.run()
+    assert compiled_late == ["give_way"]
+    (run,) = simulation.run()
+    assert all(run[name].tobytes() == wanted[name].tobytes() for name in wanted.columns)
+    assert (run["status"] & int(Status.POSITION_LIMITED)).any()

@@ -11,8 +11,7 @@ import pytest
 from numba.core.types.functions import BaseFunction
 
 from rmrc.law import brisk, linking
-from rmrc.law.brisk import briskly
-from rmrc.law.jit import compiled
+from rmrc.law.jit import briskly, compiled
 from rmrc.law.linking import WholeCompiler
 
 

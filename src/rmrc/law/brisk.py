@@ -1,6 +1,5 @@
-"""Compiling with fewer steps than numba itself takes, where the version of numba is known."""
+"""Whether numba can compile with fewer steps than by itself: its version, and the function at hand."""
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -8,8 +7,6 @@ from numba import __version__
 
 # Versions of numba with whose results `rmrc.law.shortcuts` was compared.
 IS_KNOWN = __version__.startswith("0.68.")
-
-_lock = threading.RLock()
 
 
 class Plain:
@@ -26,19 +23,3 @@ def plainly(is_plain: bool) -> Iterator[None]:
         yield
     finally:
         Plain.now = before
-
-
-@contextmanager
-def briskly() -> Iterator[None]:
-    """Have numba take shortcuts. One thread at a time compiles here.
-
-    Another version of numba compiles in its own way: its internals are not even imported.
-    """
-    with _lock:
-        if not IS_KNOWN:
-            yield
-            return
-        from rmrc.law.shortcuts import shortened
-
-        with shortened():
-            yield

@@ -64,7 +64,7 @@ def field(kind: Any, name: str) -> Code | None:
 
 
 def code(of: Any, signature: Any) -> Code | None:
-    """Return the generator of code for an operation; None: it is none of those here.
+    """Return the generator of code for an operation; None: only numba has it.
 
     It generates None where only numba's own code is right.
     """
@@ -91,7 +91,7 @@ def _of_element(does: Any, signature: Any) -> Code | None:
 
 
 def result(does: Any, given: Sequence[Any]) -> Any:
-    """Return the signature of an operation on numbers; None: it is none of those here.
+    """Return the signature of an operation on numbers; None: only numba has it.
 
     For `max`, `min` and `int` numba would compile a function for each combination of types.
     """

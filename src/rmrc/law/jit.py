@@ -11,20 +11,19 @@ import hashlib
 import inspect
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
 import numba
 import numpy as np
-from llvmlite import ir  # type: ignore[import-untyped]
 from numba import config
-from numba.core import cgutils, event, types
-from numba.extending import intrinsic
+from numba.core import event
 from numpy.typing import NDArray
 
-from rmrc.law.brisk import briskly
+from rmrc.law import brisk
+from rmrc.law.addresses import LATE, TYPES, caller
 from rmrc.law.keeping import known_home, notice, own_folder
 from rmrc.law.kept import Kept
 from rmrc.scenario.choices import Choice, Choices
@@ -33,10 +32,12 @@ from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
 
 try:
     from rmrc.law.linking import LongCompiler, PartCompiler, WholeCompiler
-except ImportError:  # another version of numba has moved what they are made of
+    from rmrc.law.shortcuts import shortened
+except ImportError:  # another version of numba, which has moved its classes
     from numba.core.compiler import Compiler
 
     LongCompiler = PartCompiler = WholeCompiler = Compiler  # type: ignore[misc, assignment]
+    shortened = nullcontext  # type: ignore[assignment]
 
 Array: TypeAlias = NDArray[np.float64]
 Record: TypeAlias = Any  # one element of a structured array, see records.py
@@ -151,7 +152,7 @@ def apart(field: str, is_late: bool = False, **needs: tuple[int, ...]) -> Callab
 
     def decorate(function: Function) -> Function:
         _APARTS.append(_Apart(field, function, needs, is_late))
-        return cast(Function, _caller(field, function, is_late))
+        return cast(Function, caller(field, function, is_late))
 
     return decorate
 
@@ -167,58 +168,7 @@ def apart_by_code(field: str, chosen: str, functions: Mapping[int, Callable[...,
     plain = {code: cast(Any, function).py_func for code, function in functions.items()}
     for code, function in plain.items():
         _APARTS.append(_Apart(field, function, {chosen: (code,)}))
-    return _caller(field, next(iter(plain.values())))
-
-
-_WORD = ir.IntType(64)
-# The types of a function's arguments that compiled code needs to call it at an address.
-_TYPES: Mapping[Any, Any] = {
-    int: types.int64, float: types.float64, bool: types.boolean, None: types.none,
-}  # fmt: skip
-
-
-def _caller(field: str, function: Callable[..., object], is_late: bool = False) -> Callable[..., Any]:
-    """Return a function that calls another at the address that its first argument, a world, holds."""
-    signature, code = inspect.signature(function), cast(Any, cgutils)
-    names, result = tuple(signature.parameters), _TYPES[signature.return_annotation]
-    message = f"nothing is at {field}: a world is first given to rmrc.law.jit.machine_code"
-
-    def word(builder: Any, world: Any, kind: Any, name: str) -> Any:
-        return code.get_record_member(builder, world, kind.offset(name), _WORD)
-
-    def typed(context: Any, *given: Any) -> Any:  # noqa: ARG001 - as numba calls it
-        told = (signature.parameters[name].annotation for name in names)
-        taken = [_TYPES.get(one, kind) for one, kind in zip(told, given, strict=True)]
-
-        def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
-            convention, place = context.call_conv, word(builder, values[0], given[0], field)
-            address, nowhere = builder.load(place), _WORD(0)
-            if is_late:
-                at = code.alloca_once_value(builder, address)
-                late = builder.load(word(builder, values[0], given[0], LATE))
-                is_missing = builder.icmp_unsigned("==", address, nowhere)
-                with code.if_unlikely(
-                    builder, builder.and_(is_missing, builder.icmp_unsigned("!=", late, nowhere))
-                ):
-                    find = builder.inttoptr(late, ir.FunctionType(_WORD, [_WORD]).as_pointer())
-                    found = builder.call(find, [_WORD(given[0].offset(field))])
-                    builder.store(found, place)
-                    builder.store(found, at)
-                address = builder.load(at)
-            with code.if_unlikely(builder, builder.icmp_unsigned("==", address, nowhere)):
-                convention.return_user_exc(builder, RuntimeError, (message,))
-            kind = convention.get_function_type(result, taken)
-            called = builder.inttoptr(address, kind.as_pointer())
-            status, value = convention.call_function(builder, called, result, taken, values)
-            with code.if_unlikely(builder, status.is_error):
-                convention.return_status_propagate(builder, status)
-            return value
-
-        return result(*taken), generate
-
-    arguments, made = ", ".join(names), {"typed": typed}
-    exec(f"def call(context, {arguments}): return typed(context, {arguments})", made)
-    return cast(Callable[..., Any], intrinsic(made["call"]))
+    return caller(field, next(iter(plain.values())))
 
 
 def _link(function: Callable[..., object], at_need: bool, worlds: Any, *others: Any) -> None:
@@ -233,17 +183,19 @@ def _link(function: Callable[..., object], at_need: bool, worlds: Any, *others: 
     asked, read = _asked(worlds.dtype, len(_APARTS))
     present = {name: set(worlds[name].tolist()) for name in read}
     kinds = tuple(map(_kind, (worlds, *others)))
-    names = inspect.signature(cast(Any, function).py_func).parameters
-    types_of = {name: _typeof(one) for name, one in zip(names, (worlds, *others), strict=True)}
     for one in asked:
         used = one.users(worlds, present)
         if used is None:
             continue
-        key = (one.function, *kinds)
-        if key not in _addresses and one.is_late and at_need and not _Patience.is_over:
-            worlds[LATE] = _finder(worlds.dtype, kinds, types_of)
-        else:
-            worlds[one.field][used] = _found(one, kinds, types_of)
+        place = _addresses.get((one.function, *kinds), 0)
+        if not place:
+            names = inspect.signature(cast(Any, function).py_func).parameters
+            types_of = {name: _typeof(given) for name, given in zip(names, (worlds, *others), strict=True)}
+            if one.is_late and at_need and not _Patience.is_over:
+                worlds[LATE] = _finder(worlds.dtype, kinds, types_of)
+                continue
+            place = _found(one, kinds, types_of)
+        worlds[one.field][used] = place
 
 
 class _Patience:
@@ -262,9 +214,6 @@ def all_at_once() -> Iterator[None]:
         _Patience.is_over = before
 
 
-# The field of a world's record with the address of a function for compiled code: it takes the offset of the
-# field of a late function in the record, compiles that function, and returns its address, or 0.
-LATE = "call_late"
 _Finder = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
 _finders: dict[tuple[object, ...], Any] = {}
 # Exceptions during late compiling, by threads: compiled code cannot raise them.
@@ -276,13 +225,14 @@ def _finder(kind: np.dtype[np.void], kinds: tuple[object, ...], types_of: Mappin
 
     Ctypes has it take Python's lock, which the calling code has released.
     """
-    lates = {kind.fields[one.field][1]: one for one in _APARTS if one.field in (kind.fields or ())}  # type: ignore[index]
+    fields: Mapping[str, Any] = kind.fields or {}
+    by_offset = {fields[one.field][1]: one for one in _APARTS if one.field in fields}
 
     def find(offset: int) -> int:
         thread = threading.get_ident()
         while True:
             try:
-                return _found(lates[offset], kinds, types_of)
+                return _found(by_offset[offset], kinds, types_of)
             except KeyboardInterrupt as interrupted:  # it waits, so that no tick is left half done
                 _missed[thread] = interrupted
             except BaseException as error:
@@ -337,14 +287,14 @@ def _address(function: Callable[..., object], kinds: Mapping[str, Any]) -> int:
         if name in ("tick", "out"):
             taken.append(tick)
         elif one.annotation != Array:
-            taken.append(kinds[name] if name == "ticks" else _TYPES[one.annotation])
+            taken.append(kinds[name] if name == "ticks" else TYPES[one.annotation])
         elif name in kinds:
             taken.append(kinds[name].copy(ndim=kinds[name].ndim - 1))
         else:
             taken.append((world if name in world.fields else tick).typeof(name))
-    with _briskly():
+    with briskly():
         dispatcher = _entry_apart(function)
-        dispatcher.compile(_TYPES[signature.return_annotation](*taken))
+        dispatcher.compile(TYPES[signature.return_annotation](*taken))
     compiled = dispatcher.overloads[tuple(taken)]
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
@@ -474,7 +424,7 @@ def machine_code(function: Function, *arguments: object, at_need: bool = False) 
     key = (function, *map(_kind, arguments))
     if key not in _codes:
         dispatcher: Any = function
-        with _briskly():
+        with briskly():
             _codes[key] = dispatcher.compile(tuple(map(_typeof, arguments)))
     return cast(Function, _codes[key])
 
@@ -532,15 +482,18 @@ def _kind(argument: object) -> object:
     )
 
 
+_compiling = threading.RLock()
+
+
 @contextmanager
-def _briskly() -> Iterator[None]:
-    """Compile in half the time that numba takes by itself.
+def briskly() -> Iterator[None]:
+    """Compile in a third of the time that numba takes by itself. One thread at a time does.
 
     Level 2 makes code as fast as level 3 does for loops this short. Compiling makes millions of objects that
     live on, and the garbage collector would search them again and again.
     """
     settings: Any = config  # its attributes are made on import
-    with briskly():
+    with _compiling, shortened() if brisk.IS_KNOWN else nullcontext():
         level, collects = settings.OPT, gc.isenabled()
         settings.OPT = type(level)(min(2, level))
         gc.disable()

@@ -244,7 +244,7 @@ class Sweep:
     def compile(self) -> None:
         """Load the compiled law, or compile it on first use, which takes seconds.
 
-        All of it: some run will need what is late, and then each worker process would compile it.
+        Late functions too: some run will need them, and each worker process would compile them again.
         """
         with all_at_once():
             self._study.compile([self._prepare(0)])
