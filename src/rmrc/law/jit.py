@@ -229,14 +229,13 @@ def _finder(kind: np.dtype[np.void], kinds: tuple[object, ...], types_of: Mappin
     by_offset = {fields[one.field][1]: one for one in _APARTS if one.field in fields}
 
     def find(offset: int) -> int:
-        thread = threading.get_ident()
         while True:
             try:
                 return _found(by_offset[offset], kinds, types_of)
             except KeyboardInterrupt as interrupted:  # it waits, so that no tick is left half done
-                _missed[thread] = interrupted
+                _missed[threading.get_ident()] = interrupted
             except BaseException as error:
-                _missed[thread] = error
+                _missed[threading.get_ident()] = error
                 return 0
 
     if kinds not in _finders:
