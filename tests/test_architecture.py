@@ -44,15 +44,16 @@ OWNERS = {
         "rmrc.law.linking",
         "rmrc.law.outward",
         "rmrc.law.registers",
+        "rmrc.law.shortcuts",
     ),
     "llvmlite": (
         "rmrc.law.addresses",
-        "rmrc.law.brisk",
         "rmrc.law.indexing",
         "rmrc.law.kept",
         "rmrc.law.linking",
         "rmrc.law.outward",
         "rmrc.law.registers",
+        "rmrc.law.shortcuts",
     ),  # comes with numba
     "ruckig": ("rmrc.simulation.trajectory",),
     "yaml": ("rmrc.scenario",),

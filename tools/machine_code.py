@@ -61,12 +61,14 @@ def compile_here() -> None:
 
     import rmrc
     from rmrc.cli import app
+    from rmrc.law.jit import all_at_once
     from rmrc.scenario import load
     from rmrc.simulation.prepare import prepare
     from rmrc.simulation.simulation import Simulation
 
-    for name, keys in settings():
-        Simulation([prepare(load(ROOT / f"scenarios/{name}.yaml", keys))])  # compiles all that it needs
+    with all_at_once():
+        for name, keys in settings():
+            Simulation([prepare(load(ROOT / f"scenarios/{name}.yaml", keys))])  # compiles all that it needs
     with tempfile.TemporaryDirectory() as out:
         for command in commands(out):
             with contextlib.suppress(SystemExit):

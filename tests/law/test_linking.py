@@ -1,5 +1,7 @@
 """How functions are compiled: as numba compiles them, in less time, and numba is left as it was."""
 
+import subprocess
+import sys
 from contextlib import suppress
 from types import FunctionType
 
@@ -9,8 +11,7 @@ import pytest
 from numba.core.types.functions import BaseFunction
 
 from rmrc.law import brisk, linking
-from rmrc.law.brisk import briskly
-from rmrc.law.jit import compiled
+from rmrc.law.jit import briskly, compiled
 from rmrc.law.linking import WholeCompiler
 
 
@@ -53,7 +54,10 @@ KIND = np.dtype(
 
 
 def indexed(world, rows, first):
-    """Read and write elements of arrays in records and of others, by constants, loops, tuples, parts, and from the end."""
+    """Read and write elements of arrays in records and of others, and find extremes and members of tuples.
+
+    Elements are named by constants, loops, tuples, parts, and from the end.
+    """
     for r in range(3):
         for c in range(-1, world.n):
             world.a[r, c] += first * rows[r, -c - 1] + world.b[world.i[c]]
@@ -65,6 +69,10 @@ def indexed(world, rows, first):
     last = 1 if world.b[3] > 0 else -2
     world.i[last] = world.i[2] + last
     world.total += world.a[1, 2] + world.b[0]
+    world.total += max(rows[0][0], world.b[1], -first) - min(first, rows[1][1]) + int(9.0 * rows[0][2])
+    world.total += max(world.n, 7, -3) + min(0.5 * world.n, world.n) + int(world.n)
+    if world.n in (3, 4) and world.n not in (5,) and max(first, np.nan) == first != max(np.nan, first):
+        world.total += 1.0
     return rows[0][1] + world.a[0][-1]
 
 
@@ -108,6 +116,54 @@ def test_elements_and_loops_are_those_of_python(step, is_known, monkeypatch):
 def outwards(worlds, rows, first):
     """Call what is compiled as a part."""
     return inner(worlds[0], rows, first)  # noqa: F821 - given to it
+
+
+def rooted(number):
+    """Return the root of a number that has one."""
+    if number < 0.0:
+        raise ValueError("no root")
+    return np.sqrt(number)
+
+
+def doubled(number):
+    return 2.0 * rooted(number)
+
+
+def tripled(number):
+    return 3.0 * number
+
+
+def summed(number):
+    return doubled(number) + tripled(number)
+
+
+def test_what_can_raise_still_raises_through_its_callers():
+    parts = {**globals(), "rooted": compiled(rooted), "tripled": compiled(tripled)}
+    parts["doubled"] = compiled(FunctionType(doubled.__code__, parts))
+    with briskly():
+        found = numba.njit(pipeline_class=WholeCompiler, _nrt=False)(FunctionType(summed.__code__, parts))
+        assert found(4.0) == 16.0
+    with pytest.raises(ValueError, match="no root"):
+        found(-4.0)
+    libraries = {name: next(iter(parts[name].overloads.values())).library for name in PARTS}
+    assert [name for name, one in libraries.items() if one.raises_nothing] == ["tripled"]
+
+
+PARTS = "rooted", "doubled", "tripled"
+
+ELSEWHERE = """
+import sys, numba.core.codegen
+numba.__version__ = "0.99"
+del numba.core.codegen.JITCodeLibrary
+from rmrc.law.jit import WholeCompiler, compiled
+inner = compiled(lambda number: number + 1.0)
+assert numba.njit(pipeline_class=WholeCompiler)(lambda number: 2.0 * inner(number))(3.0) == 8.0
+assert not {"rmrc.law.shortcuts", "rmrc.law.linking"} & set(sys.modules)
+"""
+
+
+def test_a_version_of_numba_without_its_present_internals_compiles():
+    subprocess.run([sys.executable, "-c", ELSEWHERE], check=True, timeout=60)
 
 
 def test_another_version_of_numba_compiles_in_its_own_way(monkeypatch):

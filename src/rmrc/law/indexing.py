@@ -1,4 +1,4 @@
-"""Code for elements of arrays and for loops: like numba's, with fewer instructions to write and to optimize.
+"""Code for elements, loops, extremes and searches: like numba's, with fewer instructions to write.
 
 Numba builds the description of an array in memory and reads it again for each element. The shape of an array
 is known if it is a field of a record. The optimized code is the same.
@@ -6,7 +6,7 @@ is known if it is a field of a record. The optimized code is the same.
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, cast
 
 from llvmlite import ir  # type: ignore[import-untyped]
@@ -64,7 +64,7 @@ def field(kind: Any, name: str) -> Code | None:
 
 
 def code(of: Any, signature: Any) -> Code | None:
-    """Return the generator of code for an element or a loop; None: it is neither.
+    """Return the generator of code for an operation; None: only numba has it.
 
     It generates None where only numba's own code is right.
     """
@@ -72,10 +72,14 @@ def code(of: Any, signature: Any) -> Code | None:
         kind, generate = _LOOPS[of]
         return generate if signature.args[0] == kind else None
     does = getattr(of, "typing_key", None)
-    if does is range:
-        return _count_to if signature.args == (types.int64,) else None
-    if does not in (operator.getitem, operator.setitem):
-        return None
+    if does in _OF_NUMBERS:
+        is_ours, generate = _OF_NUMBERS[does]
+        return generate if is_ours(does, signature) else None
+    return _of_element(does, signature) if does in (operator.getitem, operator.setitem) else None
+
+
+def _of_element(does: Any, signature: Any) -> Code | None:
+    """Return the generator of code for reading or writing an element; None: numba's own is right."""
     array, index = signature.args[:2]
     kinds = cast(Any, index).types if isinstance(index, types.BaseTuple) else (index,)
     if not isinstance(array, types.Array) or not all(isinstance(one, types.Integer) for one in kinds):
@@ -84,6 +88,55 @@ def code(of: Any, signature: Any) -> Code | None:
         value = signature.args[2]
         return _write if len(kinds) == array.ndim and isinstance(value, types.Number) else None
     return _read if len(kinds) == array.ndim or isinstance(array, types.NestedArray) else None
+
+
+def result(does: Any, given: Sequence[Any]) -> Any:
+    """Return the signature of an operation on numbers; None: only numba has it.
+
+    For `max`, `min` and `int` numba would compile a function for each combination of types.
+    """
+    kinds = tuple(map(types.unliteral, given))
+    if does is int and kinds in ((types.float64,), (types.int64,)):
+        return types.int64(*kinds)
+    if does in (max, min) and len(kinds) > 1 and set(kinds) in ({types.float64}, {types.int64}):
+        return kinds[0](*kinds)
+    return None
+
+
+def _to_integer(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+    return context.cast(builder, given[0], signature.args[0], signature.return_type)
+
+
+def _largest(context: Any, builder: Any, signature: Any, given: Any) -> Any:  # noqa: ARG001 - as numba calls it
+    return _extreme(builder, signature.return_type, ">", given)
+
+
+def _smallest(context: Any, builder: Any, signature: Any, given: Any) -> Any:  # noqa: ARG001 - as numba calls it
+    return _extreme(builder, signature.return_type, "<", given)
+
+
+def _extreme(builder: Any, kind: Any, is_better: str, given: Any) -> Any:
+    """Return the first number that no later one exceeds, as Python does."""
+    best = given[0]
+    compare = builder.fcmp_ordered if kind == types.float64 else builder.icmp_signed
+    for one in given[1:]:
+        best = builder.select(compare(is_better, one, best), one, best)
+    return best
+
+
+def _is_integral(numbers: Any, sought: Any) -> bool:
+    """Return whether an integer is sought in a tuple of integers of its type."""
+    return (
+        isinstance(numbers, types.UniTuple) and isinstance(sought, types.Integer) and numbers.dtype == sought
+    )
+
+
+def _is_among(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+    """Return whether a tuple has a number; numba would compile a loop."""
+    found = context.get_constant(types.boolean, False)
+    for one in _code.unpack_tuple(builder, given[0], signature.args[0].count):
+        found = builder.or_(found, builder.icmp_signed("==", one, given[1]))
+    return found
 
 
 def _known(builder: Any, array: Any, described: Any) -> _Known | None:
@@ -184,6 +237,16 @@ def _go_on(context: Any, builder: Any, signature: Any, given: Any) -> Any:
     return builder.insert_value(builder.insert_value(pair, found, 0), is_one, 1)
 
 
+def _is_result(does: Any, signature: Any) -> bool:
+    return bool(result(does, signature.args) == signature)
+
+
+# Operations on numbers: whether ours is right for a signature, and its code.
+_OF_NUMBERS: dict[object, tuple[Callable[[Any, Any], bool], Code]] = {
+    range: (lambda _, signature: bool(signature.args == (types.int64,)), _count_to),
+    operator.contains: (lambda _, signature: _is_integral(*signature.args), _is_among),
+    int: (_is_result, _to_integer), max: (_is_result, _largest), min: (_is_result, _smallest),
+}  # fmt: skip
 # Operations of a loop over a range of 64-bit integers, by their names in numba.
 _LOOPS: dict[object, tuple[object, Code]] = {
     "getiter": (types.range_state64_type, _begin),

@@ -2,13 +2,16 @@
 
 A function that few worlds need is `apart`. It is machine code of its own, which is compiled when a world that
 needs it is first prepared. It is called at its address, which the record of that world holds in this process.
+A function that worlds need at few ticks is late as well: a simulation compiles it at its first call.
 """
 
+import ctypes
 import gc
 import hashlib
 import inspect
+import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
@@ -16,17 +19,25 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 import numba
 import numpy as np
 from numba import config
-from numba.core import cgutils, event, types
-from numba.extending import intrinsic
+from numba.core import event
 from numpy.typing import NDArray
 
-from rmrc.law.brisk import briskly
+from rmrc.law import brisk
+from rmrc.law.addresses import LATE, TYPES, caller
 from rmrc.law.keeping import known_home, notice, own_folder
 from rmrc.law.kept import Kept
-from rmrc.law.linking import LongCompiler, PartCompiler, WholeCompiler
 from rmrc.scenario.choices import Choice, Choices
 from rmrc.support import lifetime
 from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
+
+try:
+    from rmrc.law.linking import LongCompiler, PartCompiler, WholeCompiler
+    from rmrc.law.shortcuts import shortened
+except ImportError:  # another version of numba, which has moved its classes
+    from numba.core.compiler import Compiler
+
+    LongCompiler = PartCompiler = WholeCompiler = Compiler  # type: ignore[misc, assignment]
+    shortened = nullcontext  # type: ignore[assignment]
 
 Array: TypeAlias = NDArray[np.float64]
 Record: TypeAlias = Any  # one element of a structured array, see records.py
@@ -39,7 +50,7 @@ _flags: dict[str, Any] = {"nogil": True, "error_model": "numpy", "pipeline_class
 # Functions that make arrays use these names. Only they count references to arrays. The others use arrays
 # of their caller, which outlive the call; counting would cost 0.1 to 0.25 us per tick. Numba refuses to
 # compile a function that makes an array in another way.
-_MAKERS = frozenset({"diag", "empty", "ones", "zeros", "_carray", "words_at"})
+_MAKERS = frozenset({"diag", "empty", "ones", "zeros"})
 # Functions that only compiled code calls need no wrappers for Python and C, a quarter of the compile time.
 _inner = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _part: dict[str, Any] = {"pipeline_class": PartCompiler, **_inner}
@@ -94,12 +105,14 @@ class _Apart(NamedTuple):
     Attributes:
         field: Field of a world's record that holds the address.
         function: The function, with its types.
-        needs: The fields and their values by which a world needs it; no values: all but 0.
+        needs: The fields and their values by which a world needs it; no values: all but 0. No fields: always.
+        is_late: Whether a simulation compiles it at its first call.
     """
 
     field: str
     function: Callable[..., object]
     needs: Mapping[str, tuple[int, ...]]
+    is_late: bool = False
 
     def users(self, worlds: Any, present: Mapping[str, set[Any]]) -> slice | NDArray[np.bool_] | None:
         """Return which of some worlds need it, all or a mask (w,), or None if none does.
@@ -108,7 +121,7 @@ class _Apart(NamedTuple):
             worlds: Their records, (w,).
             present: Values of the fields in `needs` in these worlds; no values of a field that they lack.
         """
-        used = None
+        used = None if self.needs else np.s_[:]
         for name, values in self.needs.items():
             found = present.get(name, set())
             needed = found.intersection(values) if values else found - {0}
@@ -123,7 +136,7 @@ class _Apart(NamedTuple):
 _APARTS: list[_Apart] = []
 
 
-def apart(field: str, **needs: tuple[int, ...]) -> Callable[[Function], Function]:
+def apart(field: str, is_late: bool = False, **needs: tuple[int, ...]) -> Callable[[Function], Function]:
     """Compile a function apart from its callers, and only when a world that needs it is prepared.
 
     Its arguments are a world and, under the names `tick` or `out`, the record of a tick. An array is named
@@ -132,13 +145,14 @@ def apart(field: str, **needs: tuple[int, ...]) -> Callable[[Function], Function
 
     Args:
         field: Field of a world's record that holds its address.
+        is_late: Whether worlds call it at few ticks, so that a simulation compiles it at its first call.
         **needs: The fields of its record, and their values, by which a world needs it; none: all but 0.
-            Only such worlds may call it.
+            Only such worlds may call it. Without fields, all may.
     """
 
     def decorate(function: Function) -> Function:
-        _APARTS.append(_Apart(field, function, needs))
-        return cast(Function, _caller(field, function))
+        _APARTS.append(_Apart(field, function, needs, is_late))
+        return cast(Function, caller(field, function, is_late))
 
     return decorate
 
@@ -154,50 +168,15 @@ def apart_by_code(field: str, chosen: str, functions: Mapping[int, Callable[...,
     plain = {code: cast(Any, function).py_func for code, function in functions.items()}
     for code, function in plain.items():
         _APARTS.append(_Apart(field, function, {chosen: (code,)}))
-    return _caller(field, next(iter(plain.values())))
+    return caller(field, next(iter(plain.values())))
 
 
-# The types of a function's arguments that compiled code needs to call it at an address.
-_TYPES: Mapping[Any, Any] = {
-    int: types.int64, float: types.float64, bool: types.boolean, None: types.none,
-}  # fmt: skip
-
-
-def _caller(field: str, function: Callable[..., object]) -> Callable[..., Any]:
-    """Return a function that calls another at the address that its first argument, a world, holds."""
-    signature, unlikely = inspect.signature(function), cast(Any, cgutils).if_unlikely
-    names, result = tuple(signature.parameters), _TYPES[signature.return_annotation]
-    message = f"nothing is at {field}: a world is first given to rmrc.law.jit.machine_code"
-
-    def typed(context: Any, address: Any, *given: Any) -> Any:  # noqa: ARG001 - as numba calls it
-        told = (signature.parameters[name].annotation for name in names)
-        taken = [_TYPES.get(one, kind) for one, kind in zip(told, given, strict=True)]
-
-        def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
-            convention, nowhere = context.call_conv, context.get_constant(types.int64, 0)
-            with unlikely(builder, builder.icmp_unsigned("==", values[0], nowhere)):
-                convention.return_user_exc(builder, RuntimeError, (message,))
-            kind = convention.get_function_type(result, taken)
-            called = builder.inttoptr(values[0], kind.as_pointer())
-            status, value = convention.call_function(builder, called, result, taken, values[1:])
-            with unlikely(builder, status.is_error):
-                convention.return_status_propagate(builder, status)
-            return value
-
-        return result(types.int64, *taken), generate
-
-    arguments, made = ", ".join(names), {"typed": typed}
-    exec(f"def call(context, address, {arguments}): return typed(context, address, {arguments})", made)
-    made["call"] = intrinsic(made["call"])
-    exec(f"def caller({arguments}): return call({names[0]}.{field}, {arguments})", made)
-    return inlined(made["caller"])
-
-
-def _link(function: Callable[..., object], worlds: Any, *others: Any) -> None:
+def _link(function: Callable[..., object], at_need: bool, worlds: Any, *others: Any) -> None:
     """Compile or load the functions `apart` that some worlds need, and write their addresses into records.
 
     Args:
         function: The entry that takes the worlds.
+        at_need: Whether late functions wait for their first call.
         worlds: Their records, (w,).
         *others: The other arguments of the entry; the first of them are the ticks.
     """
@@ -206,12 +185,81 @@ def _link(function: Callable[..., object], worlds: Any, *others: Any) -> None:
     kinds = tuple(map(_kind, (worlds, *others)))
     for one in asked:
         used = one.users(worlds, present)
-        if used is not None:
-            key = (one.function, *kinds)
-            if key not in _addresses:
-                names = inspect.signature(cast(Any, function).py_func).parameters
-                _addresses[key] = _address(one.function, dict(zip(names, (worlds, *others), strict=True)))
-            worlds[one.field][used] = _addresses[key]
+        if used is None:
+            continue
+        place = _addresses.get((one.function, *kinds), 0)
+        if not place:
+            names = inspect.signature(cast(Any, function).py_func).parameters
+            types_of = {name: _typeof(given) for name, given in zip(names, (worlds, *others), strict=True)}
+            if one.is_late and at_need and not _Patience.is_over:
+                worlds[LATE] = _finder(worlds.dtype, kinds, types_of)
+                continue
+            place = _found(one, kinds, types_of)
+        worlds[one.field][used] = place
+
+
+class _Patience:
+    """Whether late functions are compiled with the others, as other processes will need them."""
+
+    is_over = False
+
+
+@contextmanager
+def all_at_once() -> Iterator[None]:
+    """Compile late functions with the others."""
+    before, _Patience.is_over = _Patience.is_over, True
+    try:
+        yield
+    finally:
+        _Patience.is_over = before
+
+
+_Finder = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
+_finders: dict[tuple[object, ...], Any] = {}
+# Exceptions during late compiling, by threads: compiled code cannot raise them.
+_missed: dict[int, BaseException] = {}
+
+
+def _finder(kind: np.dtype[np.void], kinds: tuple[object, ...], types_of: Mapping[str, Any]) -> int:
+    """Return the address of a function that finds late functions for worlds of a type.
+
+    Ctypes has it take Python's lock, which the calling code has released.
+    """
+    fields: Mapping[str, Any] = kind.fields or {}
+    by_offset = {fields[one.field][1]: one for one in _APARTS if one.field in fields}
+
+    def find(offset: int) -> int:
+        while True:
+            try:
+                return _found(by_offset[offset], kinds, types_of)
+            except KeyboardInterrupt as interrupted:  # it waits, so that no tick is left half done
+                _missed[threading.get_ident()] = interrupted
+            except BaseException as error:
+                _missed[threading.get_ident()] = error
+                return 0
+
+    if kinds not in _finders:
+        _finders[kinds] = _Finder(find)
+    return ctypes.cast(_finders[kinds], ctypes.c_void_p).value or 0
+
+
+@contextmanager
+def compiling_late() -> Iterator[None]:
+    """Raise an exception that came while compiled code waited for a late function."""
+    try:
+        yield
+    finally:
+        error = _missed.pop(threading.get_ident(), None)
+        if error is not None:
+            raise error
+
+
+def _found(one: _Apart, kinds: tuple[object, ...], types_of: Mapping[str, Any]) -> int:
+    """Return the address of a function `apart` for the arguments of an entry, compiled now if necessary."""
+    key = (one.function, *kinds)
+    if key not in _addresses:
+        _addresses[key] = _address(one.function, types_of)
+    return _addresses[key]
 
 
 _addresses: dict[tuple[object, ...], int] = {}
@@ -230,23 +278,22 @@ def _entry_apart(function: Callable[..., object]) -> Any:
     return entry(function, **_inner)
 
 
-def _address(function: Callable[..., object], given: Mapping[str, Any]) -> int:
-    """Return the address of a function's machine code for the arguments of an entry, by name."""
-    kinds = {name: _typeof(one) for name, one in given.items()}
+def _address(function: Callable[..., object], kinds: Mapping[str, Any]) -> int:
+    """Return the address of a function's machine code, from the types of an entry's arguments by name."""
     world, tick = (kind.dtype for kind in list(kinds.values())[:2])
     signature, taken = inspect.signature(function), [world]
     for name, one in list(signature.parameters.items())[1:]:
         if name in ("tick", "out"):
             taken.append(tick)
         elif one.annotation != Array:
-            taken.append(kinds[name] if name == "ticks" else _TYPES[one.annotation])
+            taken.append(kinds[name] if name == "ticks" else TYPES[one.annotation])
         elif name in kinds:
             taken.append(kinds[name].copy(ndim=kinds[name].ndim - 1))
         else:
             taken.append((world if name in world.fields else tick).typeof(name))
-    with _briskly():
+    with briskly():
         dispatcher = _entry_apart(function)
-        dispatcher.compile(_TYPES[signature.return_annotation](*taken))
+        dispatcher.compile(TYPES[signature.return_annotation](*taken))
     compiled = dispatcher.overloads[tuple(taken)]
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
@@ -357,7 +404,7 @@ def _kept(function: Callable[..., object], options: Mapping[str, Any]) -> Any:
     return dispatcher
 
 
-def machine_code(function: Function, *arguments: object) -> Function:
+def machine_code(function: Function, *arguments: object, at_need: bool = False) -> Function:
     """Return the machine code of an `entry` for arguments of these types, compiled now if necessary.
 
     Calling it saves the look at the type of each argument, which takes as long as the law. Its arguments must
@@ -365,26 +412,34 @@ def machine_code(function: Function, *arguments: object) -> Function:
 
     Where the first two arguments are records of worlds and of their ticks, functions `apart` that these
     worlds need are compiled as well, and their addresses are written into the records.
+
+    Args:
+        function: The entry.
+        *arguments: Its arguments, or others of the same types.
+        at_need: Whether late functions are compiled at their first call, in the context `compiling_late`.
     """
     if all(isinstance(one, np.ndarray) and one.dtype.names for one in arguments[:2]):
-        _link(function, *arguments)
+        _link(function, at_need, *arguments)
     key = (function, *map(_kind, arguments))
     if key not in _codes:
         dispatcher: Any = function
-        with _briskly():
+        with briskly():
             _codes[key] = dispatcher.compile(tuple(map(_typeof, arguments)))
     return cast(Function, _codes[key])
 
 
-def address(function: Callable[..., object], *arguments: object, is_c: bool = False) -> int:
+def address(
+    function: Callable[..., object], *arguments: object, is_c: bool = False, at_need: bool = False
+) -> int:
     """Return the address of an entry's machine code for arguments of these types.
 
     Args:
         function: The entry.
         *arguments: As in `machine_code`.
         is_c: Whether C code calls it, rather than compiled code of this package.
+        at_need: As in `machine_code`.
     """
-    machine_code(function, *arguments)
+    machine_code(function, *arguments, at_need=at_need)
     key = (function, is_c, *map(_kind, arguments))
     if key not in _places:
         made = cast(Any, function).overloads[tuple(map(_typeof, arguments))]
@@ -426,15 +481,18 @@ def _kind(argument: object) -> object:
     )
 
 
+_compiling = threading.RLock()
+
+
 @contextmanager
-def _briskly() -> Iterator[None]:
-    """Compile in half the time that numba takes by itself.
+def briskly() -> Iterator[None]:
+    """Compile in a third of the time that numba takes by itself. One thread at a time does.
 
     Level 2 makes code as fast as level 3 does for loops this short. Compiling makes millions of objects that
     live on, and the garbage collector would search them again and again.
     """
     settings: Any = config  # its attributes are made on import
-    with briskly():
+    with _compiling, shortened() if brisk.IS_KNOWN else nullcontext():
         level, collects = settings.OPT, gc.isenabled()
         settings.OPT = type(level)(min(2, level))
         gc.disable()
@@ -463,7 +521,7 @@ def _forget_other_sources(directory: Path, function: Callable[..., object]) -> N
 
 
 # Modules of this folder that determine the machine code of functions.
-_HOW = "jit", "brisk", "indexing", "linking", "addresses", "outward"
+_HOW = "jit", "brisk", "shortcuts", "indexing", "linking", "addresses", "outward"
 # Folders whose modules may have compiled functions.
 _ROOMS = ("plants", "results", "simulation", "analysis")
 

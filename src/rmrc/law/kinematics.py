@@ -212,24 +212,30 @@ def turn_columns(turn: Quaternion, J: Array, n: int) -> None:
 
 @inlined
 def framed_error(frame: int, base: Array, free: int, pose: Array, pose_ref: Array, error: Array) -> None:
-    """Write `pose_error` along the axes of a frame.
+    """Write `pose_error` along the axes of a frame; the arguments are those of `frame_error`."""
+    pose_error(pose, pose_ref, error)
+    if frame != WORLD:
+        frame_error(frame, base, free, pose, pose_ref, error)
+
+
+@compiled
+def frame_error(frame: int, base: Array, free: int, pose: Array, pose_ref: Array, error: Array) -> None:
+    """Turn a `pose_error` into a frame.
 
     Where the rotation about one axis of the site is free, the reference is first turned about it. The other
     two errors are then those of the axis itself, however far the site has turned about it.
 
     Args:
-        frame: WORLD, BASE or SITE.
+        frame: BASE or SITE.
         base: Orientation of the base, (4,).
         free: The free axis of the site, 0 to 2, or -1.
         pose: Pose of the site, (7,).
         pose_ref: Wanted pose, (7,).
-        error: Written, (6,) [m, rad].
+        error: The error along world axes, (6,) [m, rad]; replaced.
     """
-    pose_error(pose, pose_ref, error)
-    if frame != WORLD:
-        turn_twist(frame_turn(frame, base, pose), error)
-        if free >= 0:
-            _free_axis(free, pose, pose_ref, error)
+    turn_twist(frame_turn(frame, base, pose), error)
+    if free >= 0:
+        _free_axis(free, pose, pose_ref, error)
 
 
 @compiled

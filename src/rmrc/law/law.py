@@ -16,8 +16,17 @@ import numpy as np
 
 from rmrc.law.inertia import Inertia, find_metric
 from rmrc.law.inverses import damping, gains, invert_above, push_fading
-from rmrc.law.jit import Array, Record, compiled, entry, inlined
-from rmrc.law.kinematics import WORLD, frame_turn, framed_error, turn_columns, turn_twist
+from rmrc.law.jit import Array, Record, apart, compiled, entry, inlined
+from rmrc.law.kinematics import (
+    BASE,
+    SITE,
+    WORLD,
+    frame_error,
+    frame_turn,
+    pose_error,
+    turn_columns,
+    turn_twist,
+)
 from rmrc.law.limits import limit
 from rmrc.law.metric import INERTIA, backward, scale_joints, weigh_columns
 from rmrc.law.nullspace import NONE, move_in_null_space
@@ -168,11 +177,7 @@ def aim(world: Record, tick: Record) -> None:
     for i in range(6):
         world.twist_task[i] = tick.twist_ref[i]
     if world.frame != WORLD:
-        turn = frame_turn(world.frame, world.frame_quat, world.pose)
-        turn_twist(turn, world.twist_task)
-        turn_columns(turn, world.J, world.n)
-        if world.axes > world.n:  # the slopes are those of its axes
-            turn_columns(turn, world.columns, world.axes)
+        turn_task(world)
     feedforward = world.feedforward * world.pace
     for i in range(6):
         world.twist_cmd[i] = feedforward * world.twist_task[i] + world.feedback * tick.pose_error[i]
@@ -184,7 +189,25 @@ def aim(world: Record, tick: Record) -> None:
 @inlined
 def take_error(world: Record, pose_ref: Array, pose: Array, error: Array) -> None:
     """Write the error to a pose of the site, (6,) [m, rad], along the axes of the task's frame."""
-    framed_error(world.frame, world.frame_quat, world.free, pose, pose_ref, error)
+    pose_error(pose, pose_ref, error)
+    if world.frame != WORLD:
+        turn_error(world, pose, pose_ref, error)
+
+
+@apart("call_frame_error", frame=(BASE, SITE))
+def turn_error(world: Record, pose: Array, pose_ref: Array, pose_error: Array) -> None:
+    """Turn an error, (6,), from world axes into the frame of the task."""
+    frame_error(world.frame, world.frame_quat, world.free, pose, pose_ref, pose_error)
+
+
+@apart("call_frame", frame=(BASE, SITE))
+def turn_task(world: Record) -> None:
+    """Turn the wanted twist and J from world axes into the frame of the task."""
+    turn = frame_turn(world.frame, world.frame_quat, world.pose)
+    turn_twist(turn, world.twist_task)
+    turn_columns(turn, world.J, world.n)
+    if world.axes > world.n:  # the slopes are those of its axes
+        turn_columns(turn, world.columns, world.axes)
 
 
 @entry

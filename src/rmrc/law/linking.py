@@ -9,13 +9,12 @@ from collections.abc import Sequence
 from types import CodeType
 from typing import Any, cast
 
-from llvmlite import binding  # type: ignore[import-untyped]
+from llvmlite import binding, ir  # type: ignore[import-untyped]
 from numba import config
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import PassManager, _pass_registry
 from numba.core.errors import NumbaError
-from numba.core.ir_utils import fixup_var_define_in_scope
 from numba.core.typed_passes import NopythonRewrites
 from numba.core.untyped_passes import InlineClosureLikes
 
@@ -50,6 +49,18 @@ class Part(JITCodeLibrary):
     def finalize(self) -> None:
         """Leave everything to the linker."""
         self._finalized = True
+
+    # Whether it always returns the code of success.
+    raises_nothing = True
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Add code, and note whether it can raise."""
+        own = (one for one in ir_module.functions if one.blocks)
+        ends = (block.terminator for one in own for block in one.blocks)
+        returned = (one.return_value for one in ends if isinstance(one, ir.Ret))
+        if not all(isinstance(one, ir.Constant) and one.constant == 0 for one in returned):
+            self.raises_nothing = False
+        super().add_ir_module(ir_module)  # type: ignore[no-untyped-call]
 
     def _optimize_functions(self, ll_module: Any) -> None:
         """Do nothing: functions are optimized once, where they are linked."""
@@ -135,24 +146,29 @@ class _Passes(PassManager):
 
     def run(self, state: Any) -> None:
         """Run all passes on the state of a compiler."""
-        registered: Any = _pass_registry
-        is_plain, left_out = IS_KNOWN and not state.flags.nrt, list[Any]()
-        if is_plain:
-            has_inner = any(isinstance(one, CodeType) for one in state.func_id.code.co_consts)
-            left_out = [NopythonRewrites] if has_inner else [NopythonRewrites, InlineClosureLikes]
+        is_plain = IS_KNOWN and not state.flags.nrt
         with plainly(is_plain):
-            for one, does in self.passes:
-                if one in left_out:
-                    fixup_var_define_in_scope(state.func_ir.blocks)  # type: ignore[no-untyped-call]
-                    continue
-                done = registered.get(one).pass_inst
-                done.analysis = self._analysis
-                try:
-                    for step in (done.run_initialization, done.run_pass, done.run_finalizer):
-                        step(state)
-                except NumbaError as error:
-                    self._patch_error(f"Failed in {self.pipeline_name} mode pipeline (step: {does})", error)  # type: ignore[no-untyped-call]
-                    raise
+            in_turn(self, state, is_plain)
+
+
+def in_turn(manager: Any, state: Any, is_plain: bool = True) -> None:
+    """Run the passes of a manager one after the other; a function that makes no arrays needs not all."""
+    left_out = list[Any]()
+    if is_plain:
+        has_inner = any(isinstance(one, CodeType) for one in state.func_id.code.co_consts)
+        left_out = [NopythonRewrites] if has_inner else [NopythonRewrites, InlineClosureLikes]
+    registered: Any = _pass_registry
+    for one, does in manager.passes:
+        if one in left_out:
+            continue
+        done = registered.get(one).pass_inst
+        done.analysis = manager._analysis
+        try:
+            for step in (done.run_initialization, done.run_pass, done.run_finalizer):
+                step(state)
+        except NumbaError as error:
+            manager._patch_error(f"Failed in {manager.pipeline_name} mode pipeline (step: {does})", error)
+            raise
 
 
 class WholeCompiler(Compiler):

@@ -114,12 +114,13 @@ SCRATCH = (
     Field("least", size=(ROWS,)), Field("need", size=(ROWS,)), Field("push", size=(ROWS,)),
 )  # fmt: skip
 
-# Addresses in this process of machine code that only some worlds need (`rmrc.law.jit.apart`).
+# Addresses in this process of machine code that only some worlds need (`rmrc.law.jit.apart`), or few ticks.
 ADDRESSES = tuple(
     Field(f"call_{name}", np.int64)
     for name in (
         "metric", "damping", "gains", "null_space", "objective", "policy", "hold_off", "limits", "eased",
-        "rest_bounds", "best", "rest", "sharpen",
+        "rest_bounds", "best", "rest", "sharpen", "late", "way", "frame_error",
+        "frame",
     )
 )  # fmt: skip
 

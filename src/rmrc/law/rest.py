@@ -4,11 +4,12 @@ from rmrc.law.jit import Record, apart, compiled
 from rmrc.law.svd import set_identity, svd
 from rmrc.scenario.choices import LIMITS, OBJECTIVES
 
+# Limits at which the other joints make up for one that is held.
+MAKE_UP = LIMITS.codes(lambda one: one.acts and one.name != "clamp")
+
 
 @apart(
-    "call_rest",
-    limits_on_excess=LIMITS.codes(lambda one: one.acts and one.name != "clamp"),
-    nullspace_objective=(OBJECTIVES.code("secondary"),),
+    "call_rest", is_late=True, limits_on_excess=MAKE_UP, nullspace_objective=(OBJECTIVES.code("secondary"),)
 )
 def decompose_rest(world: Record, m: int, n: int) -> None:
     """Decompose the leading (m, n) block of B, warm-started from `u_B` or `v_B`: see `svd`."""

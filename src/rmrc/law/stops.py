@@ -1,10 +1,10 @@
 """A joint at its stop holds, and the others do as much of the task as they can."""
 
 from rmrc.law.inverses import SCHEDULED, damping, gains, push_fading
-from rmrc.law.jit import Array, Record, compiled, inlined
+from rmrc.law.jit import Array, Record, apart, compiled
 from rmrc.law.metric import INERTIA, take_along, weigh_faded, weigh_free
 from rmrc.law.redistribution import ROUNDING
-from rmrc.law.rest import decompose_rest_from_scratch
+from rmrc.law.rest import MAKE_UP, decompose_rest_from_scratch
 from rmrc.law.svd import combine, dot, project
 from rmrc.scenario.choices import SCHEDULES
 
@@ -16,7 +16,7 @@ FOLLOWS_ARM = SCHEDULES.codes(lambda one: one.follows == "arm")
 FOLLOWS_COMMAND = SCHEDULES.codes(lambda one: one.follows == "command")
 
 
-@inlined
+@apart("call_way", is_late=True, limits_on_excess=MAKE_UP)
 def give_way(world: Record, tick: Record, share: float, lower: Array, upper: Array) -> None:
     """Bring the rates within their bounds; joints at a bound hold it, and the others make up for them.
 

@@ -90,7 +90,7 @@ class Blocks:
         self._head[around.HEAD :] = pairs
         self._fill(
             {
-                around.TICK: address(tick, worlds, *given[1:], 0, 0),  # all worlds: it also links them
+                around.TICK: address(tick, worlds, *given[1:], 0, 0, at_need=True),  # all: it links them
                 around.BEFORE: function_at("mj_step1" if substeps else "mj_fwdKinematics"),
                 around.STEP: function_at("mj_step"), around.STEPS: substeps,
                 around.ROWS: self._words.ctypes.data, around.STRIDE: self._words.shape[1],

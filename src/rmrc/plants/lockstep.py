@@ -239,13 +239,19 @@ def read_reference(world: Record, out: Record, reference: Array) -> None:
 def send(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
     """Send the command through the stages after the law, and record what arrives."""
     if world.is_eased:
-        keep_changes(world, out.qdot_cmd)
+        keep_course(world, out)
     for j in range(world.n):
         world.qdot_cmd_last[j] = world.qdot_sent[j] = out.qdot_cmd[j]
     if world.is_sent:
         send_by_stages(world, out, ticks, w, t)
     for j in range(world.n):
         out.qdot_arrived[j] = world.qdot_sent[j]
+
+
+@apart("call_course", is_eased=())
+def keep_course(world: Record, out: Record) -> None:
+    """Remember the changes of the rates, where jerk is limited."""
+    keep_changes(world, out.qdot_cmd)
 
 
 @apart("call_sent", is_sent=())

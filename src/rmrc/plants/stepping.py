@@ -15,7 +15,7 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
-from rmrc.law.jit import Array, machine_code
+from rmrc.law.jit import Array, compiling_late, machine_code
 from rmrc.plants import native
 from rmrc.plants.batches import Batches
 from rmrc.plants.blocks import Blocks
@@ -150,7 +150,7 @@ class Stepper:
         batch = self._batch = take(differences)
         seen = bound(batch, plants, model, wiring, worlds, qpos, held)
         arrays: tuple[Any, ...] = (worlds, ticks, reference, *seen, 0)
-        self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0), *arrays)
+        self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0, at_need=True), *arrays)
         if touches:
             self.contacts = Contacts(model, wiring, batch, worlds, ticks)
             self._tick = self.contacts.after(self._tick)
@@ -187,7 +187,7 @@ class Stepper:
         count = min(count, rows - before % rows, self._longest - before)
         count = min(count, max(1, self._pace.steps // steps))
         started, do = time.perf_counter(), self._do_block if self._blocks else self._do_ticks
-        with native.untimed():
+        with native.untimed(), compiling_late():
             running = do(before + count, in_parts, is_stopped)
         if not in_parts:
             self._pace.took(time.perf_counter() - started, (self.done - before) * steps)

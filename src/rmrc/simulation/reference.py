@@ -160,15 +160,15 @@ def _write_row(piece: Record, phase: Array, time: float, out: Array) -> None:
     sine, cosine, lost = 0.0, 1.0, 0.0
     if piece.sweep != 0.0:
         theta, half = piece.sweep * u, math.sin(0.5 * piece.sweep * u)
-        sine, cosine, lost = math.sin(theta), math.cos(theta), 2 * half**2
+        sine, cosine, lost = math.sin(theta), math.cos(theta), 2 * (half * half)
     for i in range(3):
         straight, spoke, tangent, axis = piece.straight[i], piece.spoke[i], piece.tangent[i], piece.axis[i]
         slope = straight + piece.sweep * (cosine * tangent - sine * spoke)
         out[i] = straight * u - lost * spoke + sine * tangent + piece.pose[i]
         out[7 + i], out[10 + i] = slope * du, piece.angle * axis * du
         if out.shape[0] > TWIST:
-            centripetal = piece.sweep**2 * (cosine * spoke + sine * tangent)
-            out[13 + i], out[16 + i] = slope * ddu - centripetal * du**2, piece.angle * axis * ddu
+            centripetal = piece.sweep * piece.sweep * (cosine * spoke + sine * tangent)
+            out[13 + i], out[16 + i] = slope * ddu - centripetal * (du * du), piece.angle * axis * ddu
     w, x, y, z = piece.pose[3], piece.pose[4], piece.pose[5], piece.pose[6]
     if piece.angle != 0.0:
         half = 0.5 * (piece.angle * u)

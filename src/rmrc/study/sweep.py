@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self, cast
 
+from rmrc.law.jit import all_at_once
 from rmrc.results import facts
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Change, Problems, Source, draft_of
@@ -241,8 +242,12 @@ class Sweep:
         return self._study.prepare(self.plan.changes(index))
 
     def compile(self) -> None:
-        """Load the compiled law, or compile it on first use, which takes seconds."""
-        self._study.compile([self._prepare(0)])
+        """Load the compiled law, or compile it on first use, which takes seconds.
+
+        Late functions too: some run will need them, and each worker process would compile them again.
+        """
+        with all_at_once():
+            self._study.compile([self._prepare(0)])
 
     def check(self, on_runs: OnRuns | None = None) -> Contents:
         """Validate every run before the first one starts, unless already done.
