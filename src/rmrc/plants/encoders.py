@@ -121,6 +121,7 @@ class Encoders(Stage):
         encoder, control = scenario.arm.encoder, scenario.control
         world["is_misled"], world["encoder_offset"][:n] = self.is_used, self.offset
         world["differentiates"], world["encoder_delay"] = self.differentiates, self.delay
+        world["noise"] = world["drawn"] = 0
         world["noise_from"] = -1
         filtered = control.rate_filter
         world["rate_decay"] = math.exp(-control.period / filtered) if filtered else 0.0

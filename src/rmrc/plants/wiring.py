@@ -33,10 +33,7 @@ WIRING = (
     Field("lever", size=(3,)),
     *RESISTANCE,
     # addresses in this process of machine code that not all worlds need
-    *(
-        Field(f"call_{name}", np.int64)
-        for name in ("sensed", "sent", "second", "second_error", "course", "sense", "obey")
-    ),
+    *(Field(f"call_{name}", np.int64) for name in ("sensed", "sent", "second", "course", "sense", "obey")),
 )
 
 
