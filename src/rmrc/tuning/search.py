@@ -92,6 +92,7 @@ class Search:
         self._tried: dict[Setting, Tried] = {}
         self._seen: dict[Setting, Tried] = {}
         self._bearing = Bearing()
+        self._owing: tuple[object, int] = (None, 0)
 
     @property
     def tried(self) -> list[Tried]:
@@ -188,7 +189,11 @@ class Search:
     @property
     def _owed(self) -> int:
         """How many runs `_settle` would make now."""
-        return max(0, self._trials.scenarios - _HARDEST) * len(self._unsettled())
+        known = [one.known for one in self._tried.values()]
+        if known != self._owing[0]:  # it is asked several times between runs
+            runs = max(0, self._trials.scenarios - _HARDEST) * len(self._unsettled())
+            self._owing = known, runs
+        return self._owing[1]
 
     # Stages ---------------------------------------------------------------------------------
 
