@@ -70,7 +70,10 @@ def test_worlds_that_share_parts_have_the_records_they_have_alone():
     varied = [[], ["control.feedback=12"], ["plant.delay=0.005"], ["control.feedback=13"], ["task.length=0.5"],
               ["control.state=integrated"], ["control.rate_filter=0.01", "arm.encoder.noise=0.0001"]]  # fmt: skip
     worlds = [study.prepare(changes(texts)) for texts in varied]
-    assert len({id(worlds[w].hardware) for w in (0, 1, 3, 4)}) == 1 and len({id(one.hardware) for one in worlds}) == 4
+    assert (
+        len({id(worlds[w].hardware) for w in (0, 1, 3, 4)}) == 1
+        and len({id(one.hardware) for one in worlds}) == 4
+    )
     together = world_records(worlds, [0] * len(worlds))
     for texts, record in zip(varied, together, strict=True):
         assert record.tobytes() == world_records([alone(SCENARIO, [], texts)], [0]).tobytes()
