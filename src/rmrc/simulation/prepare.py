@@ -495,14 +495,13 @@ def world_records(prepared: Sequence[Prepared], references: Sequence[int]) -> ND
     """Return the records of worlds whose arms have the same joints, (w,): by `writers`, not yet wired."""
     beside = (*WIRING, *Hardware.memory)
     arm = prepared[0].arm
-    axes = arm.n + len(arm.followers)
     every = list(map(writers, prepared, references))
     # a Writer of several worlds writes the record of the first, which the others copy
     sharing: dict[int, tuple[Writer, list[int]]] = {}
     for w, writer in ((w, writer) for w, of_world in enumerate(every) for writer in of_world):
         sharing.setdefault(id(writer), (writer, []))[1].append(w)
     own = [[one for one in of_world if sharing[id(one)][1][0] == w] for w, of_world in enumerate(every)]
-    made = records(arm.n, *own, beside=beside, axes=axes)
+    made = records(arm.n, *own, beside=beside, axes=arm.n + len(arm.followers))
     for writer, (first, *others) in sharing.values():
         for name in (one.name for one in writer.fields if others):
             made[name][others] = made[name][first]

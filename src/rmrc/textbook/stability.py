@@ -125,7 +125,6 @@ def edge_delay(feedback: float, period: float, lag: float = 0.0) -> float:
     return _edge(lambda delay: edge_gain(period, delay, lag) >= feedback, 0.5 * math.pi / feedback)
 
 
-@lru_cache(maxsize=256)
 def edge_lag(feedback: float, period: float, delay: float = 0.0) -> float:
     """Return the shortest time constant at the stability limit of the loop around an ideal joint.
 

@@ -37,16 +37,12 @@ class Tried:
     _of: tuple[object, ...] = field(default=(), init=False, repr=False, compare=False)
 
     @property
-    def known(self) -> tuple[object, ...]:
-        """Its results so far: the same if there is no new one."""
-        return len(self.outcomes), self.bears, self.between  # an implied outcome may turn out to be wrong
-
-    @property
     def worst(self) -> Outcome:
         """The worst of its runs."""
-        known = self.known
+        beside = self.bears, self.between  # an implied outcome may turn out to be wrong
+        known = len(self.outcomes), *beside
         if self._of != known:
-            every = [*self.outcomes.values(), *filter(None, (self.bears, self.between))]
+            every = [*self.outcomes.values(), *filter(None, beside)]
             self._worst, self._of = worst(every), known
         return self._worst
 
