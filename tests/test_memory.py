@@ -149,7 +149,7 @@ def test_a_sweep_counts_the_batches_that_are_run_at_a_time(rmrc, tmp_path, monke
     )
     code, out, err = rmrc(*options, "--threads", "2")
     assert (code, out) == (2, "") and not (tmp_path / "recordings").exists()
-    wanted = "100001 ticks … 2 … 22.3 MB … 16 MB … 80% … machine …; … control.period … --threads"
+    wanted = "100001 ticks … 2 … 25.4 MB … 16 MB … 80% … machine …; … control.period … --threads"
     assert err == says(f"rmrc: error: long.yaml:5:16: target.path: … {wanted}\n")
     assert rmrc(*options, "--threads", "1") == (0, "", "")
 

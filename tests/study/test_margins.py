@@ -17,7 +17,7 @@ from rmrc.study.margins.kicks import KICK, Kicked, resting, twin_of
 from rmrc.study.margins.margins import Asking, margins_of
 from rmrc.study.margins.report import report
 from rmrc.study.margins.ringing import STILL_RINGS, judged, reverses, still_ringing, window, without_trend
-from rmrc.study.margins.search import ACCURACY, bears, gain_margins
+from rmrc.study.margins.search import ACCURACY, bears, close_in, gain
 from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
 from rmrc.textbook.stability import edge_delay, edge_gain
@@ -42,6 +42,13 @@ def short():
 def judge(study, **changes):
     (found,) = judged(study, [study.prepare(changes_of(changes))], threading.Event())
     return found
+
+
+def gain_margins(study, settings, threads=1):
+    """Return the intervals with the gain margins of settings."""
+    searches = [gain(study.prepare(one).scenario, one) for one in settings]
+    close_in(study, searches, threading.Event(), threads)
+    return [search.edge for search in searches]
 
 
 # The edges -----------------------------------------------------------------------------------------

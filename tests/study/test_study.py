@@ -3,12 +3,14 @@
 import functools
 import json
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from project import ROOT, mostly_long
+from rmrc.plants.hardware import Hardware
 from rmrc.results.scorecard import refuse_unknown, scorecard
 from rmrc.scenario import Variant, draft_of, load
 from rmrc.scenario.changes import read_setting
@@ -28,8 +30,10 @@ VARIED = [
     [], ["control.inverse.damping.maximum=0.07"], ["plant.payload=1"], ["target.limits.velocity=0.3"], [],
     ["task.length=0.5"], ["control.period=0.002", "plant.timestep=0.002"], ["plant.gravity=[0, -1, 0]"],
     ["target.path=[{line: {by: [0.01, -0.0]}}]"], ["target.path=[{line: {by: [0.01, 0.0]}}]"], ["arm.start=home"], [],
+    ["control.state=integrated"], ["arm.encoder.noise=0.0001", "control.rate_filter=0.01"], ["arm.encoder.noise=0.0001"], [],
 ]  # fmt: skip
 SHARED = ["control.feedback=12"]
+SCENARIO = ROOT / "scenarios" / "approach_singularity.yaml"
 FIELDS = ("time", "pose", "twist", "acceleration", "segment")
 
 
@@ -59,6 +63,48 @@ def alone(path, overrides, varied):
     prepared = prepare(load(path, [*overrides, *varied]))
     refuse_unknown(prepared.scenario, prepared.arm.joints)
     return prepared
+
+
+def test_worlds_that_share_parts_have_the_records_they_have_alone():
+    study = Study(draft_of(SCENARIO))
+    varied = [[], ["control.feedback=12"], ["plant.delay=0.005"], ["control.feedback=13"], ["task.length=0.5"],
+              ["control.state=integrated"], ["control.rate_filter=0.01", "arm.encoder.noise=0.0001"]]  # fmt: skip
+    worlds = [study.prepare(changes(texts)) for texts in varied]
+    assert (
+        len({id(worlds[w].hardware) for w in (0, 1, 3, 4)}) == 1
+        and len({id(one.hardware) for one in worlds}) == 4
+    )
+    together = world_records(worlds, [0] * len(worlds))
+    for texts, record in zip(varied, together, strict=True):
+        assert record.tobytes() == world_records([alone(SCENARIO, [], texts)], [0]).tobytes()
+
+
+class Seen:
+    """A section that notes which of its values are read."""
+
+    def __init__(self, section):
+        self.section, self.read = section, set()
+
+    def __getattr__(self, name):
+        self.read.add(name)
+        return getattr(self.section, name)
+
+
+@pytest.mark.parametrize("name", ["approach_singularity", "encoder_offsets", "null_space", "xarm7_wrist"])
+def test_hardware_reads_of_the_control_section_only_what_it_is_found_by(name):
+    scenario = load(
+        ROOT / "scenarios" / f"{name}.yaml", ["arm.encoder.noise=0.0001", "control.rate_filter=0.01"]
+    )
+    arm, control = prepare(scenario).arm, Seen(scenario.control)
+    others = {part: getattr(scenario, part) for part in ("arm", "plant")}
+    hardware = Hardware(SimpleNamespace(control=control, **others), arm)  # any other section is an error
+    hardware.write(world_records([prepare(scenario)], [0])[0])
+    for part in (*hardware.stages, hardware.plant):
+        assert list(part.misfits()) == list(part.excesses(10_000)) == []
+    assert hardware.span >= 0 and hardware.is_direct in (True, False)
+    assert (
+        {"period", "rate_filter", "state"} <= control.read <= {"period", "rate_filter", "state", "nullspace"}
+    )
 
 
 @pytest.mark.parametrize("path", mostly_long(SCENARIOS, 20), ids=lambda path: path.stem)

@@ -9,11 +9,12 @@ from rmrc.simulation.prepare import Prepared
 from rmrc.support import memory
 from rmrc.support.errors import ScenarioError
 
-# Ticks that a batch holds where columns are not kept: half a megabyte for six joints. They are then added up
-# before they leave the processor's caches, which takes half as long.
-HELD = 512
+# Ticks that a batch holds where columns are not kept: two megabytes for six joints. They are then added up
+# before they leave the processor's caches, which takes half as long. With fewer ticks, blocks of many worlds
+# are so short that starting each takes as long as some ticks.
+HELD = 2048
 # With a watcher, this many times as many, because showing a block takes as long as some ticks.
-SHOWN = 16
+SHOWN = 4
 
 # Measured [B]: one sample of a reference; the additional memory of a recording per sample, the sample once
 # more and the results computed from all of them at once; a world in MuJoCo; libraries that are loaded on the

@@ -70,6 +70,7 @@ class Cache:
         # Stretched arms and references take a megabyte each, and their users keep them anyway.
         self._arms = _Recent[Arm](32, {_key(arm): arm for arm in arms})
         self._references, self._tasks = _Recent[Reference](32), _Recent[Task](256)
+        self._hardware = _Recent[Hardware](32)
 
     def arm(self, section: ArmSection) -> Arm:
         """Return the arm of a section, loaded and stretched as it says.
@@ -130,6 +131,17 @@ class Cache:
             key, lambda: Task(arm, rows, section.length, section.weights, joint_weights, section.frame)
         )
 
+    def hardware(self, scenario: Scenario, arm: Arm) -> Hardware:
+        """Return the hardware of a scenario; variants whose sections `arm` and `plant` are the same share it.
+
+        Of the section `control`, plants and stages read only what the key has.
+        """
+        control = scenario.control
+        read = control.period, control.state, control.rate_filter
+        # the hardware keeps these sections, so that no others get their addresses
+        key = (arm, *map(id, (scenario.arm, scenario.plant, control.nullspace)), *read)
+        return self._hardware.get(key, lambda: Hardware(scenario, arm))
+
 
 def _key(arm: Arm) -> Hashable:
     """Return the key of an arm for `Cache.arm`: its names in a scenario."""
@@ -162,7 +174,7 @@ class Prepared:
     @cached_property
     def hardware(self) -> Hardware:
         """The plant, and the stages between it and the law."""
-        return Hardware(self.scenario, self.arm)
+        return self.cache.hardware(self.scenario, self.arm)
 
     @property
     def plant(self) -> Plant:
@@ -295,7 +307,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     _check_stretch(scenario, arm, problems)
     qpos = _true_start(scenario, arm, believed, problems)
     _check_scales(scenario, problems)
-    hardware = Hardware(scenario, arm)
+    hardware = cache.hardware(scenario, arm)
     for stage in hardware.stages:
         problems.extend(stage.misfits())
     problems.extend(fit.method_misfits(scenario.control, len(scenario.task.axes), arm))
@@ -311,7 +323,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
         raise ScenarioError([scenario.problem(key, text)]) from None
     held = arm.held(scenario.arm.start, qpos, own=PLANTS[scenario.plant.kind].own)
     prepared = Prepared(scenario, arm, qpos, held, reference, cache)
-    vars(prepared)["hardware"] = hardware  # its own, found before
+    vars(prepared)["hardware"] = hardware  # found before
     _check_duration(prepared, problems)
     problems.extend(hardware.excesses(prepared.most_ticks))
     problems.raise_any()
@@ -483,5 +495,14 @@ def world_records(prepared: Sequence[Prepared], references: Sequence[int]) -> ND
     """Return the records of worlds whose arms have the same joints, (w,): by `writers`, not yet wired."""
     beside = (*WIRING, *Hardware.memory)
     arm = prepared[0].arm
-    axes = arm.n + len(arm.followers)
-    return records(arm.n, *map(writers, prepared, references), beside=beside, axes=axes)
+    every = list(map(writers, prepared, references))
+    # a Writer of several worlds writes the record of the first, which the others copy
+    sharing: dict[int, tuple[Writer, list[int]]] = {}
+    for w, writer in ((w, writer) for w, of_world in enumerate(every) for writer in of_world):
+        sharing.setdefault(id(writer), (writer, []))[1].append(w)
+    own = [[one for one in of_world if sharing[id(one)][1][0] == w] for w, of_world in enumerate(every)]
+    made = records(arm.n, *own, beside=beside, axes=arm.n + len(arm.followers))
+    for writer, (first, *others) in sharing.values():
+        for name in (one.name for one in writer.fields if others):
+            made[name][others] = made[name][first]
+    return made

@@ -105,6 +105,7 @@ def edge_frequency(period: float, delay: float = 0.0, lag: float = 0.0) -> float
     return math.exp(high) / period
 
 
+@lru_cache(maxsize=256)
 def edge_delay(feedback: float, period: float, lag: float = 0.0) -> float:
     """Return the dead time at the stability limit of the loop around an ideal joint.
 

@@ -60,9 +60,8 @@ _HARDEST = 2
 _BETTER = 0.9
 # Steps in the unit cube, whose sides are two or three decades: the first, the first of settings already
 # refined on a model, the last, and the factors by which they shrink after a round with a new result, and
-# after one without: by less where a model leaves few of a round to run.
-_FIRST_STEP, _NEXT_STEP, _LAST_STEP = 0.25, 0.15, 0.003
-_SHRINK, _NEXT_SHRINK = (0.7, 0.5), (0.7, 0.5)
+# after one without.
+_FIRST_STEP, _NEXT_STEP, _LAST_STEP, _SHRINK = 0.25, 0.15, 0.003, (0.7, 0.5)
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
 _RIVALS = 4
 # Where nothing keeps the limits, so many of a round that are nearest to it are run on the other scenarios.
@@ -213,7 +212,7 @@ class Search:
     def _refine_model(self) -> None:
         """Try neighbors on the model, before the runs on the scenarios."""
         until = self._left - int(_NEARER * self._budget) * self._trials.weight
-        for step, round_ in self._steps(_FIRST_STEP, _SHRINK, until, self._able_on_model):
+        for step, round_ in self._steps(_FIRST_STEP, until, self._able_on_model):
             able = self._able_on_model()
             if not able:
                 return
@@ -242,10 +241,8 @@ class Search:
     def _refine(self) -> None:
         """Try neighbors of the front and of the best of some inverses, in steps that shrink."""
         model = self._trials.model
-        first, shrink, number = _FIRST_STEP, _SHRINK, _ROUND
-        if model is not None:
-            first, shrink, number = _NEXT_STEP, _NEXT_SHRINK, _NEXT_ROUND
-        for step, round_ in self._steps(first, shrink, 0.0, self._known):
+        first, number = (_FIRST_STEP, _ROUND) if model is None else (_NEXT_STEP, _NEXT_ROUND)
+        for step, round_ in self._steps(first, 0.0, self._known):
             if not self._room:
                 return
             learned, unknown = self._learned(step, (self._seed, 2, round_))
@@ -256,7 +253,7 @@ class Search:
             self._settle_best()
 
     def _steps(
-        self, step: float, shrink: tuple[float, float], until: float, known: Callable[[], list[Tried]]
+        self, step: float, until: float, known: Callable[[], list[Tried]]
     ) -> Iterator[tuple[float, int]]:
         """Yield steps and their numbers until so many runs are left; they shrink faster if nothing is new."""
         for round_ in count():
@@ -264,7 +261,7 @@ class Search:
                 return
             before = len(known())
             yield step, round_
-            step *= shrink[len(known()) == before]
+            step *= _SHRINK[len(known()) == before]
 
     # Proposals ------------------------------------------------------------------------------
 

@@ -225,29 +225,6 @@ def bears(
     return found
 
 
-def gain_margins(
-    study: Study,
-    settings: Sequence[Sequence[Change]],
-    *,
-    threads: int = 1,
-    stop: threading.Event | None = None,
-) -> list[Edge]:
-    """Return the gain margins of settings found so far: factors on their feedback at the limit.
-
-    Args:
-        study: Study of the scenario.
-        settings: Changes that make each setting; with a positive feedback.
-        threads: Number of threads.
-        stop: Event that ends the runs.
-
-    Raises:
-        ScenarioError: A setting is wrong, or they do not fit into memory.
-    """
-    searches = [gain(study.prepare(one).scenario, one) for one in settings]
-    close_in(study, searches, stop or threading.Event(), threads)
-    return [search.edge for search in searches]
-
-
 def _loop(scenario: Scenario) -> tuple[float, float, float]:
     """Return feedback, period, and the total lateness of commands."""
     period = scenario.control.period
