@@ -380,7 +380,7 @@ def figures(scorecard):
 def test_what_is_held_counts_the_ticks_that_a_delay_looks_back_to(scenario):
     prepared = [prepare(scenario(*one)) for one in MIXED] * 20
     assert rows_of(prepared, keep_columns=False) == 201 < prepared[0].reference.ticks
-    assert rows_of(prepared[:1] * 140, keep_columns=False) == 512 // 140
+    assert rows_of(prepared[:1] * 140, keep_columns=False) == 2048 // 140
     assert rows_of(prepared[:1], keep_columns=True) == prepared[0].reference.ticks
 
 
