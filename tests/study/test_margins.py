@@ -151,6 +151,17 @@ def test_a_sparing_search_finds_the_same_edges_by_fewer_runs(short):
         assert other.edge.high <= 1.05 * (1.0 + 1e-9) * other.edge.low or one.name != "gain"
 
 
+def test_a_search_begins_above_what_was_stable_before_unless_that_is_beyond_an_unstable_factor(short):
+    feedback = 0.5 * edge_gain(PERIOD, 0.02)  # it bears twice as much, by the equation
+    loop = changes_of({"plant.delay": 0.02, "control.feedback": feedback})
+    found, wrong = (
+        margins_of(short, [loop], threading.Event(), accuracy=0.5, is_sparing=True, stable=stable)[0]
+        for stable in (1.98, 3.0)
+    )
+    assert found.is_stable and 1.98 <= found.gain.edge.low < found.gain.value < found.gain.edge.high < 2.7
+    assert wrong.is_stable and wrong.gain.edge.low < 2.0 <= wrong.gain.edge.high < 3.0
+
+
 def test_a_sparing_search_makes_commands_ten_times_as_late_at_most_and_finds_edges_before_that(short):
     delay = 0.02
     edge, most = edge_gain(PERIOD, delay), 9.0 * (delay + 0.5 * PERIOD)

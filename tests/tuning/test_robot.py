@@ -184,7 +184,7 @@ def test_what_is_recommended_for_an_assumed_robot_bears_its_margin(path):
 
     assert found.feasible
     assert all(bear(found.feasible[::4]))
-    assert found.margins["recommended"].gain.value > 0.97 * GAIN_MARGIN  # its edge is found within 5 %
+    assert found.margins["recommended"].gain.value >= GAIN_MARGIN  # which it has been tried with
     told = Tuning(
         path, fine, robot={"delay": (0.0, DELAY), "lag": (0.0, LAG)}, gain_margin=1.0, perturbed=1, runs=160,
         only=FEW,
@@ -216,6 +216,7 @@ def test_the_worst_of_the_loops_counts(path):
     found = Tuning(path, robot={"delay": "2ms..12ms"}, perturbed=2, runs=60, only=FEW).run()
     best = found.verdict.recommended
     assert found.margins["recommended"].is_stable
+    assert all(one.gain.edge.low >= GAIN_MARGIN for one in found.margins.values())  # as they have been tried
     assert sorted(best.outcomes) == [0, 1, 2]
     assert best.worst.error == max(out.error for out in best.outcomes.values())
     assert best.outcomes[1].error < best.outcomes[0].error  # the quick loop is not the hard one

@@ -277,6 +277,7 @@ class Tuning:
         found = margins_of(
             self._study, [*loops.values()], stop,
             accuracy=_ACCURACY, threads=self._threads, is_sparing=True, expected=expected,
+            stable=self.margin if self.margin > 1.0 else 0.0,  # each of them was tried with it
         )  # fmt: skip
         return {} if stop.is_set() else dict(zip(loops, found, strict=True))
 

@@ -154,6 +154,7 @@ def margins_of(
     on_runs: OnRuns | None = None,
     is_sparing: bool = False,
     expected: float = 0.0,
+    stable: float = 0.0,
 ) -> list[Margins]:
     """Return the margins of several settings of a scenario, searched in parallel.
 
@@ -166,12 +167,15 @@ def margins_of(
         on_runs: Called after each round with its number of runs.
         is_sparing: Whether to take more rounds of fewer runs, with commands at most ten times as late.
         expected: Expected feedback at the limit [1/s], where a sparing search begins; 0: unknown.
+        stable: Factor on the feedback with which each was found stable before; 0: none.
 
     Raises:
         ScenarioError: A setting is wrong, or they do not fit into memory.
     """
     loops = [_Loop(study.prepare(base), base, accuracy, is_sparing) for base in settings]
     gains = [loop.searches["gain"] for loop in loops]
+    for search in gains:
+        search.stable = stable
     if expected:
         side = math.sqrt(1.0 + accuracy)
         for loop, search in zip(loops, gains, strict=True):
@@ -220,7 +224,7 @@ class _Loop:
         """Return whether the loop is stable because one with more feedback is, and adopt that result."""
         low, known = self.searches["gain"].edge.low, self.searches["gain"].known
         if low >= 1.0:
-            self.nominal.known[1.0] = known[low]
+            self.nominal.known[1.0] = known.get(low, Judged("", math.nan, math.nan))  # known before
         return low >= 1.0
 
     @property

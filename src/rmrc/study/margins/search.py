@@ -68,6 +68,7 @@ class Search:
         accuracy: Relative, of the factor.
         is_sparing: Whether to take more rounds of fewer runs.
         first: First factors of a sparing search, relative to the guess.
+        stable: A factor with which the loop was found stable before; 0: none.
         known: Judgments, by factor.
     """
 
@@ -79,13 +80,14 @@ class Search:
     accuracy: float = ACCURACY
     is_sparing: bool = False
     first: tuple[float, ...] = _FEW
+    stable: float = 0.0
     known: dict[float, Judged] = field(default_factory=dict)
 
     @property
     def edge(self) -> Edge:
         """The present interval."""
         high = min((one for one, found in self.known.items() if found.is_unstable), default=math.inf)
-        return Edge(max((one for one in self.known if one < high), default=0.0), high)
+        return Edge(max((one for one in (*self.known, self.stable) if one < high), default=0.0), high)
 
     @property
     def tried(self) -> list[tuple[float, Judged]]:
