@@ -40,7 +40,7 @@ from typing import NamedTuple, TypeAlias
 
 SOURCE = Path(__file__).resolve().parent.parent / "src" / "rmrc"
 
-MOST_LINES = 39_650
+MOST_LINES = 39_670
 MOST_PACKAGES = 18
 MOST_CIRCLES = 0
 LONGEST_FUNCTION = 60

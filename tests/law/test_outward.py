@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from rmrc.law.jit import Array, entry
 from rmrc.law.kinematics import pose_error
-from rmrc.law.outward import HERE, LANES, contribute, follow_first, follow_on
+from rmrc.law.outward import HERE, LANES, contribute, follow_first, follow_on, follow_short
 from rmrc.law.record import ADVANCE, ALONG, AXIS, HALF, ROWS_OF_CHAIN, STEP, TURNS, capacity
 from rmrc.support.spatial import quat_to_matrix
 
@@ -22,6 +22,13 @@ def follow(chain: Array, leader: Array, q: Array, outward: Array, axes: int, pla
         place[i] = found[i]
     for first in range(0, axes, LANES):
         contribute(chain, outward, place[4:], J, first)
+
+
+@entry
+def follow_few(chain: Array, leader: Array, q: Array, outward: Array, place: Array) -> None:
+    found = follow_short(chain, leader, q, outward)
+    for i in range(7):
+        place[i] = found[i]
 
 
 @entry
@@ -74,6 +81,21 @@ def followed(chain, q):
     leader[: len(q)] = np.arange(len(q))
     follow(chain, leader, given, outward, len(q), place, J)
     return outward[:, : len(q)], place, J[:, : len(q)]
+
+
+@pytest.mark.parametrize("axes", [1, 2, 3, 4])
+def test_a_short_chain_has_the_bits_of_the_first_group_of_eight(axes):
+    rng = np.random.default_rng(axes)
+    chain, *_ = chain_of(axes, rng)
+    q = rng.uniform(-3.0, 3.0, axes)
+    outward, place, _ = followed(chain, q)
+    given, few, end = np.zeros(chain.shape[1]), np.full((6, chain.shape[1]), np.nan), np.zeros(7)
+    given[:axes] = q
+    leader = np.arange(chain.shape[1]) % axes
+    follow_few(chain, leader, given, few, end)
+    assert few[:, :axes].tobytes() == outward.tobytes() and end.tobytes() == place.tobytes()
+    follow_few(chain, leader, given + 1e-12, few, end)
+    assert end.tobytes() != place.tobytes()  # negative control
 
 
 @pytest.mark.parametrize("axes", [1, 2, 4, 5, 8, 9, 13])

@@ -4,7 +4,7 @@ import math
 from typing import TypeAlias
 
 from rmrc.law.jit import Array, Record, compiled, inlined
-from rmrc.law.outward import HERE, LANES, contribute, follow_first, follow_on
+from rmrc.law.outward import GROUP, HERE, LANES, contribute, follow_first, follow_on, follow_short
 
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
@@ -98,7 +98,10 @@ def follow_chain(world: Record, q: Array) -> None:
         world: Read: the arm's geometry at 0. Written: `outward` and `pose`.
         q: Joint positions, (n,).
     """
-    place = follow_first(world.chain, world.leader, q, world.outward, 0, world.axes, HERE)
+    if world.axes <= GROUP:
+        place = follow_short(world.chain, world.leader, q, world.outward)
+    else:
+        place = follow_first(world.chain, world.leader, q, world.outward, 0, world.axes, HERE)
     for first in range(LANES, world.axes, LANES):
         place = follow_on(world.chain, world.leader, q, world.outward, first, world.axes - first, place)
     turn, tip = (place[0], place[1], place[2], place[3]), world.tip_quat

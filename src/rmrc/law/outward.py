@@ -1,4 +1,4 @@
-"""Kinematics of a chain, outward from its base, with eight axes at a time in vector registers.
+"""Kinematics of a chain, outward from its base, with eight axes at a time in vector registers, or with four.
 
 The rotation before each axis is the product of the rotations about the axes before it. Two steps make the
 products within both groups of four rotations, each step all at once [Hillis86]; one after the other, they
@@ -35,7 +35,7 @@ _COSINE = (
 )  # fmt: skip
 
 _REAL, _WORD, _NUMBER = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
-_ROW, _BITS = ir.VectorType(_REAL, LANES), ir.VectorType(_WORD, LANES)
+_ROW = ir.VectorType(_REAL, LANES)
 _untyped: Any = types
 
 
@@ -62,7 +62,8 @@ class _Row:
 
     def behind(self, count: int, first: Any, size: int = GROUP) -> "_Row":
         """Return the numbers some places further on within each group of a size, behind others."""
-        places = [LANES + i % size if i % size < count else i - count for i in range(LANES)]
+        lanes = self.value.type.count
+        places = [lanes + i % size if i % size < count else i - count for i in range(lanes)]
         return self.mixed(self.of(first), places)
 
     def mixed(self, other: "_Row", places: Sequence[int]) -> "_Row":
@@ -102,15 +103,17 @@ def _sine_and_cosine(x: _Row) -> tuple[_Row, _Row]:
     x2 = x * x
     sine = x + (x * x2) * _polynomial(x2, _SINE)
     cosine = (x.of(1.0) - x2 * 0.5) + (x2 * x2) * _polynomial(x2, _COSINE)
-    one, two, up = (ir.Constant(_BITS, [number] * LANES) for number in (1, 2, 62))
-    bits = builder.bitcast(rounded.value, _BITS)
-    is_odd = builder.trunc(bits, ir.VectorType(ir.IntType(1), LANES))
+    lanes = x.value.type.count
+    words = ir.VectorType(_WORD, lanes)
+    one, two, up = (ir.Constant(words, [number] * lanes) for number in (1, 2, 62))
+    bits = builder.bitcast(rounded.value, words)
+    is_odd = builder.trunc(bits, ir.VectorType(ir.IntType(1), lanes))
 
     def signed(odd: _Row, even: _Row, quarter: Any) -> _Row:
         """Return one or the other, negative in the third and fourth quarters."""
-        taken = builder.bitcast(builder.select(is_odd, odd.value, even.value), _BITS)
+        taken = builder.bitcast(builder.select(is_odd, odd.value, even.value), words)
         sign = builder.shl(builder.and_(quarter, two), up)
-        return _Row(builder, builder.bitcast(builder.xor(taken, sign), _ROW))
+        return _Row(builder, builder.bitcast(builder.xor(taken, sign), x.value.type))
 
     return signed(cosine, sine, bits), signed(sine, cosine, builder.add(bits, one))
 
@@ -137,17 +140,20 @@ def _turned(turn: _Rows, v: _Rows) -> list[_Row]:
 
 
 class _Table:
-    """Eight columns of an array, beginning with a given one; of a row alone, its numbers."""
+    """Some columns of an array, beginning with a given one; of a row alone, its numbers."""
 
-    def __init__(self, context: Any, builder: Any, kind: Any, array: Any, first: Any) -> None:
+    def __init__(
+        self, context: Any, builder: Any, kind: Any, array: Any, first: Any, lanes: int = LANES
+    ) -> None:
         made = context.make_array(kind)(context, builder, array)
         self.builder, self.start = builder, builder.gep(made.data, [first])
+        self.kind = ir.VectorType(_REAL, lanes).as_pointer()
         self.width = builder.extract_value(made.shape, kind.ndim - 1)
 
     def place(self, row: int) -> Any:
         """Return the address of the numbers of a row."""
         at = self.builder.gep(self.start, [self.builder.mul(self.width, _WORD(row))])
-        return self.builder.bitcast(at, _ROW.as_pointer())
+        return self.builder.bitcast(at, self.kind)
 
     def rows(self, first: int, count: int) -> list[_Row]:
         """Read some rows."""
@@ -172,25 +178,50 @@ HERE = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _PLACE = _untyped.UniTuple(types.float64, len(HERE))
 
 
+def _turns(context: Any, builder: Any, kinds: Any, given: Any, at: Any, lanes: int) -> Any:
+    """Return the target, axes, steps, slides along the axes, and rotations within groups of four axes."""
+    of_chain, leaders, of_q, found = (
+        _Table(context, builder, *one, lanes) for one in zip(kinds[:4], given[:4], at, strict=True)
+    )
+    values = ir.Constant(ir.VectorType(_REAL, lanes), ir.Undefined)
+    for i in range(lanes):
+        value = of_q.number(leaders.number(_WORD(i)))
+        values = builder.insert_element(values, value, _NUMBER(i))
+    moved, (half, along) = _Row(builder, values), of_chain.rows(HALF, 2)
+    axis = of_chain.rows(AXIS, 3)
+    sine, cosine = _sine_and_cosine(half * moved)
+    turn = [cosine, *(sine * one for one in axis)]
+    for count in (1, 2):
+        turn = _product([one.behind(count, no) for one, no in zip(turn, HERE, strict=False)], turn)
+    return found, axis, of_chain.rows(STEP, 3), along * moved, turn
+
+
+def _typed_follow_short(_: Any, chain: Any, leader: Any, q: Any, outward: Any) -> Any:
+    """Generate the code for a chain of at most four axes, as for the first group of eight."""
+
+    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        found, axis, step, way, turn = _turns(context, builder, signature.args, given, [_WORD(0)] * 4, GROUP)
+        turned, ends = [one.behind(1, at) for one, at in zip(turn, HERE, strict=False)], []
+        axis, point = _turned(turned, axis), _turned(turned, step)
+        for i in range(3):
+            go = way * axis[i]
+            point[i] += go.behind(1, 0.0)
+            for count in (1, 2):
+                point[i] += point[i].behind(count, 0.0)
+            ends.append(point[i] + go)
+        found.write(0, [*axis, *point])
+        return context.make_tuple(builder, _PLACE, [one.last for one in (*turn, *ends)])
+
+    return _PLACE(chain, leader, q, outward), generate
+
+
 def _typed_follow(is_first: bool) -> Any:
     """Return the generator of code for eight axes: the first of a chain, or those behind a place."""
 
     def typed(_: Any, chain: Any, leader: Any, q: Any, outward: Any, _a: Any, _n: Any, _at: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
             at = [given[4]] * 2 + [_WORD(0)] + [given[4]]
-            of_chain, leaders, of_q, found = (
-                _Table(context, builder, *one) for one in zip(signature.args[:4], given[:4], at, strict=True)
-            )
-            values = ir.Constant(_ROW, ir.Undefined)
-            for i in range(LANES):
-                value = of_q.number(leaders.number(_WORD(i)))
-                values = builder.insert_element(values, value, _NUMBER(i))
-            moved, (half, along) = _Row(builder, values), of_chain.rows(HALF, 2)
-            axis, step, way = of_chain.rows(AXIS, 3), of_chain.rows(STEP, 3), along * moved
-            sine, cosine = _sine_and_cosine(half * moved)
-            turn = [cosine, *(sine * one for one in axis)]
-            for count in (1, 2):
-                turn = _product([one.behind(count, no) for one, no in zip(turn, HERE, strict=False)], turn)
+            found, axis, step, way, turn = _turns(context, builder, signature.args, given, at, LANES)
             near, far = map(list, zip(*(one.groups() for one in turn), strict=True))
             before: Sequence[Any] = HERE
             if not is_first:
@@ -242,5 +273,7 @@ _make: Any = intrinsic
 # The first eight come behind HERE, which is not multiplied.
 follow_first: Callable[[Array, Any, Array, Array, int, int, Place], Place] = _make(_typed_follow(True))
 follow_on: Callable[[Array, Any, Array, Array, int, int, Place], Place] = _make(_typed_follow(False))
+# (chain, leader, q, outward): the same for a chain of at most four axes, with equal bits.
+follow_short: Callable[[Array, Any, Array, Array], Place] = _make(_typed_follow_short)
 # (chain, outward, point, columns, first): writes the contributions of eight axes to the twist of a point.
 contribute: Callable[[Array, Array, Array, Array, int], None] = _make(_typed_contribute)
