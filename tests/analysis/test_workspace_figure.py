@@ -84,7 +84,7 @@ def test_a_map_has_a_colorbar_with_name_and_unit(measure):
 def test_a_half_plane_and_a_plane_through_a_point_say_what_they_are():
     _, axes = drawn(found("torus_3r"))
     assert axes.get_xlabel() == "distance from the axis of theta_1, $r$ [m]" and axes.get_xlim()[0] == 0.0
-    figure, axes = drawn(found("torus_3r", None, "xz", (0.0, 0.5, 0.0), cells=50))
+    figure, axes = drawn(found("torus_3r", None, "xz", (0.0, 0.5, 0.0), cells=30))
     assert axes.get_title() == "torus_3r: workspace of tip, y = 0.5 m"
     kinds = styles(figure)
     assert len(set(kinds)) == len(kinds)
@@ -110,7 +110,7 @@ def test_nothing_is_cut_off():
 
 
 def test_a_map_over_two_joints_has_degrees_and_meters_and_the_determinant(tmp_path):
-    space = joint_map(arm_of("stanford"), ("d_3", "theta_5"), cells=40)
+    space = joint_map(arm_of("stanford"), ("d_3", "theta_5"), cells=20)
     figure = workspace_figure._joint_map(space, "sigma_min")
     axes = figure.axes[0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("d_3 [m]", "theta_5 [°]")
