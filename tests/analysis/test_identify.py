@@ -145,7 +145,13 @@ def test_noise_is_not_what_is_smooth():
 @pytest.mark.parametrize("kind", mostly_long(["torque", "ideal"], 2))
 def test_what_a_run_had_is_found_in_its_file_and_the_scenario_with_the_block_runs(rmrc_file, kind):
     one = rmrc.load("approach_singularity").set(
-        {"plant.kind": kind, "plant.delay": 0.012, "plant.lag": 0.009, "control.feedback": 4}
+        {
+            "control.period": 0.002,
+            "plant.kind": kind,
+            "plant.delay": 0.012,
+            "plant.lag": 0.009,
+            "control.feedback": 4,
+        }
     )
     file, before = rmrc_file(one)
     found = rmrc.identify(file)
