@@ -319,7 +319,7 @@ def test_where_more_is_free_than_elsewhere_but_some_is_free_elsewhere_too(made):
 
 
 def test_what_is_always_free_is_free_elsewhere_and_what_is_not_is_not(chain):
-    for seed in range(4):
+    for seed in range(2):
         arm = chain(seed)
         q, elsewhere = arm.sampled(2, seed + 100)
         for group in wrench_costs(arm, q):
@@ -417,14 +417,16 @@ def test_a_joint_that_creeps_below_its_friction_is_still(made):
 
 def test_what_bears_a_part_of_the_wrench_is_named(made):
     text = RUBBING.format("", "")
-    lying = hold(made(text), [0.0, 0.3], [0, 0, -1, 0, 0, 0])  # 0.2 m of lower are 6 cm below the table
+    lying = hold(
+        made(text), [0.0, 0.3], [0, 0, -1, 0, 0, 0], seconds=3.0
+    )  # 0.2 m of lower are 6 cm below the table
     assert not lying.agrees and verdict(lying).endswith(
         "lower touches table, which carries part of the load: give other positions by --q or --keyframe."
     ), verdict(lying)
     ended = RUBBING.format("", 'range="-1 0.3" limited="true"')
-    at_end = hold(made(ended), [-0.6, 0.3], [0, 0, -1, 0, 0, 0])
+    at_end = hold(made(ended), *HELD, seconds=3.0)
     assert not at_end.agrees and "elbow is at the end of the range" in verdict(at_end)
-    assert verdict(hold(made(text), [-0.6, 0.3], [0, 0, -1, 0, 0, 0])).startswith("met")
+    assert verdict(hold(made(text), *HELD, seconds=3.0)).startswith("met")
 
 
 SLACK = """</worldbody><tendon><fixed name="belt" limited="true" range="-9 -0.6"><joint joint="shoulder" coef="1"/>
