@@ -417,7 +417,7 @@ def test_a_map_over_two_joints_has_a_double_zero_of_the_determinant_too(tmp_path
 
 
 def test_an_arm_without_known_factors_has_no_families():
-    space = found("planar_3link", cells=20)
+    space = found("planar_3link", cells=12, samples=5000)
     assert space.families == () and all(curve.family is None for curve in space.singular)
 
 
@@ -558,7 +558,7 @@ def test_the_area_of_a_gantry_is_known_to_its_accuracy(tmp_path):
         '<joint name="Z" type="slide" axis="0 0 1" range="-0.5 0"/><site name="tool"/></body></body></body>'
         "</worldbody></mujoco>"
     )
-    space = workspace(arms.load(path), "xz", cells=60, samples=5000)
+    space = workspace(arms.load(path), "xz", cells=60, samples=2000)
     assert abs(space.limited.area - 1.0) < space.limited.accuracy < 0.2
     # a half of a cell sticks out at both ends, where a whole one did
     x = space.a[np.flatnonzero(space.limited.reached.any(axis=1))]
