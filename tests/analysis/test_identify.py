@@ -45,7 +45,7 @@ def test_the_answer_is_that_of_the_closed_form_at_any_times(lag):
     lag=st.floats(0.008, 0.08),
     noise=st.sampled_from([1e-6, 1e-5, 1e-4]),
 )
-@examples(3, 6)
+@examples(2, 6)
 def test_delay_is_found_within_a_tick_and_lag_within_5_percent(seed, period, delay, lag, noise):
     # 12 s of levels within 0.5 rad/s and ramps of 0.05 s: what is promised
     found = rmrc.identify(log(seed, period, delay, lag, noise, joints=1))
@@ -145,7 +145,13 @@ def test_noise_is_not_what_is_smooth():
 @pytest.mark.parametrize("kind", mostly_long(["torque", "ideal"], 2))
 def test_what_a_run_had_is_found_in_its_file_and_the_scenario_with_the_block_runs(rmrc_file, kind):
     one = rmrc.load("approach_singularity").set(
-        {"plant.kind": kind, "plant.delay": 0.012, "plant.lag": 0.009, "control.feedback": 4}
+        {
+            "control.period": 0.002,
+            "plant.kind": kind,
+            "plant.delay": 0.012,
+            "plant.lag": 0.009,
+            "control.feedback": 4,
+        }
     )
     file, before = rmrc_file(one)
     found = rmrc.identify(file)
@@ -338,7 +344,7 @@ def test_parquet_npz_arrays_and_a_run_are_logs_as_well(tmp_path, simulate):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    columns = log(13, duration=5.0)
+    columns = log(13, duration=2.5)
     whole = rmrc.identify(columns)
     pq.write_table(pa.table(columns), tmp_path / "log.parquet")
     np.savez(
@@ -413,7 +419,7 @@ def hardly_moved(columns):
 
 def too_late(columns):
     columns["q1"] = np.roll(columns["q1"], 100)
-    return "later than 0.5 s …--longest…"
+    return "later than 0.1 s …--longest…"
 
 
 def too_few(columns):
@@ -442,7 +448,7 @@ def beside_useless_joints():
         spoiled = log(15)
         said[spoil] = spoil(spoiled)
         columns |= {f"{name}{len(said)}": spoiled[f"{name}1"] for name in ("q", "qdot_cmd")}
-    return rmrc.identify(columns), said
+    return rmrc.identify(columns, longest=0.1), said
 
 
 @pytest.mark.parametrize("spoil", USELESS, ids=lambda spoil: spoil.__name__)

@@ -146,7 +146,7 @@ def test_a_long_torus_arm_has_two_postures_at_most_and_a_short_one_four():
     counts = {}
     for name in ("torus_3r", "torus_3r_short"):
         task = choose(load(name))
-        goals = [task.arm.pose(q) for q in task.arm.sampled(12, 40)]
+        goals = [task.arm.pose(q) for q in task.arm.sampled(6, 40)]
         counts[name] = {len(find_postures(task, goal, limits=False, starts=500).q) for goal in goals}
     assert counts["torus_3r"] == {2}
     assert counts["torus_3r_short"] == {2, 4}
@@ -169,11 +169,11 @@ def test_on_the_waist_axis_there_is_a_continuum():
 
 def test_an_arm_with_joints_to_spare_has_a_continuum():
     task = choose(load("planar_3link"), ["x", "y"])
-    found = find_postures(task, goal_pose(task, [0.6, 0.3]), starts=100, limits=False)
+    found = find_postures(task, goal_pose(task, [0.6, 0.3]), starts=50, limits=False)
     assert found.is_continuum and found.freedom.tolist() == [1]
     assert found.hits.tolist() == [found.starts]
     # Its limits cut the loop into two pieces.
-    kept = find_postures(task, goal_pose(task, [0.6, 0.3]), starts=100)
+    kept = find_postures(task, goal_pose(task, [0.6, 0.3]), starts=50)
     assert kept.freedom.tolist() == [1, 1] and kept.hits.sum() > found.starts / 2
 
 
@@ -269,7 +269,7 @@ def planar(tmp_path_factory, lengths, ranges=None):
 
 
 def continua(task, reach, **options):
-    options = {"starts": 60, "limits": False} | options
+    options = {"starts": 40, "limits": False} | options
     found = find_postures(task, goal_pose(task, [reach * np.cos(0.4), reach * np.sin(0.4)]), **options)
     assert found.is_continuum
     return found

@@ -181,7 +181,7 @@ def sigma_min(space, q):
 
 @every_arm
 def test_every_singular_configuration_is_singular_by_mujoco_and_in_the_slice(name, site, plane, through):
-    space = found(name, site, plane, through, cells=50)
+    space = found(name, site, plane, through, cells=30)
     arm, part = space.task.arm, space.part
     for curve in space.singular:
         some = slice(None, None, max(1, len(curve.q) // 40))
@@ -211,7 +211,7 @@ def near(reached):
 
 @every_arm
 def test_every_tip_within_the_limits_lies_in_the_reachable_set(name, site, plane, through):
-    space = found(name, site, plane, through, cells=50)
+    space = found(name, site, plane, through, cells=30)
     arm, part = space.task.arm, space.part
     # Those in the plane are rare: of a slice that cuts, points within a hundredth of a cell.
     q = arm.sampled(1000 if not part.cuts else 60_000, seed=7)
@@ -231,7 +231,7 @@ def test_every_tip_within_the_limits_lies_in_the_reachable_set(name, site, plane
 
 @every_arm
 def test_the_value_of_a_cell_is_that_of_a_posture_that_reaches_it(name, site, plane, through):
-    space = found(name, site, plane, through, cells=50)
+    space = found(name, site, plane, through, cells=30)
     arm, part = space.task.arm, space.part
     for reach in (space.free, space.limited):
         cells = np.argwhere(reach.reached)[:: max(1, reach.reached.sum() // 50)]
@@ -417,7 +417,7 @@ def test_a_map_over_two_joints_has_a_double_zero_of_the_determinant_too(tmp_path
 
 
 def test_an_arm_without_known_factors_has_no_families():
-    space = found("planar_3link", cells=30)
+    space = found("planar_3link", cells=12, samples=5000)
     assert space.families == () and all(curve.family is None for curve in space.singular)
 
 
@@ -542,7 +542,7 @@ def test_kept_postures_are_within_limits_that_do_not_lie_around_zero(tmp_path):
     path.write_text(text.replace('name="elbow" range="-2.7925268 2.7925268"', 'name="elbow" range="1.0 5.0"'))
     arm = arms.load(path)
     assert arm.position_limit[1].tolist() == [1.0, 5.0]
-    space = workspace(arm, q=np.array([0.0, 2.0, 0.0]), cells=20, samples=2000)
+    space = workspace(arm, q=np.array([0.0, 2.0, 0.0]), cells=12, samples=1000)
     kept = space.limited.q[space.limited.reached]
     low, high = arm.position_limit.T
     assert (kept >= low - 1e-8).all() and (kept <= high + 1e-8).all()
@@ -558,7 +558,7 @@ def test_the_area_of_a_gantry_is_known_to_its_accuracy(tmp_path):
         '<joint name="Z" type="slide" axis="0 0 1" range="-0.5 0"/><site name="tool"/></body></body></body>'
         "</worldbody></mujoco>"
     )
-    space = workspace(arms.load(path), "xz", cells=60, samples=20_000)
+    space = workspace(arms.load(path), "xz", cells=60, samples=2000)
     assert abs(space.limited.area - 1.0) < space.limited.accuracy < 0.2
     # a half of a cell sticks out at both ends, where a whole one did
     x = space.a[np.flatnonzero(space.limited.reached.any(axis=1))]

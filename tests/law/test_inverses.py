@@ -119,7 +119,7 @@ def test_weights_are_nothing_but_other_units(variant, shape):
     if not fits(variant, shape):
         pytest.skip("inverse is for square matrices")
     m, n = shape
-    for seed in range(10):
+    for seed in range(4):
         rng = np.random.default_rng(seed)
         J, t = rng.normal(size=shape), rng.normal(size=m)
         row, joint = rng.uniform(0.3, 3, m), rng.uniform(0.3, 3, n)

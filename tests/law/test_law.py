@@ -21,6 +21,7 @@ from worlds import (
 )
 
 from codes import Method, Objective, OnExcess, Schedule
+from project import mostly_long
 from rmrc.law.bare import resolve_rates
 from rmrc.scenario.choices import Status
 from wording import says
@@ -44,7 +45,7 @@ def assert_numbers(tick, case=None):
 
 
 @named
-@pytest.mark.parametrize("scale", [0.0, 1e-300, 1e-90, 1e-12, 1.0, 1e12, 1e90, 1e150, 1e300])
+@pytest.mark.parametrize("scale", mostly_long([1e-300, 1e-90, 0.0, 1e-12, 1.0, 1e12, 1e300, 1e90, 1e150], 2))
 def test_no_method_is_ever_not_a_number(variant, scale):
     for J in (np.ones((3, 3)), np.eye(3), np.diag([1.0, 1e-200, 0.0]), np.zeros((3, 3))):
         for t in (np.ones(3), np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([1.0, -1.0, 0.0])):

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import polynomial
 from numpy.testing import assert_allclose
 
+from project import examples
 from rmrc.textbook.stability import edge_delay, edge_frequency, edge_gain, edge_lag, rule_gain
 
 PERIODS = st.sampled_from([1.0, 0.001, 0.02])
@@ -56,12 +57,14 @@ def test_below_the_edge_all_gains_are_stable_and_so_is_the_rule(period, ticks, l
 
 
 @given(PERIODS, st.floats(0.6, 20.0), st.floats(0.0, 10.0))
+@examples(3, 200)
 def test_the_longest_dead_time_is_that_whose_edge_it_is(period, ticks, lag):
     feedback = edge_gain(period, ticks * period, lag * period)
     assert_allclose(edge_delay(feedback, period, lag * period), ticks * period, rtol=1e-9)
 
 
 @given(PERIODS, st.floats(0.6, 20.0), st.floats(0.05, 10.0))
+@examples(3, 200)
 def test_the_longest_lag_is_that_whose_edge_it_is(period, ticks, lag):
     feedback = edge_gain(period, ticks * period, lag * period)
     assert_allclose(edge_lag(feedback, period, ticks * period), lag * period, rtol=1e-5)

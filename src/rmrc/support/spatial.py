@@ -182,17 +182,17 @@ def matrix_to_quat(R: ArrayLike) -> Array:
     array([0., 1., 0., 0.])
     """
     R = np.asarray(R, dtype=float)
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = np.moveaxis(R.reshape(*R.shape[:-2], 9), -1, 0)
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = R.reshape(-1, 9).T
     rows = [
         (1 + xx + yy + zz, zy - yz, xz - zx, yx - xy),
         (zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx),
         (xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy),
         (yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz),
     ]
-    products = np.moveaxis(np.array(rows), (0, 1), (-2, -1))
-    largest = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
-    row = np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :]
-    return normalize(np.where(row[..., :1] < 0, -row, row))
+    products = np.array(rows)
+    largest = np.argmax(np.diagonal(products), axis=-1)
+    row = products[largest, :, np.arange(len(largest))]
+    return normalize(np.where(row[:, :1] < 0, -row, row)).reshape(*R.shape[:-2], 4)
 
 
 def exp_rotation(rotvec: ArrayLike) -> Array:
