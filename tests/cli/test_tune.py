@@ -112,7 +112,7 @@ def test_nothing_feasible_is_exit_1_and_says_what_is_missed(rmrc, tmp_path):
 @pytest.mark.usefixtures("quick", "undrawn", "unmargined")
 def test_the_old_name_of_an_option_still_works(rmrc):
     """`--copies` draws as many perturbed scenarios as `--perturbed`, and a note gives the new name."""
-    short = ("tune", "quick.yaml", "--runs", "12", "--threads", "1")
+    short = ("tune", "quick.yaml", "--runs", "12", "--threads", "1", "--only", "control.at_singularity=damp")
     code, table, err = rmrc(*short, "--copies", "1")
     assert err == "rmrc: note: --copies is called --perturbed now\n"
     assert (code, table, "") == rmrc(*short, "--perturbed", "1")
