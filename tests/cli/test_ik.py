@@ -1,5 +1,6 @@
 """`rmrc ik`: what it prints, its exit codes, and what it says of bad input, to the letter."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -31,16 +32,19 @@ def _compiled_before():
     solve_ik(task, goal_pose(task, [1.0, 1.0]))
 
 
+FOUND = {}
+
+
 @pytest.fixture
 def asked_once(monkeypatch):
-    """Have the same question searched once, for its table and its JSON."""
-    known, search = {}, ik.ik
+    """Have the same question searched once, for its table and its JSON, and for all tests."""
+    search = ik.ik
 
     def ask(arm, **options):
         key = arm.path, repr(options)
-        if key not in known:
-            known[key] = search(arm, **options)
-        return known[key]
+        if key not in FOUND:
+            FOUND[key] = search(arm, **options)
+        return FOUND[key]
 
     monkeypatch.setattr(ik, "ik", ask)
 
@@ -161,6 +165,7 @@ def test_damped_iterates_come_with_their_damping(rmrc):
     assert len(path["damping"]) == len(path["h"]) == len(path["error"]) - 1 == len(path["q"]) - 1
 
 
+@pytest.mark.usefixtures("asked_once")
 def test_all_postures_side_by_side(rmrc):
     ask = ("ik", PUMA, "--to-q", "0.2,-1,1,0.3,0.4,0.5", "--all", "--no-limits")
     code, out, err = rmrc(*ask)
@@ -174,6 +179,7 @@ def test_all_postures_side_by_side(rmrc):
     assert all(one["freedom"] == 0 and one["starts"] > 0 for one in facts["postures"])
 
 
+@pytest.mark.usefixtures("asked_once")
 def test_a_continuum_is_not_listed(rmrc):
     code, out, _ = rmrc("ik", TORUS, "--to", "0,0,0.7", "--all")
     assert code == 0
@@ -205,15 +211,33 @@ def test_each_continuum_is_listed_once_with_its_starts(rmrc):
     assert_allclose(sorted(elbows), [-126.87, 126.87], atol=5e-3)
 
 
-@pytest.mark.usefixtures("asked_once")
-def test_where_no_connection_was_found_it_says_so(rmrc):
-    # Three freedoms: waist to the left or to the right, which no chain of postures connected.
-    ask = ("ik", PUMA, "--axes", "x,y,z", "--to-q", "0.2,-1,1,0.3,0.4,0.5", "--all", "--no-limits")
+def check_undecided(rmrc, ask):
     out = rmrc(*ask)[1]
     (row,) = (line for line in out.splitlines() if line.startswith("apart from others"))
     assert row.split()[3:] == ["unknown", "unknown"] and lines_are_short(out)
     facts = json.loads(rmrc(*ask, "--json")[1])
     assert [one["apart"] for one in facts["postures"]] == [None, None]
+
+
+@pytest.mark.usefixtures("asked_once")
+def test_what_is_not_known_to_be_apart_is_told(rmrc, monkeypatch):
+    search = ik.ik
+
+    def undecided(arm, **options):
+        found = search(arm, **options)
+        decided = np.zeros_like(found.postures.decided)
+        return dataclasses.replace(found, postures=dataclasses.replace(found.postures, decided=decided))
+
+    monkeypatch.setattr(ik, "ik", undecided)
+    check_undecided(rmrc, ("ik", TORUS, "--to", "0,0,1.5", "--all", "--no-limits"))
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("asked_once")
+def test_where_no_connection_was_found_it_says_so(rmrc):
+    # Three freedoms: waist to the left or to the right, which no chain of postures connected.
+    ask = ("ik", PUMA, "--axes", "x,y,z", "--to-q", "0.2,-1,1,0.3,0.4,0.5", "--all", "--no-limits")
+    check_undecided(rmrc, ask)
 
 
 def test_no_posture_at_all_exits_1(rmrc):

@@ -136,9 +136,9 @@ def test_ctrl_c_ends_the_wait_for_the_workers_of_a_sweep_that_goes_on(rmrc, monk
 def test_the_bar_of_a_sweep_tells_the_rate_and_the_time_left(monkeypatch, capfd):
     monkeypatch.setenv("TTY_COMPATIBLE", "1")  # as if stderr were a terminal
     with console.progress("quick", 100, quiet=False, done=20, unit="runs") as on_runs:
-        for _ in range(4):
+        for _ in range(2):
             time.sleep(0.12)
-            on_runs(10)
+            on_runs(20)
         time.sleep(0.12)  # for the bar to be drawn
     shown = capfd.readouterr().err
     assert "60%" in shown

@@ -10,6 +10,7 @@ import pytest
 
 from project import ROOT
 from rmrc.scenario.choices import INVERSES
+from rmrc.tuning.trials import Trials
 from rmrc.tuning.tune import Tuning
 from wording import says
 
@@ -111,7 +112,7 @@ def test_nothing_feasible_is_exit_1_and_says_what_is_missed(rmrc, tmp_path):
 @pytest.mark.usefixtures("quick", "undrawn", "unmargined")
 def test_the_old_name_of_an_option_still_works(rmrc):
     """`--copies` draws as many perturbed scenarios as `--perturbed`, and a note gives the new name."""
-    short = ("tune", "quick.yaml", "--runs", "12", "--threads", "1")
+    short = ("tune", "quick.yaml", "--runs", "12", "--threads", "1", "--only", "control.at_singularity=damp")
     code, table, err = rmrc(*short, "--copies", "1")
     assert err == "rmrc: note: --copies is called --perturbed now\n"
     assert (code, table, "") == rmrc(*short, "--perturbed", "1")
@@ -160,8 +161,33 @@ def test_ctrl_c_before_the_first_run_leaves_nothing(rmrc, tmp_path, monkeypatch)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.usefixtures("quick", "undrawn", "unmargined")
+def test_ctrl_c_shows_what_was_found_so_far(rmrc, tmp_path, monkeypatch):
+    run, batches = Trials.run, []
+
+    def stopped(*arguments):
+        batches.append(run(*arguments))
+        if len(batches) == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+        return batches[-1]
+
+    monkeypatch.setattr(Trials, "run", stopped)
+    code, out, err = rmrc("tune", "quick.yaml", "--runs", "12000", "--threads", "1")
+    assert code == 130
+    check_interrupted(out, err, tmp_path)
+
+
+def check_interrupted(out, err, folder):
+    done = int(re.search(r"rmrc: interrupted after (\d+) of 12000 runs\n", err)[1])
+    assert 5 <= done < 12000
+    assert f"settings in {done} runs; " in " ".join(lines_of(out))
+    assert (folder / "recordings/quick.tune.parquet").is_file()
+
+
+@pytest.mark.long
+@pytest.mark.skipif(os.name != "posix", reason="signals")
 @pytest.mark.usefixtures("quick")
-def test_ctrl_c_shows_what_was_found_so_far(tmp_path):
+def test_ctrl_c_shows_what_a_process_found_so_far(tmp_path):
     words = ["-m", "rmrc", "tune", "quick.yaml", "--runs", "12000", "--threads", "1"]
     process = subprocess.Popen(
         [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path,
@@ -177,7 +203,4 @@ def test_ctrl_c_shows_what_was_found_so_far(tmp_path):
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=240)
     assert process.returncode == 130
-    done = int(re.search(rb"rmrc: interrupted after (\d+) of 12000 runs\n", err)[1])
-    assert 5 <= done < 12000
-    assert f"settings in {done} runs; " in " ".join(lines_of(out.decode()))
-    assert (tmp_path / "recordings/quick.tune.parquet").is_file()
+    check_interrupted(out.decode(), err.decode(), tmp_path)

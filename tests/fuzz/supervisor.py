@@ -90,10 +90,11 @@ class Result:
 class Worker:
     """A process that runs inputs."""
 
-    def __init__(self, folder, bounds, plant, warms_up):
+    def __init__(self, folder, bounds, plant, prepares, warms_up):
         self._folder, self._bounds = folder, bounds
         code = "import sys; sys.path.insert(0, sys.argv.pop(1)); from fuzz.worker import main; main(*sys.argv[1:])"
-        arguments = [str(TESTS), str(folder), plant, str(bounds.addresses), "warm" if warms_up else ""]
+        readies = ("warm" if warms_up else "imported") if prepares else ""
+        arguments = [str(TESTS), str(folder), plant, str(bounds.addresses), readies]
         threads = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "ARROW")}
         with open(f"{folder}.words", "wb") as words:
             self.process = subprocess.Popen(
@@ -187,14 +188,19 @@ class Worker:
         trace = Path(f"{self._folder}.trace")
         before = trace.stat().st_size
         os.kill(self.process.pid, signal.SIGUSR1)
-        time.sleep(0.3)
+        sizes = [before]
+        for _ in range(15):  # until it has begun to write, and has written no more for a while
+            time.sleep(0.02)
+            sizes.append(trace.stat().st_size)
+            if before < sizes[-1] == sizes[-2]:
+                break
         lines = trace.read_text("utf-8", "replace")[before:].splitlines()
         own = [line.strip() for line in lines if "/rmrc/" in line or "/planted.py" in line]
         names = [line.split("/")[-1].replace('"', "") for line in reversed(own)]
         return " > ".join(names[-4:]) or "nowhere of ours"
 
 
-def supervise(inputs, jobs=1, bounds=None, plant="", until=None, on_input=None):
+def supervise(inputs, jobs=1, bounds=None, plant="", until=None, on_input=None, *, prepares=True):
     """Run inputs in worker processes and return what came of them.
 
     Args:
@@ -204,11 +210,14 @@ def supervise(inputs, jobs=1, bounds=None, plant="", until=None, on_input=None):
         plant: A module with another command line, see `fuzz.planted`.
         until: `time.monotonic()` after which no input is begun; None: any time.
         on_input: Called after each input with the result so far.
+        prepares: Whether workers import and compile before their first input what any input may need; each input
+            imports and compiles what it needs else, which is cheaper for few, but counts as its own.
     """
     waiting, result, started = iter(inputs), Result(), time.monotonic()
     folder = Path(tempfile.mkdtemp(prefix="rmrc-fuzz-"))
     names = (folder / f"worker-{number}" for number in itertools.count())
-    crew = _Crew(lambda warms_up: Worker(next(names), bounds or Bounds(), plant, warms_up), result)
+    bounds = bounds or Bounds()
+    crew = _Crew(lambda warms_up: Worker(next(names), bounds, plant, prepares, warms_up), result)
     try:
         crew.run(waiting, jobs, until, on_input or (lambda _: None))
     finally:

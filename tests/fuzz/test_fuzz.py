@@ -29,12 +29,22 @@ def told(result):
     return [f"{one.kind} {one.index}: {one.finding.kind}: {one.finding.text}" for one in result.failures]
 
 
-@pytest.mark.parametrize("counts", [FEW, pytest.param(MANY, marks=pytest.mark.long)], ids=["few", "many"])
-def test_inputs_end_as_documented(counts):
+# Few inputs import and compile what they need as they go, which may take long for one of them.
+SLOW = Bounds(seconds=120.0)
+
+
+@pytest.mark.parametrize(
+    ("counts", "bounds"),
+    [(FEW, SLOW), pytest.param(MANY, Bounds(), marks=pytest.mark.long)],
+    ids=["few", "many"],
+)
+def test_inputs_end_as_documented(counts, bounds):
     frozen = [("file", str(path)) for path in FROZEN]
     assert frozen  # every input that ever failed
     result = supervise(
-        [*frozen, *((kind, index) for kind in classes.GENERATORS for index in range(counts[kind]))]
+        [*frozen, *((kind, index) for kind in classes.GENERATORS for index in range(counts[kind]))],
+        bounds=bounds,
+        prepares=counts is MANY,
     )
     assert told(result) == []
     assert result.counts == {"file": len(frozen)} | counts
@@ -44,19 +54,19 @@ def test_inputs_end_as_documented(counts):
 
 # What a planted fault may take: 400 MB, where a worker that has begun takes 50, and as long as the slowest machine needs.
 PLANTED = Bounds(seconds=60.0, grace=3.0, memory=3 * 2**27, addresses=2**32)
-# Those that run on for as long as they may get half a second, and one of them the time to end.
+# Those that run on for as long as they may, all at once, get a third of a second, and one of them the time to end.
 RUNNING_ON = {"hang", "sleep", "deaf", "long"}
 
 
-def supervise_planted(names, bounds):
+def supervise_planted(names, bounds, jobs):
     indices = [index for index, name in enumerate(planted.FAULTS) if name in names]
-    return supervise([("planted", index) for index in indices], 1, bounds, planted.__name__)
+    return supervise([("planted", index) for index in indices], jobs, bounds, planted.__name__)
 
 
 def test_every_planted_fault_is_counted_and_nothing_else():
     results = [
-        supervise_planted(planted.FAULTS.keys() - RUNNING_ON, PLANTED),
-        supervise_planted(RUNNING_ON, replace(PLANTED, seconds=0.5, grace=1.5)),
+        supervise_planted(planted.FAULTS.keys() - RUNNING_ON, PLANTED, 1),
+        supervise_planted(RUNNING_ON, replace(PLANTED, seconds=0.3, grace=1.0), len(RUNNING_ON)),
     ]
     found = {name: [] for name in planted.FAULTS}
     for kind, index in sorted(

@@ -32,14 +32,14 @@ WARMING = tuple(
 )
 
 
-def main(folder, plant, memory, warm):
+def main(folder, plant, memory, ready):
     """Read names of inputs on stdin, a JSON list each; write what came of each on stdout.
 
     Args:
         folder: Where to work; its name with `.trace` takes the Python stacks on SIGUSR1.
         plant: Module of a command line to run instead of rmrc's, and of its class `planted`; "" for none.
         memory: Bytes of address space that inputs may take beside what the imports took; "0" for any number.
-        warm: Whether to compile all that inputs may need before the first of them is run; "" for no.
+        ready: What to do before the first input: "imported" to import all that any may need, "warm" to compile it as well; "" for nothing.
     """
     tell = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
     hear = os.fdopen(os.dup(0), encoding="utf-8")
@@ -50,9 +50,9 @@ def main(folder, plant, memory, warm):
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # but while an input runs
     faulthandler.enable(trace)
     faulthandler.register(signal.SIGUSR1, trace, all_threads=True)
-    generate, command_line = _planted(plant) if plant else _ours()
+    generate, command_line = _planted(plant) if plant else _ours(ready)
     sandbox = Sandbox(folder, command_line)
-    if warm and not plant:
+    if ready == "warm" and not plant:
         _warm_up(sandbox)
     _bound(int(memory))
     print("ready", file=tell)
@@ -68,11 +68,11 @@ def main(folder, plant, memory, warm):
         print(json.dumps(said), file=tell)
 
 
-def _ours():
-    """Import all that a verb may import, and return the generators and the command line."""
+def _ours(ready):
+    """Return the generators and the command line; import before all that a verb may import, if asked to."""
     from rmrc import cli
 
-    for name in _modules():
+    for name in _modules() if ready else ():
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
     _remember_what_never_changes()

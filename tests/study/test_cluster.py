@@ -11,7 +11,7 @@ import dask
 import pytest
 from distributed import Client, LocalCluster
 
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.results import facts
 from rmrc.scenario import draft_of
 from rmrc.study import dask as cluster
@@ -74,6 +74,7 @@ def workers():
         yield processes
 
 
+@pytest.mark.long
 def test_rows_have_the_bits_of_one_thread_with_threads_and_with_workers_that_see_no_file(
     path, whole, workers, tmp_path
 ):
@@ -92,46 +93,60 @@ def test_rows_have_the_bits_of_one_thread_with_threads_and_with_workers_that_see
     assert sweep.dataset.file.read_bytes() == whole
 
 
-def test_a_killed_workers_batch_is_run_again_and_the_file_is_the_same_to_the_byte(
+def test_workers_that_see_no_file_make_the_same_bytes_though_one_of_them_is_killed(
     path, whole, workers, tmp_path
 ):
     sweep = Sweep(path, folder=tmp_path, cluster=workers.scheduler_address)
-    killed = []
+    killed, (models, hidden) = [], (path.parents[1] / "models", path.parents[1] / "hidden")
 
     def kill(_):
         if not killed:
             killed.append(next(iter(workers.workers.values())).pid)
             os.kill(killed[0], signal.SIGKILL)
 
-    assert sweep.run(kill).done == RUNS
+    with sweep:
+        sweep.check()
+        models.rename(hidden)  # the workers have them
+        try:
+            assert sweep.run(kill).done == RUNS
+        finally:
+            hidden.rename(models)
     assert killed
     assert sweep.dataset.file.read_bytes() == whole
     assert [entry.name for entry in tmp_path.iterdir()] == ["quick.sweep.parquet"]
 
 
-def test_the_check_finds_the_same_on_the_workers_and_says_it_in_the_same_words(path, workers, tmp_path):
-    vary = {
-        "control.feedback": "[5, -1]",
-        "arm.model": "[../models/planar_2link.xml, ../models/planar_2lnk.xml]",
-        "arm.joints": "[null, [elbow, knee]]",
-    }
-    few = [f"sweep.vary={{{', '.join(f'{key}: {values}' for key, values in vary.items())}}}", "sweep.draw={}"]
-    many = ["sweep.draw={control.inverse.damping.maximum: [-1, 1]}", "sweep.samples=90"]
-    for overrides, told in ((few, 10), (many, 21)):
-        here, there = ({"threads": 1}, {"cluster": workers.scheduler_address})
-        found = []
-        for name, where in (("here", here), ("there", there)):
-            with pytest.raises(ScenarioError) as caught:
-                Sweep(path, overrides, tmp_path / name, **where).check()
-            found.append(str(caught.value).splitlines())
-        assert found[0] == found[1]
-        assert len(found[0]) <= told
-        if overrides is few:
-            models = path.parents[1] / "models"
-            assert says(f'… "{models}/planar_2lnk.xml" … "planar_2link.xml"…') in found[0]
-            assert says(f'… {models}/planar_2link.xml: … "knee" … "tip" … shoulder, elbow') in found[0]
-        else:
-            assert found[0][-1] == says("… more … other runs")
+VARY = {
+    "control.feedback": "[5, -1]",
+    "arm.model": "[../models/planar_2link.xml, ../models/planar_2lnk.xml]",
+    "arm.joints": "[null, [elbow, knee]]",
+}
+FEW = [f"sweep.vary={{{', '.join(f'{key}: {values}' for key, values in VARY.items())}}}", "sweep.draw={}"]
+MANY = ["sweep.draw={control.inverse.damping.maximum: [-1, 1]}", "sweep.samples=90"]
+
+
+@pytest.mark.parametrize(("overrides", "told"), mostly_long([(FEW, 10), (MANY, 21)], 2), ids=["few", "many"])
+def test_the_check_finds_the_same_on_the_workers_and_says_it_in_the_same_words(
+    path, workers, tmp_path, overrides, told
+):
+    found = []
+    for name, where in (("here", {"threads": 1}), ("there", {"cluster": workers.scheduler_address})):
+        with pytest.raises(ScenarioError) as caught:
+            Sweep(path, overrides, tmp_path / name, **where).check()
+        found.append(str(caught.value).splitlines())
+    assert found[0] == found[1]
+    assert len(found[0]) <= told
+    if overrides is FEW:
+        models = path.parents[1] / "models"
+        assert says(f'… "{models}/planar_2lnk.xml" … "planar_2link.xml"…') in found[0]
+        assert says(f'… {models}/planar_2link.xml: … "knee" … "tip" … shoulder, elbow') in found[0]
+    else:
+        assert found[0][-1] == says("… more … other runs")
+
+
+@pytest.mark.long
+def test_the_check_of_a_sound_sweep_tells_the_same_contents_on_the_workers(path, workers, tmp_path):
+    here, there = ({"threads": 1}, {"cluster": workers.scheduler_address})
     contents = [
         Sweep(path, (), tmp_path / name, **where).check() for name, where in (("a", here), ("b", there))
     ]

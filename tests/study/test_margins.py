@@ -87,7 +87,12 @@ def test_a_dead_time_that_a_short_path_cannot_show_is_more_than_most_of_its_time
     found = rmrc.margins(scenario.set({"control.feedback": 2.0}), accuracy=0.5, threads=1).delay
     assert found.ideal > 1.1 * ends and found.edge.high == math.inf
     assert_allclose([found.edge.low, found.bound], 0.9 * ends, rtol=1e-9)
-    # so it is where what is written leaves nothing to add, as 0.6 s and more are beyond 0.9 of the path
+
+
+@pytest.mark.long
+def test_so_it_is_where_what_is_written_leaves_nothing_to_add(short):
+    scenario = short.prepare().scenario
+    # 0.6 s and more are beyond 0.9 of the path
     late = rmrc.margins(
         scenario.set({"control.feedback": 2.0, "plant.delay": 0.63}), accuracy=0.5, threads=1
     ).delay

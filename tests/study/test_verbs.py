@@ -107,7 +107,11 @@ def test_compare_writes_what_the_verb_writes_if_it_is_asked_to(short, tmp_path):
 
 @pytest.mark.parametrize(
     "drawn",
-    mostly_long([{}, {"random": {"control.feedback": (5, 40)}}, {"sobol": {"control.feedback": [5, 40]}}], 2),
+    mostly_long(
+        [{}, {"random": {"control.feedback": (5, 40)}}, {"sobol": {"control.feedback": [5, 40]}}],
+        1,
+        [{}, {"random": {"control.feedback": (5, 40)}}],
+    ),
 )
 def test_sweep_gives_the_rows_of_the_verb(short, tmp_path, drawn):
     samples = 3 if drawn else None

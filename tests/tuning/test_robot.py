@@ -202,7 +202,7 @@ def test_what_is_recommended_for_an_assumed_robot_bears_its_margin(path):
 def test_a_number_at_its_search_bound_is_told(path):
     # the less damping the better, as no rate limit acts: the best is the least that is tried
     found = Tuning(
-        path, ["control.limits.rate=20"], robot={"delay": "8ms"}, perturbed=0, runs=80, only=FEW
+        path, ["control.limits.rate=20"], robot={"delay": "8ms"}, perturbed=0, runs=50, only=FEW
     ).run()
     best = found.verdict.recommended
     values = best.setting.values

@@ -95,7 +95,7 @@ def measured(run, length=1.0):
 
 
 def test_what_is_pasted_is_what_was_run_and_the_worst_copy_counts(path, tmp_path):
-    work = Tuning(path, perturbed=3, seed=5, runs=90, threads=1)
+    work = Tuning(path, perturbed=3, seed=5, runs=60, threads=1)
     found = work.run()
     best = found.verdict.recommended
     assert len(found.scenarios) == 4
@@ -142,10 +142,10 @@ def test_the_files_hold_what_was_found_and_can_be_run(path, tmp_path):
 
 
 def test_threads_change_nothing_and_another_seed_does(path):
-    one, two = (Tuning(path, perturbed=2, runs=36, threads=threads).run() for threads in (1, 2))
+    one, two = (Tuning(path, perturbed=2, runs=24, threads=threads).run() for threads in (1, 2))
     assert [(a.setting, a.outcomes) for a in one.tried] == [(a.setting, a.outcomes) for a in two.tried]
     assert one.block == two.block
-    other = Tuning(path, perturbed=2, runs=36, threads=2, seed=1).run()
+    other = Tuning(path, perturbed=2, runs=24, threads=2, seed=1).run()
     assert [a.setting for a in one.tried] != [a.setting for a in other.tried]
     assert one.scenarios[1:] != other.scenarios[1:]
 
@@ -160,7 +160,7 @@ def test_the_optimum_of_damping_and_feedback_is_that_of_a_fine_grid(path):
     study = Study(draft_of(path, limit))
     grid = [
         (damping, feedback)
-        for damping in np.geomspace(best.setting.numbers[0] / 30, 1.0, 40)
+        for damping in best.setting.numbers[0] * np.geomspace(0.3, 3.0, 17)
         for feedback in np.geomspace(1.0, 10.0, 12)
     ]
     key = "control.inverse.damping.maximum"
@@ -181,7 +181,7 @@ def test_the_optimum_of_damping_and_feedback_is_that_of_a_fine_grid(path):
 
 
 def test_a_search_of_a_scenario_object_is_that_of_its_file(path):
-    only = {"only": ["control.at_singularity=damp"], "perturbed": 1, "runs": 30}
+    only = {"only": ["control.at_singularity=damp"], "perturbed": 1, "runs": 20}
     by_file, by_object = Tuning(path, **only).run(), Tuning(load(path), **only).run()
     assert [(one.setting, one.outcomes) for one in by_file.tried] == [
         (one.setting, one.outcomes) for one in by_object.tried
@@ -680,7 +680,7 @@ def test_the_setting_as_written_is_told_to_be_what_it_is(path):
 
 
 def test_the_search_is_a_name_of_the_package(path):
-    assert package.tune(path, perturbed=0, runs=40).feasible
+    assert package.tune(path, perturbed=0, runs=12, only=["control.at_singularity=damp"]).feasible
 
 
 def nearer():
