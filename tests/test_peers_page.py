@@ -27,10 +27,7 @@ def named(name):
     return next(case for case in peer_cases.cases() if case.name == name)
 
 
-NAMES = [title[0].lower() + title[1:] for title in TITLES]
-
-
-@pytest.mark.parametrize("name", mostly_long(NAMES, 4, ["far, UR5e"]))
+@pytest.mark.parametrize("name", mostly_long([title[0].lower() + title[1:] for title in TITLES], 4))
 def test_a_path_starts_where_the_arm_is_and_returns_and_its_twists_are_its_slopes(name):
     case = named(name)
     site = case.arm.at(case.start).site(case.arm.site)

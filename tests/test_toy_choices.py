@@ -104,6 +104,7 @@ print(json.dumps([
 """
 
 
+@pytest.mark.long  # tests/test_toy_plant.py reads the schema of such a copy, tests/law/test_dispatch.py calls a toy choice
 def test_schema_and_record_have_what_is_declared_and_tune_searches_it(tmp_path):
     copy = declared(tmp_path)
     copy.add("law/inverses.py", FUNCTION, before="gains = ")
