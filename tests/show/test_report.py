@@ -65,8 +65,8 @@ ASKED = {
 }  # fmt: skip
 
 
-# a log takes longest, and tests/test_docs.py and tests/test_to_your_robot.py identify one
-@pytest.mark.parametrize("verb", mostly_long(ASKED, 1, ["identify"]))
+# these take longest, and tests/test_docs.py asks both
+@pytest.mark.parametrize("verb", mostly_long(ASKED, 1, ["identify", "workspace"]))
 def test_a_verb_prints_what_python_returns(rmrc_verb, tmp_path, request, verb):
     options, ask = ASKED[verb]
     answer = ask()
