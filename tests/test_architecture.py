@@ -353,7 +353,7 @@ def texts():
 
 
 def machine_paths(text):
-    return [line for line in text.splitlines() if HERE_ONLY.search(line)]
+    return [line for line in text.splitlines() if HERE_ONLY.search(line)] if HERE_ONLY.search(text) else []
 
 
 def test_no_file_names_a_folder_of_one_machine():

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import rmrc
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.arm import load
 from rmrc.arm.differences import stretched_fields
 from rmrc.results.columns import COLUMNS
@@ -51,7 +51,7 @@ def write(folder, *changes):
 # Bits ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["servo", "torque", "ideal"])
+@pytest.mark.parametrize("kind", mostly_long(["servo", "torque", "ideal"], 2))
 def test_worlds_that_differ_in_their_numbers_share_batches_and_no_bit_depends_on_the_others(scenario, kind):
     shared = (f"plant.kind={kind}", "target.path=[{line: {to: [1.3, 0.1]}}]", "control.period=0.002")
     chosen = [

@@ -40,7 +40,7 @@ COARSE = {
 @pytest.mark.usefixtures("unmargined")
 @pytest.mark.parametrize(
     "command",
-    mostly_long(COMMANDS, 5, slow=[one for one in COMMANDS if " margins " in one]),
+    mostly_long(COMMANDS, 5, slow=[one for one in COMMANDS if " margins " in one or "workspace_6_3" in one]),
     ids=lambda command: PICTURE.search(command)[1],
 )
 def test_commands_of_the_makefile_run(rmrc, tmp_path, command):

@@ -7,11 +7,11 @@ plain loops over MuJoCo that place what follows.
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from numpy.testing import assert_allclose
 
 from chains import random_chain, random_followers, seeds
-from project import ROOT
+from project import ROOT, examples
 from rmrc import arm as arms
 from rmrc.analysis.inspect.routes import jacobians as routes
 from rmrc.analysis.statics.balance import balance
@@ -99,7 +99,7 @@ def test_any_chain_with_any_followers_moves_as_its_equalities_say(folder, seed):
     assert_allclose(borne.propagated, -J.T @ wrench, atol=ROUNDING * size * 10)
 
 
-@settings(max_examples=20)
+@examples(8, 20)
 @given(seeds)
 def test_the_law_sees_the_same_arm_in_mujocos_data_and_in_its_own_chain(folder, seed):
     arm = made(folder, random_chain(seed, 5, followers=True))

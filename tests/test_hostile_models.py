@@ -265,7 +265,7 @@ HUGE = {
         model(head='<option iterations="2000000000" tolerance="0"/>'),
         "option iterations … 10000 … 2000000000",
     ),
-    "user": (model(head='<size nuserdata="20000000"/>'), "… 10000000 … nuserdata … 20000000"),
+    "user": (model(head='<size nuserdata="10000001"/>'), "… 10000000 … nuserdata … 10000001"),
 }  # fmt: skip
 
 

@@ -196,7 +196,8 @@ def test_every_verb_that_runs_answers_a_polite_kill(hard, verb):
 def test_nohup_stays_deaf_and_the_second_signal_does_not_wait(hard):
     saves = "lambda *_: print('saves', flush=True) or time.sleep(60)"
     process = start(
-        hard, "run", "hard.yaml", "-q", "--set", "control.period=0.1",  # ticks of 50 ms
+        hard, "run", "hard.yaml", "-q",
+        "--set", "control.period=0.004", "--set", "plant.timestep=1.0e-4",  # blocks of 0.1 s, 150 of them
         code=f"import rmrc.results.run, time; rmrc.results.run.Run.save = {saves}\nfrom rmrc.cli import main; main()",
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
     )  # fmt: skip

@@ -54,7 +54,7 @@ def next_gentle_rate(rate, distance):
 brakings, rates, changes = st.floats(0.3, 8.0), st.floats(0.01, 30.0), st.floats(-1.0, 4.0)
 
 
-@examples(10, 30)
+@examples(5, 30)
 @given(brakings, rates, changes, st.floats(1e-6, 10.0))
 def test_the_way_to_rest_is_the_least_that_jerk_and_deceleration_allow(braking, rate, change, step):
     change = max(change, -braking)
@@ -64,7 +64,7 @@ def test_the_way_to_rest_is_the_least_that_jerk_and_deceleration_allow(braking, 
     assert way(rate * step, change * step, braking * step, step) == pytest.approx(wanted * step, rel=1e-6)
 
 
-@examples(6, 20)
+@examples(3, 20)
 @given(brakings, rates, changes, st.floats(0.02, 0.98))
 def test_the_bound_before_a_position_limit_is_sharp(braking, rate, last, part):
     # Within one step of jerk, a little more than the largest change leads beyond.

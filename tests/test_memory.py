@@ -134,10 +134,10 @@ def test_what_does_not_fit_is_refused_before_anything_moves(rmrc, tmp_path, name
 
 
 def test_a_sweep_counts_the_batches_that_are_run_at_a_time(rmrc, tmp_path, monkeypatch):
-    (tmp_path / "long.yaml").write_text(BASE.replace("8000", "100"))
-    # a batch is one run, of 104 B a sample: 10.4 MB, a world and half a megabyte of ticks; two are too much
+    (tmp_path / "long.yaml").write_text(BASE.replace("8000", "20"))
+    # a batch is one run, of 104 B a sample: 2.1 MB, a world and its ticks; two are too much
     monkeypatch.setattr("rmrc.simulation.footprint.LIBRARIES", 0)
-    monkeypatch.setattr(memory, "room", lambda: memory.Room(20e6, "the machine"))
+    monkeypatch.setattr(memory, "room", lambda: memory.Room(8e6, "the machine"))
     options = (
         "sweep",
         "long.yaml",
@@ -149,7 +149,7 @@ def test_a_sweep_counts_the_batches_that_are_run_at_a_time(rmrc, tmp_path, monke
     )
     code, out, err = rmrc(*options, "--threads", "2")
     assert (code, out) == (2, "") and not (tmp_path / "recordings").exists()
-    wanted = "100001 ticks … 2 … 25.4 MB … 16 MB … 80% … machine …; … control.period … --threads"
+    wanted = "20001 ticks … 2 … 8.8 MB … 6.4 MB … 80% … machine …; … control.period … --threads"
     assert err == says(f"rmrc: error: long.yaml:5:16: target.path: … {wanted}\n")
     assert rmrc(*options, "--threads", "1") == (0, "", "")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rmrc
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc import textbook
 
 NOTEBOOKS = {
@@ -148,7 +148,7 @@ def test_only_public_names_are_used(name):
 
 
 @pytest.mark.usefixtures("pyplot")
-@pytest.mark.parametrize("name", NOTEBOOKS)
+@pytest.mark.parametrize("name", mostly_long(NOTEBOOKS, 2))
 def test_it_runs_from_top_to_bottom_and_tells_right_answers_from_wrong_ones(
     name, capsys, tmp_path, monkeypatch
 ):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc import arm as arms
 from rmrc.analysis.inspect.inspection import inspect
 from rmrc.analysis.subject import subject
@@ -328,11 +328,16 @@ def test_tendons_and_sites_are_the_arms_where_they_pull_at_nothing_else(tmp_path
 # One configuration for all ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["ideal", "servo", "torque"])
-@pytest.mark.parametrize(("model", "start", "others"), [
+BODIES = [
     ("idle_rail", "moved", "hold"), ("loose_gripper", "home", "free"),
     ("tendon_gripper", "shut", "hold"), ("two_arms", "home", "hold"),
-])  # fmt: skip
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "model", "start", "others"),
+    mostly_long([(kind, *one) for kind in ("ideal", "servo", "torque") for one in BODIES], 5),
+)
 def test_bodies_are_drawn_where_the_physics_has_them(kind, model, start, others):
     prepared, done = run(model, kind, start, others)
     assert done["qpos"].shape == (len(done), prepared.arm.model.nq)

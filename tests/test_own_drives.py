@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from loops import controller_of
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.scenario import Scenario, load, variants
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -212,7 +212,7 @@ LOOPS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("name", mostly_long(LOOPS, 2))
 def test_an_arm_does_what_a_plain_loop_over_its_file_does(name):
     start, tell = LOOPS[name]
     prepared, done = run(name)

@@ -11,7 +11,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from project import ROOT, told
+from project import ROOT, mostly_long, told
 from rmrc.law.record import tick_type
 from rmrc.results.columns import COLUMNS
 from rmrc.results.run import Run
@@ -143,7 +143,7 @@ def tallies_by_us(name, q, commands):
 
 
 @pytest.mark.parametrize("count", [300, pytest.param(1000, marks=pytest.mark.long)])
-@pytest.mark.parametrize("name", PORTS)
+@pytest.mark.parametrize("name", mostly_long(PORTS, len(PORTS)))
 def test_the_verdict_on_random_runs_is_that_of_the_published_conditions(name, count):
     q, commands = random_streams(np.random.default_rng(5), count)
     met = Counter()

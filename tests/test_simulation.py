@@ -37,7 +37,7 @@ from screws import screw_chain
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
 COARSE = "control.period=0.016"  # the oracle takes half a millisecond a tick
-BRISK = "target.path=[{line: {by: [0.02, 0.02]}}]"  # some hundred ticks, of 2 ms
+BRISK = "target.path=[{line: {by: [0.002, 0.002]}}]"  # a hundred ticks, of 2 ms
 FINER = "control.period=0.002"  # the torque plant carries rounding too far along at a longer one
 SIX = (
     "task.axes=[x, y, z, rx, ry, rz]",
@@ -104,7 +104,7 @@ VARIANTS = {
     "damping and friction, torque, uncompensated": (*XARM, FINER, SMALL, "plant.kind=torque", "plant.friction_compensation=false"),
     "torque beside joints that give way": (
         "arm={model: tests/models/idle_rail.xml, site: hand, joints: [shoulder, elbow], others: free}",
-        "task.axes=[x, z]", "target.path=[{line: {by: [0.03, 0, -0.03]}}]", "plant.kind=torque", FINER,
+        "task.axes=[x, z]", "target.path=[{line: {by: [0.003, 0, -0.003]}}]", "plant.kind=torque", FINER,
     ),
     "rows along the base": (*STANDING, "task.frame=base", "task.weights=[1, 4, 2, 0.1, 0.3, 0.2]"),
     "rows along the site": (*STANDING, "task.frame=site", "task.weights=[1, 4, 2, 0.1, 0.3, 0.2]"),
@@ -281,7 +281,8 @@ VARIANTS = {
         "control.stop={sigma: 0.82}", "plant.wrench=[5, -3, 1, 0, 0, 2]",
     ),
     "other lengths and zeros, 6 joints, torque": (
-        *STANFORD, *SIX, FINER, "plant={kind: torque, stretch: {link_1: 1.02}, joint_offset: [0.01, -0.02, 0.005, 0, 0, 0.02]}",
+        *STANFORD, *SIX, FINER, SMALL,
+        "plant={kind: torque, stretch: {link_1: 1.02}, joint_offset: [0.01, -0.02, 0.005, 0, 0, 0.02]}",
         OBJECTIVE + "posture",
     ),
     "other lengths, noise, a second task on the way": (
@@ -311,7 +312,8 @@ VARIANTS = {
     ),
     "jerk, at a stop": (*AT_STOP, "control.limits={acceleration: 30, braking: 10, jerk: 500}"),
     "jerk, towards a stop, gives way": (
-        *FOLDED, "arm.start=[0, -20 deg, 159 deg]", "control.nullspace={objective: rates, rates: [0, 0, 3]}",
+        *FOLDED, "target.path=[{line: {by: [0.005, 0.005]}}]", "arm.start=[0, -20 deg, 159 deg]",
+        "control.nullspace={objective: rates, rates: [0, 0, 3]}",
         "control.limits={rate: 2, jerk: 3, on_excess: clamp}", "plant.kind=ideal",
     ),
     "jerk, stop": (

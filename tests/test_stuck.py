@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.results import stuck
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load
@@ -62,7 +62,7 @@ def stands_by_hand(prepared, run):
     return np.array(found)
 
 
-@pytest.mark.parametrize("name", STUCK_RUNS | OTHER_RUNS)
+@pytest.mark.parametrize("name", mostly_long(STUCK_RUNS | OTHER_RUNS, 2))
 def test_a_run_is_stuck_where_its_columns_say_so_and_nowhere_else(simulate, name):
     prepared, run = simulate(*(STUCK_RUNS | OTHER_RUNS)[name])
     is_stuck = run["status"] & Status.STUCK > 0

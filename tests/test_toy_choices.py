@@ -104,6 +104,7 @@ print(json.dumps([
 """
 
 
+@pytest.mark.long  # tests/test_toy_plant.py reads the schema of such a copy, tests/law/test_dispatch.py calls a toy choice
 def test_schema_and_record_have_what_is_declared_and_tune_searches_it(tmp_path):
     copy = declared(tmp_path)
     copy.add("law/inverses.py", FUNCTION, before="gains = ")
@@ -121,7 +122,8 @@ def test_schema_and_record_have_what_is_declared_and_tune_searches_it(tmp_path):
     assert searched == [["control.inverse.softness", "control.feedback"], "", True, True]
 
 
-@pytest.mark.parametrize("has", ["none", pytest.param("of other arguments", marks=pytest.mark.long)])
+@pytest.mark.long  # tests/law/test_dispatch.py says the same of a toy choice in its own module
+@pytest.mark.parametrize("has", ["none", "of other arguments"])
 def test_an_inverse_without_its_function_cannot_be_imported(tmp_path, has):
     copy = declared(tmp_path)
     if has != "none":

@@ -3,9 +3,11 @@ import inspect
 import math
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -281,15 +283,39 @@ def in_another_process(code, folder, *more):
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
-@pytest.mark.parametrize("count", [8, pytest.param(7, marks=pytest.mark.long)])
-def test_after_kill_9_every_block_written_is_readable_and_the_layout_is_there(planar, tmp_path, count):
+def killed(folder, planar, count):
+    """Return what a process that ended itself after some blocks left, and its size after each."""
+    planar[1].save(folder / "run.npz")
+    done = in_another_process(KILLED, folder, str(count))
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    assert not (folder / "run.rrd").exists()
+    return folder / "run.rrd.part", [int(size) for size in done.stdout.split()]
+
+
+def copied(folder, planar, count):
+    """Return a copy of the file as it is after some blocks, which is what a kill would leave, and its sizes."""
+    with Recorder(folder / "run.rrd", planar[0]) as recorder:
+        sizes = []
+        for i, part in enumerate(blocks(rows(planar[1], 0, 100 * count), 100)):
+            recorder.write(part)
+            sizes.append(recorder.part_path.stat().st_size)
+            time.sleep(0.15 * (i == 6))
+        shutil.copy(recorder.part_path, folder / "copied.part")
+    return folder / "copied.part", sizes
+
+
+@pytest.mark.parametrize(
+    ("left", "count"),
+    [(copied, 8), *(pytest.param(killed, count, marks=pytest.mark.long) for count in (8, 7))],
+)
+def test_after_kill_9_every_block_written_is_readable_and_the_layout_is_there(
+    planar, tmp_path, monkeypatch, left, count
+):
     """The layout is written with the eighth block, or later: not before some time has passed."""
     run = planar[1]
-    run.save(tmp_path / "run.npz")
-    done = in_another_process(KILLED, tmp_path, str(count))
-    assert done.returncode == -signal.SIGKILL, done.stderr
-    assert not (tmp_path / "run.rrd").exists()
-    part, seen = tmp_path / "run.rrd.part", tmp_path / "seen.rrd"
+    monkeypatch.setattr(stream, "LONG", 0.1)  # as the other process has it
+    part, sizes = left(tmp_path, planar, count)
+    seen = tmp_path / "seen.rrd"
     assert_same_bits(read_columns(part), rows(run, 0, 100 * count).columns)
     repair(part, seen)
     names = [
@@ -303,7 +329,7 @@ def test_after_kill_9_every_block_written_is_readable_and_the_layout_is_there(pl
         assert drawn(seen)["error"].shape == (800, 1)
         assert {"Events", "Scenario", "Now"} <= {*names}
     # torn early in the last block, as when the computer stops
-    os.truncate(part, int(done.stdout.split()[count - 2]) + 2000)
+    os.truncate(part, sizes[count - 2] + 2000)
     assert_same_bits(read_columns(part), rows(run, 0, 100 * (count - 1)).columns)
 
 

@@ -142,6 +142,7 @@ def test_web_listens_on_the_loopback_alone_and_leaves_no_process(recording, tmp_
         assert list(tmp_path.glob("rmrc-*")) == []
 
 
+@pytest.mark.long  # tests/test_interruption.py says the same of a run
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_an_ignored_hangup_stays_ignored(recording, tmp_path):
     """As under `nohup`."""

@@ -57,7 +57,7 @@ def grandchild(path):
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 @pytest.mark.parametrize("second", [True, False], ids=["a second signal", "no second signal"])
 def test_who_does_not_end_is_ended(rerun, monkeypatch, tmp_path, second):
-    monkeypatch.setattr(viewer_process, "GRACE", 60 if second else 0.3)
+    monkeypatch.setattr(viewer_process, "GRACE", 60 if second else 0.1)
     rerun(STUBBORN)
     events, begin = Events(), time.monotonic()
     with Program([str(tmp_path / "pid")], events) as program:
@@ -66,7 +66,7 @@ def test_who_does_not_end_is_ended(rerun, monkeypatch, tmp_path, second):
         with pytest.raises(Stopped) as caught:
             program.wait()
         if second:
-            threading.Timer(0.3, events.note_signal, [signal.SIGINT]).start()
+            threading.Timer(0.1, events.note_signal, [signal.SIGINT]).start()
     assert caught.value.code == 143  # that of the first signal
     assert program.has_ended
     wait_for(lambda: not is_alive(child))

@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scenario_texts import FULL, MINIMAL
 
-from project import ROOT
+from project import ROOT, examples
 from rmrc.scenario import Change, Scenario, draft_of, inline, load, loads
 from rmrc.scenario import draft as drafts
 from rmrc.scenario.changes import changes_of
@@ -83,6 +83,7 @@ def outcome(make):
         return error.problems
 
 
+@examples(3, 200)
 @given(st.sampled_from(NAMES), changed)
 @example("approach_singularity", {"control.limits": {"rate": 2}, "control.limits.rate": 1, "control": {}})
 @example("approach_singularity", {"control.limits.rate[0]": 1, "control.limits.rate": 2})

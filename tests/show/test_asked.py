@@ -41,7 +41,7 @@ def filters(path):
 
 @pytest.mark.parametrize(
     ("draw", "width", "font"),
-    mostly_long([(front, 3.5, 8.0), (front, 7.16, 9.0), (filters, 3.5, 8.0), (filters, 7.16, 9.0)], 3),
+    mostly_long([(front, 3.5, 8.0), (front, 7.16, 9.0), (filters, 3.5, 8.0), (filters, 7.16, 9.0)], 4),
 )
 def test_a_picture_is_as_wide_as_asked_with_letters_that_can_be_read(tmp_path, draw, width, font):
     with sized(width, font):
@@ -53,7 +53,7 @@ def test_a_picture_is_as_wide_as_asked_with_letters_that_can_be_read(tmp_path, d
     assert ASKED.get() == Asked()  # nothing is left of what was asked
 
 
-@pytest.mark.parametrize("verb", ["inspect", "workspace"])
+@pytest.mark.parametrize("verb", mostly_long(["inspect", "workspace"], 2))
 def test_verbs_take_the_options(rmrc, tmp_path, verb):
     more = ["--cells", "30", "--out", str(tmp_path)] if verb == "workspace" else []
     path = tmp_path / "x.svg"

@@ -396,19 +396,21 @@ def test_an_arm_that_locks_within_its_limits_is_drawn_to_scale(compared):
     assert rates_of(run, columns=locked, rate_limit=())[0].get_yscale() == "symlog"  # without limits, by peak
 
 
+@pytest.mark.parametrize("what", mostly_long(["comparison", "run"], 2))
 @pytest.mark.parametrize("width", mostly_long([3.5, 7.16], 2))
-def test_nothing_in_a_figure_covers_anything_else_or_is_cut(compared, width):
+def test_nothing_in_a_figure_covers_anything_else_or_is_cut(compared, width, what):
     run = compared[1]["damped"]
     long = dataclasses.replace(run, joints=("a_rather_long_name_of_a_joint", "another_one_that_is_long"))
-    for figure in (plot(long, width=width), plot({"a_long_label": run, **compared[1]}, width=width)):
-        figure.draw_without_rendering()
-        boxes = [axes.get_tightbbox() for axes in figure.get_axes()]
-        for i, box in enumerate(boxes):
-            assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1
-            assert box.y0 >= figure.bbox.y0
-            for other in boxes[:i]:
-                across = min(box.x1, other.x1) - max(box.x0, other.x0)
-                assert across <= 0 or min(box.y1, other.y1) - max(box.y0, other.y0) <= 1.0  # a pixel
+    drawn = {"a_long_label": run, **compared[1]} if what == "comparison" else long
+    figure = plot(drawn, width=width)
+    figure.draw_without_rendering()
+    boxes = [axes.get_tightbbox() for axes in figure.get_axes()]
+    for i, box in enumerate(boxes):
+        assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1
+        assert box.y0 >= figure.bbox.y0
+        for other in boxes[:i]:
+            across = min(box.x1, other.x1) - max(box.x0, other.x0)
+            assert across <= 0 or min(box.y1, other.y1) - max(box.y0, other.y0) <= 1.0  # a pixel
 
 
 def test_a_logarithmic_axis_has_its_powers_as_letters(left):

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 import rmrc
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.analysis.check.report import report as of_check
 from rmrc.analysis.identify.report import report as of_identified
 from rmrc.analysis.ik.report import report as of_ik
@@ -60,12 +60,13 @@ ASKED = {
     "inspect": (["--wrench", "1,2,3"], lambda: of_inspection(rmrc.inspect(TWO, wrench=[1, 2, 3, 0, 0, 0]))),
     "ik": (["--to", "1,1", "--all"], lambda: of_ik(rmrc.ik(TWO, [1, 1], every=True))),
     "statics": (["--wrench", "1,2,3"], lambda: of_statics(rmrc.statics(TWO, [1, 2, 3]))),
-    "workspace": (["--cells", "20"], lambda: of_workspace(rmrc.workspace(TWO, cells=20))),
+    "workspace": (["--cells", "10"], lambda: of_workspace(rmrc.workspace(TWO, cells=10))),
     "identify": ([], lambda: of_identified(rmrc.identify(LOG))),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("verb", ASKED)
+# these take longest, and tests/test_docs.py asks both
+@pytest.mark.parametrize("verb", mostly_long(ASKED, 1, ["identify", "workspace"]))
 def test_a_verb_prints_what_python_returns(rmrc_verb, tmp_path, request, verb):
     options, ask = ASKED[verb]
     answer = ask()
