@@ -531,7 +531,8 @@ class NumpyLoop:
         kernel = (vt[: r + 1].T @ (c * sigma[r] / sigma[: r + 1])) / np.sqrt(self.wq)
         a, full = rates - last * along, min(1.0, last + slow.change * period)
         falls = -period * (self.slopes(q, J)[r] @ kernel)
-        moving = kernel != 0
+        # below, a rate is the rounding of a matrix product
+        moving = np.abs(kernel) > 1e-12 * np.abs(kernel).max()
         room = np.maximum(0.0, 0.95 * self.rate - np.sign(kernel) * a)[moving] / np.abs(kernel)[moving]
         most = min(np.min(room, initial=np.inf), 0.5 * sigma[r] / falls if falls > 0 else np.inf)
         times = min(most, full / sigma[r])

@@ -196,3 +196,38 @@ def test_beyond_reach_it_waits_goes_on_and_comes_back(simulate):
     waits = run["path_rate"] < 1e-3
     assert np.count_nonzero(waits) * run.period == pytest.approx(0.5, abs=0.15)
     assert error_norms(run)[0][-1] < 0.002 and run.is_complete
+
+
+CROSSED = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <body quat="0.7071067811865476 0 0 0.7071067811865476">
+      <joint name="across" type="slide" axis="1 0 0"/>
+      <geom size="0.05" mass="1"/>
+      <body quat="0.7071067811865476 0 0 -0.7071067811865476">
+        <joint name="along" type="slide" axis="1 0 0"/>
+        <geom size="0.05" mass="1"/>
+        <site name="tip"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("wish", [2, -2])
+def test_a_joint_that_moves_the_tip_along_its_path_by_rounding_alone_does_not_hold_it(
+    simulate, tmp_path, wish
+):
+    # The null space wants 2 m/s of a slide across the path, whose limit is 1 m/s.
+    (tmp_path / "crossed.xml").write_text(CROSSED)
+    prepared, run = simulate(
+        f"arm={{model: {tmp_path / 'crossed.xml'}, site: tip, start: [0, 0]}}", "task.axes=[x]", KERNEL,
+        "plant.kind=ideal", "control.limits={rate: 1, acceleration: null}", "target.path=[{line: {by: [0.1, 0, 0]}}]",
+        f"control.nullspace={{objective: rates, rates: [{wish}, 0]}}",
+    )  # fmt: skip
+    across, along = prepared.arm.jacobian(run["q"][0])[0]
+    assert 0 < abs(across) < 1e-15 < along
+    assert run.is_complete and np.all(run["path_rate"] == 1.0)
+    assert np.all(run["qdot_cmd"][:, 0] == np.sign(wish))

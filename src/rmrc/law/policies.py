@@ -28,7 +28,7 @@ OF_THE_WAY = 0.5
 FARTHEST, FLAT = 0.2, 1e-9
 # A bound on a singular value may give way by this much of its multiplier.
 SOFT = 1e-6
-# A bound is met when it is met to rounding.
+# A bound is met when it is met to rounding, and a rate is rounding below this part of all rates.
 ROUNDING = 1e-12
 # A share differs from 1 by rounding only.
 ALL = 1.0 - 1e-9
@@ -183,15 +183,17 @@ def kernel_rates(world: Record, tick: Record, smallest: float) -> None:
 def kernel_bound(world: Record, tick: Record, smallest: float) -> float:
     """Return how many times the kernel's rates fit into the limits beside the other rates; may be infinite.
 
-    It is at most the number that covers a part of the way to the singularity in this tick.
+    It is at most the number that covers a part of the way to the singularity in this tick. A joint whose rate
+    is rounding adds nothing to the kernel, and does not bound it: beyond its limit, it would hold the path.
     """
     sigma_gradient(world, world.rank - 1, world.work)
     falls = -world.period * dot(world.work, world.part_a, world.n)
     most = OF_THE_WAY * smallest / falls if falls > 0.0 else math.inf
+    least = ROUNDING * math.sqrt(dot(world.part_a, world.part_a, world.n))
     for j in range(world.n):
         rate, beside = world.part_a[j], tick.qdot_cmd[j] - world.pace * world.part_b[j]
         room = USABLE * world.rate_limit[j] - math.copysign(beside, beside * rate)
-        if rate != 0.0:
+        if abs(rate) > least:
             most = min(most, max(0.0, room) / abs(rate))
     return float(most)
 
