@@ -128,7 +128,8 @@ def held_at_stops(start, drift, lower, upper, resolve, pull):
             part[out] = np.clip((bound - x)[out] / (goal - x)[out], 0.0, 1.0)
             j = np.lexsort((-np.abs(goal - bound), part))[0]
             x = x + part[j] * (goal - x)
-            x[j], side[j], fade[j] = bound[j], np.sign(goal[j] - bound[j]), min(1.0, abs(bound[j] / goal[j]))
+            x[j], side[j] = bound[j], np.sign(goal[j] - bound[j])
+            fade[j] = abs(bound[j] / goal[j]) if abs(bound[j]) < abs(goal[j]) else 1.0
             continue
         x = goal
         inwards = np.where((side != 0) & ~freed, -side * pull(x, lam), 0.0)
@@ -167,18 +168,24 @@ def best_within(A, task, lam, wish, lower, upper):
 def largest_share(A, task, wish, lower, upper):
     """Return the largest s in [0, 1] for which some y within bounds has A y = s · task; -1 if there is none.
 
-    The largest is taken at a corner: where all but as many as A has rows are at bounds, s among them.
+    The largest is taken at a corner: where all but as many as A has rows are at bounds, s among them. Rows that
+    depend on others do not count.
     """
-    m, n = A.shape
     if np.abs(A @ (found := best_within(A, task, 0.0, wish, lower, upper)) - task).max() <= 1e-9:
         return 1.0, found
-    most, best = -1.0, None
+    u, sigma, _ = np.linalg.svd(np.column_stack([A, task]), full_matrices=False)
+    span = u[:, sigma > 1e-12 * sigma[0]].T
+    A, task = span @ A, span @ task
+    (m, n), most, best = A.shape, -1.0, None
     for free in itertools.combinations(range(n), m - 1):
         held = [j for j in range(n) if j not in free]
         for ends in itertools.product(*zip(lower[held], upper[held], strict=True)):
             y = np.zeros(n)
             y[held] = ends
-            *y[list(free)], s = np.linalg.solve(np.column_stack([A[:, free], -task]), -A @ y)
+            corner = np.column_stack([A[:, free], -task])
+            if np.linalg.cond(corner) > 1e12:
+                continue  # an edge, whose ends are corners of other joints
+            *y[list(free)], s = np.linalg.solve(corner, -A @ y)
             if np.all(y >= lower - 1e-12) and np.all(y <= upper + 1e-12) and 0 <= s <= 1 and s > most:
                 most, best = s, y
     return (most, best_within(A, most * task, 0.0, wish, lower, upper)) if best is not None else (-1.0, None)

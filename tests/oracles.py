@@ -555,7 +555,7 @@ class NumpyLoop:
             ahead, behind = (
                 smallest(self.kinematics.at(q + h * rates, self.site, self.frame)[2]) for h in (1e-6, -1e-6)
             )
-            near = ahead <= behind
+            near = ahead - behind <= 1e-14 * sigma[0]  # as far as the differences of two roundings go
         step = stop.change * self.scenario.control.period
         self.share = max(0.0, self.share - step) if near else min(1.0, self.share + step)
 
@@ -697,7 +697,8 @@ class NumpyLoop:
             j := self.farthest(x, held, lower, upper)
         ) is not None:
             bound = np.clip(x[j], lower[j], upper[j])
-            held[j], fade[j], x[j] = True, min(1.0, abs(bound / x[j])), bound
+            fade[j] = abs(bound / x[j]) if abs(bound) < abs(x[j]) else 1.0
+            held[j], x[j] = True, bound
             x = np.where(held, x, resolve(held, np.where(held, x, drift), fade)[0])
         return np.clip(x, lower, upper)
 

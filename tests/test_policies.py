@@ -216,6 +216,47 @@ def test_an_arm_inside_the_bound_is_free_to_leave(simulate, method, start, by):
     assert np.count_nonzero(has(run, Status.STOPPED)) <= 2
 
 
+WRIST = """
+<mujoco>
+  <worldbody>
+    <body>
+      <joint name="yaw" axis="0 0 1"/>
+      <geom size="0.05" mass="1"/>
+      <body>
+        <joint name="pitch" axis="0 1 0"/>
+        <geom size="0.05" mass="1"/>
+        <body>
+          <joint name="roll" axis="0 0 1"/>
+          <geom size="0.05" mass="1"/>
+          <site name="tip" pos="0 0 0.1"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_what_neither_leads_in_nor_out_is_held_whatever_the_rounding(scenario, tmp_path):
+    # No yaw changes a singular value of this wrist, which turns about z by its yaw alone. Until β is 0 it moves.
+    (tmp_path / "wrist.xml").write_text(WRIST)
+    yaws = np.linspace(-3, 3, 13)
+    worlds = [
+        prepare(
+            scenario(
+                f"arm={{model: {tmp_path / 'wrist.xml'}, site: tip, start: [{yaw}, 0.1, {0.5 * yaw}]}}", *COARSE,
+                "task.axes=[rx, ry, rz]", "target.path=[{turn: {axis: z, angle: 10 deg}}]", "plant.kind=ideal",
+                "control.feedback=0", PLAIN, STOP, "control.stop.sigma=0.2",
+            )
+        )
+        for yaw in yaws
+    ]  # fmt: skip
+    for run in Simulation(worlds).run():
+        wished = np.abs(run["qdot_plain"][1:-1])
+        assert np.all(wished[:, 0] > 0) and np.all(wished[:, 1:] <= 1e-12 * wished[:, :1])
+        assert np.all(has(run, Status.STOPPED)) and np.abs(run["q"] - run["q"][0]).max() < 1e-3
+
+
 # Backing out --------------------------------------------------------------------------------------------------
 
 ROBUST = {

@@ -28,7 +28,7 @@ OF_THE_WAY = 0.5
 FARTHEST, FLAT = 0.2, 1e-9
 # A bound on a singular value may give way by this much of its multiplier.
 SOFT = 1e-6
-# A bound is met when it is met to rounding, and a rate is rounding below this part of all rates.
+# A bound is met when it is met to rounding; below this part of the others, a rate or a slope is rounding.
 ROUNDING = 1e-12
 # A share differs from 1 by rounding only.
 ALL = 1.0 - 1e-9
@@ -107,14 +107,16 @@ def reachable(fastest: float, falling: float, change: float) -> float:
 def stop(world: Record, tick: Record) -> int:
     """Remove the rates while they keep the arm too near a singularity; return STOPPED if any is removed.
 
-    Rates that raise the smallest singular value lead out, and pass. From zero it can only rise.
+    Rates that raise the smallest singular value lead out, and pass. From zero it can only rise. Rates that
+    raise it by rounding alone, like those of a vertical first joint, do not pass.
     """
     last = world.rank - 1  # a row that the arm can never move is no singularity
     sigma = tick.sigma[last]
     share = 1.0
     if sigma <= world.stop_sigma or tick.sigma[0] >= world.stop_condition * sigma:
         sigma_gradient(world, last, world.work)
-        if sigma > RANK_FLOOR * tick.sigma[0] and dot(world.work, tick.qdot_cmd, world.n) <= 0.0:
+        rise, rates = dot(world.work, tick.qdot_cmd, world.n), dot(tick.qdot_cmd, tick.qdot_cmd, world.n)
+        if sigma > RANK_FLOOR * tick.sigma[0] and rise <= ROUNDING * tick.sigma[0] * math.sqrt(rates):
             share = 0.0
     step = world.stop_change * world.period
     share = min(max(share, world.share - step), world.share + step)
