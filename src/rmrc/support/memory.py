@@ -39,10 +39,7 @@ def room(root: Path = Path("/")) -> Room:
 def address_room(root: Path = Path("/")) -> Room:
     """Return the remainder of the addresses that `ulimit -v` allows, touched or not."""
     bound = "ulimit -v"
-    if resource is None:
-        return Room(math.inf, bound)
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if limit == resource.RLIM_INFINITY:
+    if resource is None or (limit := resource.getrlimit(resource.RLIMIT_AS)[0]) == resource.RLIM_INFINITY:
         return Room(math.inf, bound)
     pages = _text(root / "proc/self/statm").split()
     used = int(pages[0]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
