@@ -85,9 +85,8 @@ def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *array
     compiled = machine_code(kernel, record[0], *arrays)
 
     def share(first: int) -> None:
-        own = (
-            record.view(np.uint8).copy().view(record.dtype)
-        )  # as bytes: numpy copies a record field by field
+        # as bytes: numpy copies a record field by field
+        own = record.view(np.uint8).copy().view(record.dtype)
         compiled(own[0], *(array[first : first + SHARE] for array in arrays))
 
     shares = range(0, len(arrays[0]), SHARE)
