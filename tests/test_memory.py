@@ -56,7 +56,8 @@ def test_without_proc_it_is_what_the_machine_has(tmp_path):
         ),
         (
             "9:name=systemd:/\n4:cpu,memory:/docker/abc\n0::/\n",
-            {  # in a container, the group's path is not there, and its own is the root
+            {  # in a container, the group's path is mostly not there, and its own is the root
+                "sys/fs/cgroup/memory/docker/memory.limit_in_bytes": "9223372036854771712\n",  # none
                 "sys/fs/cgroup/memory/memory.limit_in_bytes": "3000000000\n",
                 "sys/fs/cgroup/memory/memory.usage_in_bytes": "2000000000\n",
                 "sys/fs/cgroup/memory/memory.stat": "cache 7\ntotal_inactive_file 500000000\n",

@@ -105,7 +105,7 @@ def excess_of_norm(J, twist, y, lower, upper, drift):
 
 
 @given(seeds)
-@examples(30, 150)
+@examples(12, 150)
 def test_rates_are_the_best_of_all_within_the_bounds(seed):
     if (found := solved(seed)) is None:
         return
@@ -118,7 +118,7 @@ def test_rates_are_the_best_of_all_within_the_bounds(seed):
 
 
 @given(seeds)
-@examples(20, 100)
+@examples(10, 100)
 def test_a_solver_of_others_finds_the_same(seed):
     found = solved(seed)
     if found is None or found[2] == 0.0:
@@ -136,7 +136,7 @@ def test_a_solver_of_others_finds_the_same(seed):
 
 
 @given(seeds)
-@examples(12, 60)
+@examples(8, 60)
 def test_of_few_joints_all_choices_are_looked_at(seed):
     if (found := solved(seed, most=4)) is None:
         return
@@ -155,7 +155,7 @@ def cost(J, twist, lam, y, drift):
 
 
 @given(seeds)
-@examples(16, 80)
+@examples(8, 80)
 def test_no_other_policy_does_better(seed):
     if (found := solved(seed)) is None:
         return
@@ -246,7 +246,7 @@ def test_the_largest_share_of_the_task_is_done_in_its_direction_by_the_least_rat
 
 
 @given(seeds)
-@examples(12, 60)
+@examples(8, 60)
 def test_no_policy_that_keeps_the_direction_does_more(seed):
     # undamped: else the inverse of the joints that are left bends the direction
     J, free, _, y = kept(seed, 0.0, keep_direction=1)
@@ -268,7 +268,7 @@ def test_without_it_the_direction_is_left():
 
 
 @given(seeds)
-@examples(16, 80)
+@examples(8, 80)
 def test_sns_does_the_largest_share_within_all_bounds_by_the_least_rates_and_scales_where_none_fits(seed):
     found = solved(seed, on_excess=OnExcess.SNS)
     if found is None:
@@ -360,7 +360,7 @@ def by_reverse_priority(J, first, lower, upper):
 
 
 @given(seeds)
-@examples(20, 100)
+@examples(10, 100)
 def test_limits_come_first_by_the_closed_form_of_reverse_priority(seed):
     rng = np.random.default_rng(seed)
     m, n = [(1, 2), (2, 3), (3, 7), (6, 7), (2, 5), (6, 8), (3, 3)][seed % 7]

@@ -1,6 +1,9 @@
 """Motion that the task does not feel: that it does not, and that it does what it is for."""
 
+import functools
+import tempfile
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -221,6 +224,14 @@ class Chain:
 
 chains = pytest.mark.parametrize(("n", "rows"), [(2, 1), (4, 2), (5, 3), (7, 6), (8, 6), (8, 3)])
 
+
+@functools.cache
+def chain_of(seed, n, rows):
+    """Return a chain that no test changes."""
+    with tempfile.TemporaryDirectory() as folder:
+        return Chain(Path(folder), seed, n, rows)
+
+
 GOALS = {
     Objective.JOINT_LIMITS: (Chain.middle, -1),
     Objective.MANIPULABILITY: (Chain.manipulability, +1),
@@ -237,11 +248,11 @@ def slope_along(f, q, direction, h=1e-4):
 
 @pytest.mark.parametrize("objective", GOALS, ids=lambda objective: objective.name.lower())
 @chains
-def test_the_objective_improves_at_the_rate_of_its_projected_slope(tmp_path, objective, n, rows):
+def test_the_objective_improves_at_the_rate_of_its_projected_slope(objective, n, rows):
     # d/dt H = ∇H · N (∓ gain S_q² ∇H) = ∓ gain ‖P S_q ∇H‖²: never the wrong way, and zero only where nothing is left.
     goal, sign = GOALS[objective]
     for seed in range(2):
-        chain = Chain(tmp_path, seed, n, rows)
+        chain = chain_of(seed, n, rows)
         sigma = np.linalg.svd(chain.weighted(chain.q), compute_uv=False)
         assert sigma[chain.rank - 1] > 1e-4
         f = lambda q, chain=chain: goal(chain, q)  # noqa: E731
@@ -263,10 +274,10 @@ def test_the_objective_improves_at_the_rate_of_its_projected_slope(tmp_path, obj
 @pytest.mark.parametrize(
     ("n", "rows"), mostly_long([(1, 1), (2, 1), (2, 4), (4, 2), (3, 3), (6, 6), (7, 6), (8, 6)], 3)
 )
-def test_the_wishes_are_the_gradients_by_central_differences(tmp_path, n, rows):
+def test_the_wishes_are_the_gradients_by_central_differences(n, rows):
     # With a structural rank of 0 nothing is projected, so that the wish itself is seen: gain S_q² ∇.
     for seed in range(12):
-        chain = Chain(tmp_path, seed, n, rows)
+        chain = chain_of(seed, n, rows)
         for objective, (goal, sign) in GOALS.items():
             f = lambda q, goal=goal, chain=chain: goal(chain, q)  # noqa: E731
             got = chain.extra(chain.q, objective, 0.7, rank=0)

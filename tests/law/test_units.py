@@ -9,7 +9,7 @@ from worlds import NAMES, VARIANT, chain_text
 
 from codes import Method, Objective, OnExcess
 from project import mostly_long
-from records import put
+from records import copied, put
 from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
 from rmrc.law.record import records, tick_type
@@ -39,7 +39,7 @@ def drawn(folder, chain, *how, **options):
     if key not in DRAWN:
         DRAWN[key] = draw(folder, chain, *how, **options)
     found = DRAWN[key]
-    return found._replace(world=found.world.copy(), tick=found.tick.copy())
+    return found._replace(world=copied(found.world), tick=copied(found.tick))
 
 
 # Each is drawn once for all methods.

@@ -85,12 +85,13 @@ def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *array
     compiled = machine_code(kernel, record[0], *arrays)
 
     def share(first: int) -> None:
-        compiled(record.copy()[0], *(array[first : first + SHARE] for array in arrays))
+        # as bytes: numpy copies a record field by field
+        own = record.view(np.uint8).copy().view(record.dtype)
+        compiled(own[0], *(array[first : first + SHARE] for array in arrays))
 
     shares = range(0, len(arrays[0]), SHARE)
     if len(shares) < 2:  # starting threads would take longer
-        for first in shares:
-            share(first)
+        list(map(share, shares))
         return
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         list(pool.map(share, shares))

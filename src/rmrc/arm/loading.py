@@ -114,7 +114,7 @@ def _found(
             "that a joint moves that follows none",
             "site",
         )
-    following = followers(model, chain, links, driven)
+    following = followers(model, chain, links, driven) if links else ()
     joint = np.array([model.joint(name).id for name in driven])
     limit = position_limit(model, driven, following)
     keys = keyframes(model, joint.tolist(), limit, asked.prefix, notes)

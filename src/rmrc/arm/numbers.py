@@ -75,15 +75,17 @@ def check(path: Path, model: mujoco.MjModel) -> None:
     Raises:
         ModelError: One is NaN or infinite, or too large to compute with; it names element and attribute.
     """
-    fields = sorted(_floats(model), key=lambda field: field[0].startswith(_DERIVED))
+    fields = sorted(_floats(model), key=lambda field: (field[0].startswith(_DERIVED), field[0]))
+    # one look at all numbers is nearly always enough for those without a bound of their own
+    if np.abs(np.concatenate([values for _, values in fields], axis=None)).max() <= LARGEST:
+        fields = [field for field in fields if field[0].endswith((*_LENGTHS, *_UNITS))]
     for name, values in fields:
         # of computed fields, check only for NaN and infinity: one may be the square of a valid number
         most = np.inf if name.startswith(_DERIVED) else FARTHEST if name.endswith(_LENGTHS) else LARGEST
         wrong = ~(np.isfinite(values) & (np.abs(values) <= most))
         if wrong.any():
             row = int(np.argwhere(wrong)[0][0]) if values.ndim else 0
-            is_finite = most < np.inf and np.isfinite(values[wrong]).all()
-            bound = f"within ±{most:g}" if is_finite else "finite"
+            bound = f"within ±{most:g}" if most < np.inf and np.isfinite(values[wrong]).all() else "finite"
             raise ModelError(f"{path}: {_place(model, name, row)} must be {bound}, got {_shown(values, row)}")
         if name.endswith(_UNITS) and values.size:
             lengths = np.linalg.norm(values, axis=-1)
@@ -95,8 +97,8 @@ def check(path: Path, model: mujoco.MjModel) -> None:
 
 def _floats(structure: Any, prefix: str = "") -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Iterate over all float fields of a model, its options and statistics, by name."""
-    for name in dir(structure):
-        value = None if name.startswith("_") else getattr(structure, name)
+    for name, member in vars(type(structure)).items():
+        value = getattr(structure, name) if isinstance(member, property) else None
         if isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f"):
             yield prefix + name, np.asarray(value)
         elif type(value).__module__.startswith("mujoco."):  # options, statistics, visual settings

@@ -64,7 +64,8 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
     law = machine_code(resolve, at, np.zeros(1, tick_type(n)))  # it fills in `at`, the same for every σ
 
     def gain(sigma: float) -> float:
-        world, out = at.copy(), np.zeros(1, tick_type(n))
+        # as bytes: numpy copies a record field by field
+        world, out = at.view(np.uint8).copy().view(at.dtype), np.zeros(1, tick_type(n))
         world["J"][0, task.rows, :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
         law(world, out)
         return float(out["gain"][0, k - 1])

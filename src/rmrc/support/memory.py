@@ -39,10 +39,7 @@ def room(root: Path = Path("/")) -> Room:
 def address_room(root: Path = Path("/")) -> Room:
     """Return the remainder of the addresses that `ulimit -v` allows, touched or not."""
     bound = "ulimit -v"
-    if resource is None:
-        return Room(math.inf, bound)
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if limit == resource.RLIM_INFINITY:
+    if resource is None or (limit := resource.getrlimit(resource.RLIMIT_AS)[0]) == resource.RLIM_INFINITY:
         return Room(math.inf, bound)
     pages = _text(root / "proc/self/statm").split()
     used = int(pages[0]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
@@ -110,8 +107,9 @@ def _cgroups(root: Path) -> Iterator[Room]:
 def _cgroup(folder: Path, limit: str, usage: str, cache: str) -> Room:
     """Return the remainder in one group; cached files count as free."""
     bound = "the memory limit of its cgroup"
-    most, used = _text(folder / limit).strip(), _text(folder / usage).strip()
-    if not (most.isdecimal() and used.isdecimal()):  # no limit, or "max"
+    most = _text(folder / limit).strip()
+    # no limit is no file, "max", or in version 1 nearly 2^63
+    if not (most.isdecimal() and len(most) < 19 and (used := _text(folder / usage).strip()).isdecimal()):
         return Room(math.inf, bound)
     known = dict(line.split(" ", 1) for line in _text(folder / "memory.stat").splitlines() if " " in line)
     return Room(max(0, int(most) - int(used) + int(known.get(cache, 0))), bound)
