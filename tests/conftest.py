@@ -4,11 +4,16 @@ import copy
 import functools
 import gc
 import os
+import py_compile
 import signal
 import sys
+from contextlib import suppress
+from importlib.util import cache_from_source
+from pathlib import Path
 
 import pytest
 import typer.main
+from _pytest.assertion import rewrite
 from _pytest.doctest import DoctestModule
 from hypothesis import settings
 from xdist.scheduler import LoadGroupScheduling
@@ -96,12 +101,36 @@ SHARING = (
     "/test_report_page.py", "/test_comparison.py", "/test_sweep.py", "/test_resuming.py", "/test_workspace.py",
     "/test_film.py", "/test_architecture.py", "/test_peers_page.py", "/test_scenarios.py",
     "/test_browser.py", "/test_browser_page.py", "/test_plot.py", "/test_overlay.py", "/test_registers.py",
+    "/test_chance.py", "/test_outward.py",
 )  # fmt: skip
 # Files whose tests share what those of another make: runs of shipped scenarios, workspaces.
 LIKEWISE = {
     "/test_docs.py": "/test_scenarios.py", "/test_extents.py": "/test_workspace.py",
     "/test_workspace_figure.py": "/test_workspace.py",
 }  # fmt: skip
+
+
+def pytest_sessionstart(session):
+    """In a new clone, have each of two processes write the bytecode of every second file, which both would else of all."""
+    config, worker = session.config, os.environ.get("PYTEST_XDIST_WORKER", "")
+    state = config.stash.get(rewrite.assertstate_key, None)  # none with `--assert=plain`
+    if not (worker and state) or config.args != config.getini("testpaths") or sys.dont_write_bytecode:
+        return
+    files = sorted(path for folder in config.args for path in (ROOT / folder).rglob("*.py"))
+    for path in files[int(worker[2:]) :: int(os.environ["PYTEST_XDIST_WORKER_COUNT"])]:
+        is_test = path.name.startswith("test_")
+        kept = (
+            rewrite.get_cache_dir(path) / (path.stem + rewrite.PYC_TAIL)
+            if is_test
+            else Path(cache_from_source(path))
+        )
+        with suppress(OSError):  # a clone that cannot be written is slow, not wrong
+            if not kept.exists() and is_test:
+                kept.parent.mkdir(parents=True, exist_ok=True)
+                digest, code = rewrite._rewrite_test(path, config)
+                rewrite._write_pyc(state, code, digest, kept)
+            elif not kept.exists():
+                py_compile.compile(str(path))
 
 
 @pytest.hookimpl(wrapper=True)

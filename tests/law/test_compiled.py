@@ -14,9 +14,9 @@ from records import Unscaled, blank
 from rmrc.analysis import survey
 from rmrc.analysis.workspace import folds
 from rmrc.arm import load
-from rmrc.law import controller, descent, law, step, svd
+from rmrc.law import controller, descent, jit, law, step, svd
 from rmrc.law.jit import _kind
-from rmrc.law.record import records, tick_type
+from rmrc.law.record import ADDRESSES, records, tick_type
 from rmrc.plants import blocks, halves, lockstep, model, torque
 from rmrc.results import tally
 from rmrc.results.scorecard import scorecard
@@ -29,7 +29,6 @@ from rmrc.simulation.simulation import Simulation
 MOVES = (reference.sample, lockstep.tick, blocks.block, torque.computed_torque, tally.add)
 EXAMINES = (
     law.resolve,
-    step.step,
     survey.examine,
     survey.locate,
     folds.scan,
@@ -37,6 +36,7 @@ EXAMINES = (
     svd.svd_alone,
 )
 DRIVES = (model.settle, model.tell_drives, model.tell_motors)
+STEPS = (step.step,)
 LEADS = (halves.sense_half, halves.obey_half)
 
 
@@ -57,12 +57,53 @@ def test_what_moves_a_world_is_kept_on_disk(simulate):
 @pytest.mark.compiles
 def test_what_examines_an_arm_is_kept_on_disk():
     arm = load(ROOT / "models/planar_2link.xml")
-    controller.Controller(arm).warm_up()
     assert rmrc.resolve_rates(np.eye(2), np.ones(2), "inverse").tolist() == [1.0, 1.0]
     assert rmrc.workspace(arm, cells=10, samples=100).free.reached.any()
     assert rmrc.ik(arm, [1.0, 1.0]).found
     assert svd.cold_svd(np.diag([2.0, 1.0]))[1].tolist() == [2.0, 1.0]
     assert [entry for entry in EXAMINES if not kept(entry)] == []
+
+
+OF_LAW = [one for one in jit._APARTS if one.field in {field.name for field in ADDRESSES}]
+# By modules, in two parts that take equally long; `Controller.warm_up` has compiled the rest.
+ROOMS = [
+    {"limits", "optimal", "jerk"},
+    {"policies", "priority", "nullspace", "inertia", "damping", "inverses", "registers", "law"},
+]
+WARMED_UP = {"rest", "stops"}
+
+
+def room(one):
+    return one.function.__module__.rpartition(".")[2]
+
+
+def test_runs_and_controllers_share_what_few_laws_need(scenario):
+    assert {room(one) for one in OF_LAW} == WARMED_UP.union(*ROOMS)
+    alone, own = records(2, [Unscaled(2, 2)]), Live(prepare(scenario("plant.kind=ideal")), 1)._worlds
+    controlled = controller.Controller(load(ROOT / "models/planar_2link.xml"))._worlds
+    of_law = {jit._law_type(numba.typeof(worlds).dtype) for worlds in (alone, own, controlled)}
+    assert len(of_law) == 1
+    (known,) = of_law
+    assert {one.field for one in OF_LAW} < known.fields.keys() < {*own.dtype.names}
+    for worlds in (alone, own, controlled):
+        assert all(worlds.dtype.fields[name][1] == known.offset(name) for name in known.fields)
+    assert numba.typeof(own) != numba.typeof(controlled)  # negative control
+
+
+@pytest.mark.compiles
+@pytest.mark.parametrize("rooms", ROOMS, ids=["limits", "others"])
+def test_what_few_laws_need_is_kept_on_disk(rooms):
+    worlds, ticks = records(2, [Unscaled(2, 2)]), np.zeros(1, tick_type(2))
+    types_of = {"worlds": numba.typeof(worlds), "ticks": numba.typeof(ticks)}
+    found = [one for one in OF_LAW if room(one) in rooms]
+    assert all(jit._found(one, (_kind(worlds), _kind(ticks)), types_of) for one in found)
+    assert [one.function for one in found if not kept(jit._entry_apart(one.function))] == []
+
+
+@pytest.mark.compiles
+def test_what_a_controller_takes_is_kept_on_disk():
+    controller.Controller(load(ROOT / "models/planar_2link.xml")).warm_up()
+    assert [entry for entry in STEPS if not kept(entry)] == []
 
 
 @pytest.mark.compiles
@@ -95,7 +136,7 @@ def test_every_entry_is_one_of_these():
     entries = [
         name for text in sources for name in re.findall(r"^@(?:long_)?entry\ndef (\w+)", text, re.MULTILINE)
     ]
-    assert sorted(entries) == sorted(entry.__name__ for entry in (*MOVES, *EXAMINES, *DRIVES, *LEADS))
+    assert sorted(entries) == sorted(entry.__name__ for entry in (*MOVES, *EXAMINES, *DRIVES, *LEADS, *STEPS))
 
 
 def test_arguments_that_are_of_one_kind_are_of_one_type():

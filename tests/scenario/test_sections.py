@@ -97,7 +97,9 @@ def test_a_period_of_no_or_of_uncountable_steps_is_refused(period, timestep):
 
 numbers = st.floats(-1e6, 1e6)
 positive = st.floats(1e-6, 1e6)
-names = st.text(min_size=1, max_size=8).filter(lambda text: text.isprintable())
+# all of UTF-8, the default, which hypothesis takes seconds to find out in a new clone
+ANY = st.characters(exclude_categories=["Cs"])
+names = st.text(ANY, min_size=1, max_size=8).filter(lambda text: text.isprintable())
 tricky = st.sampled_from(["1e-3", "010", "yes", "null", "2020-01-01", "=", "<<", "~", "0x1", "a: b"])
 texts = names | tricky
 vectors = st.lists(numbers, min_size=2, max_size=3)

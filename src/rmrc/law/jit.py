@@ -19,13 +19,14 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 import numba
 import numpy as np
 from numba import config
-from numba.core import event
+from numba.core import event, types
 from numpy.typing import NDArray
 
 from rmrc.law import brisk
 from rmrc.law.addresses import LATE, TYPES, caller
 from rmrc.law.keeping import known_home, notice, own_folder
 from rmrc.law.kept import Kept
+from rmrc.law.record import ADDRESSES
 from rmrc.scenario.choices import Choice, Choices
 from rmrc.support import lifetime
 from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
@@ -82,8 +83,8 @@ event.register("numba:compile", _Compiling())  # type: ignore[no-untyped-call]
 
 def _compile(function: Callable[..., object], **options: Any) -> Any:
     """Return a dispatcher for a function, with the flags of all and some of its own."""
-    makes_arrays = not _MAKERS.isdisjoint(function.__code__.co_names)
-    return numba.njit(**_flags | {"_nrt": makes_arrays} | options)(function)
+    given = _flags | {"_nrt": not _MAKERS.isdisjoint(function.__code__.co_names)} | options
+    return numba.njit(**given)(function)
 
 
 def compiled(function: Function) -> Function:
@@ -257,8 +258,7 @@ def compiling_late() -> Iterator[None]:
 def _found(one: _Apart, kinds: tuple[object, ...], types_of: Mapping[str, Any]) -> int:
     """Return the address of a function `apart` for the arguments of an entry, compiled now if necessary."""
     key = (one.function, *kinds)
-    if key not in _addresses:
-        _addresses[key] = _address(one.function, types_of)
+    _addresses[key] = _addresses.get(key) or _address(one, types_of)
     return _addresses[key]
 
 
@@ -273,26 +273,41 @@ def _asked(kind: np.dtype[np.void], count: int) -> tuple[list[_Apart], list[str]
     return asked, sorted({name for one in asked for name in one.needs if name in has})
 
 
+_entry_apart: Callable[..., Any] = cache(lambda function: entry(function, **_inner))
+
+
 @cache
-def _entry_apart(function: Callable[..., object]) -> Any:
-    return entry(function, **_inner)
+def _law_type(world: Any) -> Any:
+    """Return the type of the fields of the law in a world, all of which take whole words of 8 bytes.
+
+    Numba would take the world for a subtype, and warn of that, if fields had the same alignment: none.
+    """
+    last, aligned = world.offset(ADDRESSES[-1].name), {"alignment": 8}
+    fields = [(name, one._asdict() | aligned) for name, one in world.fields.items() if one.offset <= last]
+    return cast(Any, types.Record)(fields, last + 8, world.aligned)
 
 
-def _address(function: Callable[..., object], kinds: Mapping[str, Any]) -> int:
-    """Return the address of a function's machine code, from the types of an entry's arguments by name."""
+def _address(one: _Apart, kinds: Mapping[str, Any]) -> int:
+    """Return the address of a function's machine code, from the types of an entry's arguments by name.
+
+    Worlds begin with the fields of the law. A function whose address is among them takes these alone, so that
+    runs and controllers share its machine code.
+    """
     world, tick = (kind.dtype for kind in list(kinds.values())[:2])
-    signature, taken = inspect.signature(function), [world]
-    for name, one in list(signature.parameters.items())[1:]:
+    if one.field in {field.name for field in ADDRESSES}:
+        world = _law_type(world)
+    signature, taken = inspect.signature(one.function), [world]
+    for name, told in list(signature.parameters.items())[1:]:
         if name in ("tick", "out"):
             taken.append(tick)
-        elif one.annotation != Array:
-            taken.append(kinds[name] if name == "ticks" else TYPES[one.annotation])
+        elif told.annotation != Array:
+            taken.append(kinds[name] if name == "ticks" else TYPES[told.annotation])
         elif name in kinds:
             taken.append(kinds[name].copy(ndim=kinds[name].ndim - 1))
         else:
             taken.append((world if name in world.fields else tick).typeof(name))
     with briskly():
-        dispatcher = _entry_apart(function)
+        dispatcher = _entry_apart(one.function)
         dispatcher.compile(TYPES[signature.return_annotation](*taken))
     compiled = dispatcher.overloads[tuple(taken)]
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
@@ -316,10 +331,11 @@ def dispatch(choices: Choices[Choice], like: Function, field: str = "") -> Funct
     of_like = cast(Any, like).py_func
     module, signature = of_like.__globals__, inspect.signature(of_like)
     arguments, of_chain = ", ".join(signature.parameters), {"__name__": module["__name__"]}
-    lines, done = [f"def chosen({arguments}):"], dict[int, Any]()
+    lines, done, idle = [f"def chosen({arguments}):"], dict[int, Any](), list[str]()
     world = next(iter(signature.parameters))
     for code, one in enumerate(choices.options):
         if not one.acts:
+            idle.append(f"{world}.{choices.field} != {code}")
             continue
         function = of_chain[f"do_{one.name}"] = module.get(one.name)
         found = getattr(function, "py_func", None)
@@ -332,16 +348,11 @@ def dispatch(choices: Choices[Choice], like: Function, field: str = "") -> Funct
         lines.append(f"    if {world}.{choices.field} == {code}:")
         lines.append(f"        return do_{one.name}({arguments})")
     if field:
-        idle = " and ".join(f"{world}.{choices.field} != {code}" for code in choices.codes(_is_idle))
-        lines = [lines[0], f"    if {idle or True}:", f"        return by_address({arguments})"]
+        lines = [lines[0], f"    if {' and '.join(idle) or True}:", f"        return by_address({arguments})"]
         of_chain["by_address"] = apart_by_code(field, choices.field, done)
     lines.append(f"    return {signature.return_annotation and signature.return_annotation(0)}")
     exec(compile("\n".join(lines), f"<control.{choices.key}>", "exec"), of_chain)
     return cast(Function, of_chain["chosen"])
-
-
-def _is_idle(one: Choice) -> bool:
-    return not one.acts
 
 
 def chain(
@@ -458,8 +469,7 @@ def _typeof(argument: object) -> Any:
     """Return the numba type of an argument."""
     kind = _kind(argument)
     if kind not in _types:
-        typeof: Any = numba.typeof
-        _types[kind] = typeof(argument)
+        _types[kind] = cast(Any, numba).typeof(argument)
     return _types[kind]
 
 
@@ -468,8 +478,8 @@ def _kind(argument: object) -> object:
     if isinstance(argument, float):
         return float
     if not isinstance(argument, np.ndarray):
-        typeof: Any = numba.typeof  # the class of a tuple does not show its items
-        return argument.dtype if isinstance(argument, np.void) else typeof(argument)
+        # the class of a tuple does not show its items
+        return argument.dtype if isinstance(argument, np.void) else cast(Any, numba).typeof(argument)
     flags = argument.flags
     return (
         argument.dtype,
@@ -521,7 +531,7 @@ def _forget_other_sources(directory: Path, function: Callable[..., object]) -> N
 
 
 # Modules of this folder that determine the machine code of functions.
-_HOW = "jit", "brisk", "shortcuts", "indexing", "linking", "addresses", "outward"
+_HOW = "record", "jit", "brisk", "shortcuts", "indexing", "linking", "addresses", "outward"
 # Folders whose modules may have compiled functions.
 _ROOMS = ("plants", "results", "simulation", "analysis")
 
@@ -532,9 +542,7 @@ def _digest_sources() -> str:
     own = (path.read_bytes() for path in sorted(package.glob("law/*.py")))
     marks = b"@compiled", b"@inlined", b"@entry", b"@long_entry", b"@apart"
     sources = [text for text in own if any(mark in text for mark in marks)]
-    sources.append((package / "law/record.py").read_bytes())
-    sources += [(package / f"law/{name}.py").read_bytes() for name in _HOW]
-    sources.append((package / "scenario/choices.py").read_bytes())
+    sources += [(package / f"law/{name}.py").read_bytes() for name in (*_HOW, "../scenario/choices")]
     others = (
         text
         for room in _ROOMS

@@ -31,7 +31,7 @@ from rmrc.law.limits import limit
 from rmrc.law.metric import INERTIA, backward, scale_joints, weigh_columns
 from rmrc.law.nullspace import NONE, move_in_null_space
 from rmrc.law.policies import KEEP_OUT, hold_off, near_singularity
-from rmrc.law.record import JOINTS, Field
+from rmrc.law.record import JOINTS, LAST, Field
 from rmrc.law.registers import FEWEST, sharpen
 from rmrc.law.standstill import stuck
 from rmrc.law.svd import (
@@ -83,17 +83,17 @@ class TaskLaw:
     """
 
     fields: ClassVar[tuple[Field, ...]] = (
-        Field("rank", np.int64), Field("period"), Field("feedback"), Field("feedforward"),
+        *(
+            Field(name, np.int64 if kind is int else np.float64, (JOINTS,) if is_each else ())
+            for name, kind, is_each in record_fields()
+        ),
+        Field("rank", np.int64), Field("feedback"), Field("feedforward"),
         Field("position_range", size=(2, JOINTS)), *SecondTask.fields,
         Field("rate_limit", size=(JOINTS,)), Field("acceleration_limit", size=(JOINTS,)),
         Field("change_limit", size=(JOINTS,), start=math.inf),
         Field("jerk_step", size=(JOINTS,), start=math.inf), Field("is_eased", np.int64),
         Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
-        Field("keep_direction", np.int64), Field("feedback_2"), *Inertia.fields,
-        *(
-            Field(name, np.int64 if kind is int else np.float64, (JOINTS,) if is_each else ())
-            for name, kind, is_each in record_fields()
-        ),
+        Field("keep_direction", np.int64), Field("feedback_2"), *Inertia.fields, Field(LAST),
     )  # fmt: skip
 
     def __init__(self, task: Task | BareTask, control: ControlSection, start: Array) -> None:

@@ -5,8 +5,9 @@ takes one argument instead of fifty. Vectors over joints are padded to a capacit
 share one compiled law.
 
 A world's record consists of the fields of its Writers and of the fields that the law measures, remembers and
-computes. Each Writer owns some fields and fills them before the first tick. The record is flat: with nested
-records the law takes up to 1.8 times as long.
+computes. Each Writer owns some fields and fills them before the first tick. Worlds of runs and of controllers
+begin alike, with the fields that the law uses. The record is flat: with nested records the law takes up to
+1.8 times as long.
 """
 
 import math
@@ -24,6 +25,8 @@ CHAIN = -2  # the number of axes of the chain: more than joints, where some foll
 # the step from the one before, at 0; 1 if it turns or 0; its way per radian, or 1 if it slides.
 HALF, ALONG, AXIS, STEP, TURNS, ADVANCE, ROWS_OF_CHAIN = 0, 1, 2, 5, 8, 9, 10
 CAPACITY = 8  # joints of the smallest record; larger arms get the next power of two
+# The last field of the Writer of a law. MEASUREMENT to ADDRESSES follow, and then what not all laws have.
+LAST = "period"
 
 
 class Field(NamedTuple):
@@ -155,7 +158,8 @@ def records(
         ValueError: A field has two owners.
     """
     owned = [field for writer in worlds[0] for field in writer.fields]
-    fields = (*owned, *beside, *MEASUREMENT, *MEMORY, *SCRATCH, *ADDRESSES)
+    at = next((i for i, field in enumerate(owned, 1) if field.name == LAST), len(owned))
+    fields = (*owned[:at], *MEASUREMENT, *MEMORY, *SCRATCH, *ADDRESSES, *owned[at:], *beside)
     made = np.zeros(len(worlds), _type(capacity(n), fields, capacity(max(n, axes))))
     for field in fields:
         if field.start:
