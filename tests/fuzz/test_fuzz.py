@@ -1,6 +1,5 @@
 """Hostile inputs end as documented; and the harness that says so sees every kind of fault that is planted."""
 
-import hashlib
 import json
 import os
 import subprocess
@@ -91,19 +90,15 @@ def test_a_worker_that_cannot_start_is_an_error():
         supervise([("planted", 0)], 1, Bounds(), "fuzz.none")
 
 
-def digest(count):
-    """Return a digest of the first inputs of each class."""
-    texts = (classes.case(kind, index).text() for kind in classes.GENERATORS for index in range(count))
-    return hashlib.sha256("".join(texts).encode()).hexdigest()
-
-
 def test_class_and_index_alone_decide_an_input():
-    code = f"import sys; sys.path.insert(0, {str(TESTS)!r}); from fuzz.test_fuzz import digest; print(digest(10))"
+    code = (
+        f"import sys; sys.path.insert(0, {str(TESTS)!r}); from fuzz.classes import digest; print(digest(10))"
+    )
     environment = {**os.environ, "PYTHONHASHSEED": "17"}  # no order of a set may decide
     other = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
     )
-    assert other.stdout.strip() == digest(10)
+    assert other.stdout.strip() == classes.digest(10)
 
 
 def test_choices_are_the_same_in_every_version_of_python():
