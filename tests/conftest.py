@@ -4,16 +4,11 @@ import copy
 import functools
 import gc
 import os
-import py_compile
 import signal
 import sys
-from contextlib import suppress
-from importlib.util import cache_from_source
-from pathlib import Path
 
 import pytest
 import typer.main
-from _pytest.assertion import rewrite
 from _pytest.doctest import DoctestModule
 from hypothesis import settings
 from xdist.scheduler import LoadGroupScheduling
@@ -94,6 +89,24 @@ reading._Loader.get_single_node = composed(reading._Loader.get_single_node)
 # Typer makes all commands anew for each call of the command line, which takes longer than most calls.
 typer.main.get_command = functools.cache(typer.main.get_command)
 
+
+def parsed_once():
+    """Have matplotlib parse each formula once, if tests draw: it does so anew for each figure, for a third of its time."""
+    parser = getattr(sys.modules.get("matplotlib.mathtext"), "MathTextParser", None)
+    parse = getattr(getattr(parser, "_parse_cached", None), "__wrapped__", None)
+    if parse is None:  # nobody draws, or another version parses in another way
+        return
+    known = {}
+
+    def recalled(self, *text_and_font):
+        key = (self._output_type, *text_and_font)
+        if key not in known:
+            known[key] = parse(self, *text_and_font)
+        return known[key]
+
+    parser._parse_cached = recalled
+
+
 # In the name of each test of clusters.
 CLUSTER = "/test_cluster"
 # Files whose tests share what takes seconds to make, and which each of two processes would else make for itself.
@@ -108,29 +121,6 @@ LIKEWISE = {
     "/test_docs.py": "/test_scenarios.py", "/test_extents.py": "/test_workspace.py",
     "/test_workspace_figure.py": "/test_workspace.py",
 }  # fmt: skip
-
-
-def pytest_sessionstart(session):
-    """In a new clone, have each of two processes write the bytecode of every second file, which both would else of all."""
-    config, worker = session.config, os.environ.get("PYTEST_XDIST_WORKER", "")
-    state = config.stash.get(rewrite.assertstate_key, None)  # none with `--assert=plain`
-    if not (worker and state) or config.args != config.getini("testpaths") or sys.dont_write_bytecode:
-        return
-    files = sorted(path for folder in config.args for path in (ROOT / folder).rglob("*.py"))
-    for path in files[int(worker[2:]) :: int(os.environ["PYTEST_XDIST_WORKER_COUNT"])]:
-        is_test = path.name.startswith("test_")
-        kept = (
-            rewrite.get_cache_dir(path) / (path.stem + rewrite.PYC_TAIL)
-            if is_test
-            else Path(cache_from_source(path))
-        )
-        with suppress(OSError):  # a clone that cannot be written is slow, not wrong
-            if not kept.exists() and is_test:
-                kept.parent.mkdir(parents=True, exist_ok=True)
-                digest, code = rewrite._rewrite_test(path, config)
-                rewrite._write_pyc(state, code, digest, kept)
-            elif not kept.exists():
-                py_compile.compile(str(path))
 
 
 @pytest.hookimpl(wrapper=True)
@@ -163,6 +153,7 @@ def pytest_collection_finish():
     gc.freeze()
     gc.unfreeze()
     gc.set_threshold(10_000, 20, 1000)
+    parsed_once()
 
 
 @pytest.hookimpl(trylast=True)

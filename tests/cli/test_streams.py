@@ -132,15 +132,30 @@ SHOWN = {
 }
 
 
+PLAIN = {}
+
+
+@pytest.fixture
+def plainly(rmrc):
+    """Return a function: words -> what the command line gives in UTF-8, asked for once."""
+
+    def asked(*words):
+        if words not in PLAIN:
+            PLAIN[words] = rmrc(*words)
+        return PLAIN[words]
+
+    return asked
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp437"])
 @pytest.mark.parametrize("case", SHOWN)
-def test_no_encoding_of_a_terminal_is_an_error(rmrc, monkeypatch, case, encoding):
+def test_no_encoding_of_a_terminal_is_an_error(rmrc, plainly, monkeypatch, case, encoding):
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding=encoding) for _ in range(2))
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", out)
         patch.setattr(sys, "stderr", err)
         code, _, _ = rmrc(*SHOWN[case])
-    plain_code, plain, plain_err = rmrc(*SHOWN[case])
+    plain_code, plain, plain_err = plainly(*SHOWN[case])
     assert code == plain_code == (2 if case == "a mistake" else 0)
     shown, said = (stream.buffer.getvalue().decode(encoding) for stream in (out, err))
     if encoding == "ascii":
@@ -158,12 +173,12 @@ def test_no_encoding_of_a_terminal_is_an_error(rmrc, monkeypatch, case, encoding
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
-def test_json_is_the_same_facts_in_any_encoding(rmrc, monkeypatch, encoding):
+def test_json_is_the_same_facts_in_any_encoding(rmrc, plainly, monkeypatch, encoding):
     out = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", out)
         rmrc("schema", "--json")
-    _, plain, _ = rmrc("schema", "--json")
+    _, plain, _ = plainly("schema", "--json")
     assert json.loads(out.buffer.getvalue().decode(encoding)) == json.loads(plain)
     assert not plain.isascii()  # there is something that ASCII has not
 

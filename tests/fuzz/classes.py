@@ -1,5 +1,7 @@
 """The classes of inputs, and how many of each are run."""
 
+import hashlib
+
 from . import models, numbers, options, scenarios
 from .chance import Chance
 
@@ -17,6 +19,12 @@ ORDER = ("models", "scenarios", "options") * 5 + ("models", "numbers") * 2 + ("n
 def case(kind, index):
     """Return the input of a class and an index: always the same one."""
     return GENERATORS[kind](Chance(kind, index))
+
+
+def digest(count):
+    """Return a digest of the first inputs of each class."""
+    texts = (case(kind, index).text() for kind in GENERATORS for index in range(count))
+    return hashlib.sha256("".join(texts).encode()).hexdigest()
 
 
 def mixed(count):

@@ -1,10 +1,18 @@
 """The layouts of a recording, read back."""
 
+import functools
+
 from rerun.chunk import RrdReader
 
 
 def layouts(path):
-    """Return all layouts of a recording: of each its components by entity."""
+    """Return all layouts of a recording: of each its components by entity; a file is read once."""
+    about = path.stat()
+    return _layouts(path, about.st_ino, about.st_mtime_ns, about.st_size)
+
+
+@functools.lru_cache(8)
+def _layouts(path, *_):
     reader, found = RrdReader(path), []
     for entry in reader.blueprints():
         tables = {}

@@ -234,6 +234,7 @@ def test_the_scenario_itself_is_run_on_loops_from_the_quickest_up_to_the_slowest
     assert Tuning(path, robot={"delay": "6ms..12ms"}, perturbed=0).loops == ()  # the scenario alone, as asked
 
 
+@pytest.mark.usefixtures("unmargined")
 def test_what_breaks_a_limit_on_a_loop_between_is_not_recommended(path, monkeypatch):
     # no copy shows it: what the search comes to first may rest at a singularity and leave it on another branch
     work = {"robot": {"delay": "2ms..12ms"}, "perturbed": 1, "runs": 60, "only": FEW, "threads": 1}

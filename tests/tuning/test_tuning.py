@@ -155,7 +155,7 @@ def test_the_optimum_of_damping_and_feedback_is_that_of_a_fine_grid(path):
     only = ["control.inverse.method=damped", "control.inverse.damping.schedule=constant",
             "control.at_singularity=damp"]  # fmt: skip
     limit = ["control.limits.rate=0.7"]
-    found = Tuning(path, limit, only=only, perturbed=0, runs=200, threads=2).run()
+    found = Tuning(path, limit, only=only, perturbed=0, runs=120, threads=2).run()
     best = found.verdict.recommended
     study = Study(draft_of(path, limit))
     grid = [
@@ -397,6 +397,7 @@ def test_each_copy_has_its_own_time(path):
 @pytest.mark.parametrize(
     "vary", mostly_long(["arm: [{model: MODEL, site: tip, start: home}]", "arm.model: [MODEL]"], 2)
 )
+@pytest.mark.usefixtures("undrawn")
 def test_the_models_of_a_sweep_are_found_from_elsewhere(tmp_path, vary):
     model = ROOT / "models/planar_2link.xml"
     path = tmp_path / "arms.yaml"

@@ -9,7 +9,7 @@ import threading
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import mujoco
@@ -130,6 +130,10 @@ class _Clock:
 _clock, _timing = _Clock(), threading.Lock()
 
 
+# To make data takes longer than all else here, and batches of one model mostly follow each other.
+_data_of = lru_cache(1)(mujoco.MjData)
+
+
 def serves(model: mujoco.MjModel) -> bool:
     """Return whether `Native` can run worlds of a model: `offsets` holds for it, and there are no callbacks.
 
@@ -138,7 +142,7 @@ def serves(model: mujoco.MjModel) -> bool:
     where = offsets()
     if not where or has_callbacks():
         return False
-    data = mujoco.MjData(model)
+    data = _data_of(model)
     return all(
         ctypes.c_int64.from_address(data._address + where[name]).value == _address(data, name)
         for name in FIELDS
@@ -188,7 +192,7 @@ class Native:
     """Worlds of one model, with the parts of `mujoco.batch.Batch` that blocks need, under the same names.
 
     Attributes:
-        data: Data of the model, for shapes and offsets; it belongs to no world.
+        data: Data of the model, for shapes and offsets, only to read; it belongs to no world.
         state: MuJoCo's state rows, (w, nstate).
         warning: Its warning counters, (w, 7, 2).
     """
@@ -207,7 +211,7 @@ class Native:
             raise ValueError(why.value.decode(errors="replace"))
         self._made = made
         weakref.finalize(self, self._library.mjb_deleteBatch, made).atexit = False
-        self.data = mujoco.MjData(model)
+        self.data = _data_of(model)
         self.state: Array = self._view(
             self._library.mjb_state(made), np.float64, self._library.mjb_nstate(made)
         )

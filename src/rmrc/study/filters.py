@@ -61,11 +61,11 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
     largest = float(sigmas[0] if k > 1 else run["sigma"].max())
     end = float(sigmas[-2]) if k > 1 else 1.2 * largest
 
-    law = machine_code(resolve, at, np.zeros(1, tick_type(n)))  # it fills in `at`, the same for every σ
+    out, world = np.zeros(1, tick_type(n)), at.copy()
+    law = machine_code(resolve, at, out)  # it fills in `at`, the same for every σ
 
     def gain(sigma: float) -> float:
-        # as bytes: numpy copies a record field by field
-        world, out = at.view(np.uint8).copy().view(at.dtype), np.zeros(1, tick_type(n))
+        world.view(np.uint8)[:] = at.view(np.uint8)  # as bytes: numpy copies a record field by field
         world["J"][0, task.rows, :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
         law(world, out)
         return float(out["gain"][0, k - 1])
@@ -77,8 +77,7 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
 
 def compile_for(prepared: Prepared) -> None:
     """Load the compiled law for a single problem, or compile it on first use, which takes seconds."""
-    n = prepared.arm.n
-    machine_code(resolve, _record(prepared), np.zeros(1, tick_type(n)))
+    machine_code(resolve, _record(prepared), np.zeros(1, tick_type(prepared.arm.n)))
 
 
 def _record(prepared: Prepared) -> NDArray[np.void]:
