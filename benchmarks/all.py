@@ -50,6 +50,7 @@ PARTS = {
     "workspace": "workspace.py --rounds 2",
     "tune": "tune.py --scenarios approach_singularity --seeds 1",
 }
+MIRRORED = {"min": "max", "median": "median", "max": "min"}
 # Of these rows more is better.
 MORE = re.compile(
     r"^plain |^1 thread /|(numpy|Python) loop / |, scipy .* / |success|first start|within|hypervolume"
@@ -89,14 +90,19 @@ def measured(command: str) -> tuple[Rows, float, str]:
 
 
 def worse_by(name: str, row: Row, kept: Row) -> float:
-    """Return by what factor a row is worse than the kept one beyond the noise of both; 1 if it is not."""
+    """Return by what factor a row is worse than the kept one beyond the noise of both; 1 if it is not.
+
+    The median stands for a least or a largest value that a row does not have.
+    """
     if MORE.search(name):
         row, kept = (
-            {"min": -one["max"], "median": -one["median"], "max": -one["min"]} for one in (row, kept)
+            {MIRRORED[key]: -value for key, value in one.items() if key in MIRRORED} for one in (row, kept)
         )
-    margin = MARGIN * abs(kept["median"])
-    beyond = row["min"] > kept["median"] + margin and row["median"] > kept["max"] + margin
-    return 1.0 + (row["median"] - kept["median"]) / abs(kept["median"]) if beyond and margin else 1.0
+    margin, middle = MARGIN * abs(kept["median"]), kept["median"]
+    beyond = (
+        row.get("min", row["median"]) > middle + margin and row["median"] > kept.get("max", middle) + margin
+    )
+    return 1.0 + (row["median"] - middle) / abs(middle) if beyond and margin else 1.0
 
 
 def machine() -> str:
@@ -143,9 +149,9 @@ def main() -> None:
             failed.append(part)
         else:
             found[part] = rows
-    worse = compare(found, kept)
     about = {"machine": machine(), "date": f"{date.today()}"}
     arguments.out.write_text(json.dumps(about | {"parts": found}, indent=1) + "\n")
+    worse = compare(found, kept)
     print(f"{time.perf_counter() - begun:.0f} s in all; wrote {arguments.out}")
     if arguments.keep:
         whole = (kept.get("parts", {}) if kept.get("machine") == machine() else {}) | found

@@ -50,6 +50,13 @@ def test_of_some_rows_less_is_worse(every):
         assert every.worse_by(name, kept, slower) == 1.0
 
 
+@pytest.mark.parametrize("name", ["us a tick", "1 thread / 2 threads"])
+def test_a_row_without_a_least_and_a_largest_value_is_compared_by_its_median(every, name):
+    better, worse = sorted((1.0, 1.2), reverse=name.startswith("1 thread"))
+    assert every.worse_by(name, {"median": worse}, {"median": better}) > 1.0
+    assert every.worse_by(name, {"median": better}, {"median": worse}) == 1.0
+
+
 def test_rows_are_found_in_what_programs_print(every):
     printed = {"a": row(1, 2, 3) | {"minima": 1, "acts": 0.5}, "b": {"c": [3, 1, 2], "d": True, "why": "no"}}
     assert dict(every.rows_of(printed)) == {
