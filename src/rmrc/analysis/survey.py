@@ -89,12 +89,11 @@ def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *array
         own = record.view(np.uint8).copy().view(record.dtype)
         compiled(own[0], *(array[first : first + SHARE] for array in arrays))
 
-    shares = range(0, len(arrays[0]), SHARE)
-    if len(shares) < 2:  # starting threads would take longer
-        list(map(share, shares))
+    if len(arrays[0]) <= SHARE:  # starting threads would take longer
+        share(0)
         return
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        list(pool.map(share, shares))
+        list(pool.map(share, range(0, len(arrays[0]), SHARE)))
 
 
 @long_entry

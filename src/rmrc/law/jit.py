@@ -542,7 +542,8 @@ def _digest_sources() -> str:
     own = (path.read_bytes() for path in sorted(package.glob("law/*.py")))
     marks = b"@compiled", b"@inlined", b"@entry", b"@long_entry", b"@apart"
     sources = [text for text in own if any(mark in text for mark in marks)]
-    sources += [(package / f"law/{name}.py").read_bytes() for name in (*_HOW, "../scenario/choices")]
+    sources += [(package / f"law/{name}.py").read_bytes() for name in _HOW]
+    sources.append((package / "scenario/choices.py").read_bytes())
     others = (
         text
         for room in _ROOMS
