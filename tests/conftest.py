@@ -113,7 +113,7 @@ CLUSTER = "/test_cluster"
 SHARING = (
     "/test_report_page.py", "/test_comparison.py", "/test_sweep.py", "/test_resuming.py", "/test_workspace.py",
     "/test_film.py", "/test_architecture.py", "/test_peers_page.py", "/test_scenarios.py",
-    "/test_browser.py", "/test_browser_page.py", "/test_plot.py", "/test_overlay.py", "/test_registers.py",
+    "/test_browser.py", "/test_plot.py", "/test_overlay.py", "/test_registers.py",
     "/test_chance.py", "/test_outward.py",
 )  # fmt: skip
 # Files whose tests share what those of another make: runs of shipped scenarios, workspaces.

@@ -16,7 +16,6 @@ SOURCE = ROOT / "src"
 LAYERS = (
     ("rmrc.__main__",),
     ("rmrc.cli",),
-    ("rmrc.explore",),
     ("rmrc.tuning", "rmrc.analysis"),
     ("rmrc.study",),
     ("rmrc.film",),
@@ -94,14 +93,12 @@ OWNERS = {
     "pandas": ("rmrc.results.notebook",),
     "PIL": ("rmrc.film.film", "rmrc.film.encode"),
     "imageio_ffmpeg": ("rmrc.film.encode",),
-    "viser": ("rmrc.explore.server",),
-    "websockets": ("rmrc.explore.gate",),  # comes with viser, whose server it is
 }
 
-SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow", "imageio_ffmpeg", "pandas", "viser"}
+SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow", "imageio_ffmpeg", "pandas"}
 
 # Modules of ours that load these, or rich; only who shows something loads them.
-PICTURES = ("rmrc.film", *OWNERS["matplotlib"]) + OWNERS["rich"] + OWNERS["rerun"] + OWNERS["websockets"]
+PICTURES = ("rmrc.film", *OWNERS["matplotlib"]) + OWNERS["rich"] + OWNERS["rerun"]
 
 
 def read_sources():

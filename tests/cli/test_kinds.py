@@ -36,7 +36,6 @@ CASES = [
     ("run", "x.json", "… a scorecard, not a scenario; … Python … json.load"),
     ("run", "x.png", "… picture … scenario"),
     ("inspect", "x.rrd", "… recording … model; … `rmrc replay x.rrd`"),
-    ("explore", "x.rrd", "… recording … scenario … model; … `rmrc replay x.rrd`"),
     ("replay", "quick.yaml", "… scenario … recording; … `rmrc run quick.yaml` …"),
     ("replay", "model.xml", "… model … recording; … `rmrc inspect model.xml`"),
     ("run", ".", "… folder … scenario; … named.xml.yaml, quick.yaml"),

@@ -638,13 +638,6 @@ def _plot(chance):
     return argv, files
 
 
-def _explore(chance):
-    # A page must not be served: there is no such port.
-    name = chance.pick(("a.yaml", "line_tracking", "puma560", "a.rrd", "", ".", "/dev/null", chance.word()))
-    port = chance.pick(("0", "-1", "65536", "1e9", "x", ""))
-    return ["explore", name, "--port", port, *chance.pick(([], ["--open"], ["--host", "::1"]))], {}
-
-
 def _report(chance):
     return _of_left(chance, "report", ("x.html", "x.htm"))
 

@@ -17,13 +17,12 @@ from rmrc.arm import load
 from rmrc.law import controller, descent, jit, law, step, svd
 from rmrc.law.jit import _kind
 from rmrc.law.record import ADDRESSES, records, tick_type
-from rmrc.plants import blocks, halves, lockstep, model, torque
+from rmrc.plants import blocks, lockstep, model, torque
 from rmrc.results import tally
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import Scenario
 from rmrc.simulation import reference
-from rmrc.simulation.live import Live
-from rmrc.simulation.prepare import prepare
+from rmrc.simulation.prepare import prepare, world_records
 from rmrc.simulation.simulation import Simulation
 
 MOVES = (reference.sample, lockstep.tick, blocks.block, torque.computed_torque, tally.add)
@@ -37,7 +36,6 @@ EXAMINES = (
 )
 DRIVES = (model.settle, model.tell_drives, model.tell_motors)
 STEPS = (step.step,)
-LEADS = (halves.sense_half, halves.obey_half)
 
 
 def kept(function):
@@ -79,7 +77,7 @@ def room(one):
 
 def test_runs_and_controllers_share_what_few_laws_need(scenario):
     assert {room(one) for one in OF_LAW} == WARMED_UP.union(*ROOMS)
-    alone, own = records(2, [Unscaled(2, 2)]), Live(prepare(scenario("plant.kind=ideal")), 1)._worlds
+    alone, own = records(2, [Unscaled(2, 2)]), world_records([prepare(scenario("plant.kind=ideal"))], [0])
     controlled = controller.Controller(load(ROOT / "models/planar_2link.xml"))._worlds
     of_law = {jit._law_type(numba.typeof(worlds).dtype) for worlds in (alone, own, controlled)}
     assert len(of_law) == 1
@@ -125,18 +123,12 @@ def test_what_compiles_comes_first(request):
     assert not request.config.option.loadscopereorder  # which puts the group of the tests of clusters first
 
 
-@pytest.mark.compiles
-def test_what_leads_a_world_by_hand_is_kept_on_disk(scenario):
-    Live(prepare(scenario("plant.kind=ideal")), 1)
-    assert [entry for entry in LEADS if not kept(entry)] == []
-
-
 def test_every_entry_is_one_of_these():
     sources = [path.read_text("utf-8") for path in (ROOT / "src/rmrc").rglob("*.py")]
     entries = [
         name for text in sources for name in re.findall(r"^@(?:long_)?entry\ndef (\w+)", text, re.MULTILINE)
     ]
-    assert sorted(entries) == sorted(entry.__name__ for entry in (*MOVES, *EXAMINES, *DRIVES, *LEADS, *STEPS))
+    assert sorted(entries) == sorted(entry.__name__ for entry in (*MOVES, *EXAMINES, *DRIVES, *STEPS))
 
 
 def test_arguments_that_are_of_one_kind_are_of_one_type():

@@ -24,7 +24,6 @@ import rmrc
 from rmrc.cli import (
     check,
     examples,
-    explore,
     identify,
     ik,
     inspect,
@@ -89,7 +88,6 @@ for verb in (
     sweep.sweep,
     tune.tune,
     margins.margins,
-    explore.explore,
     scenarios.replay,
     plot.plot,
     report.report,

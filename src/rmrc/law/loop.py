@@ -88,17 +88,6 @@ class Loop:
             self._worlds[field.name] = field.start
         self._worlds["q_cmd"], self._worlds["returning"], self._called[:] = math.nan, 0.0, math.nan
 
-    def take_over(self, other: "Loop") -> None:
-        """Continue from the last command of another loop of the same joints and period, with other settings.
-
-        Rates and their changes then stay within the limits, as they would not after `reset`.
-
-        Args:
-            other: The other loop, which must not step again.
-        """
-        for name in (*(field.name for field in MEMORY), "q_cmd", "returning", "change_before"):
-            self._worlds[name] = other._worlds[name]
-
     # Steps ----------------------------------------------------------------------------------------
 
     def _finish(self, given: int) -> Command:

@@ -1,4 +1,4 @@
-"""Lessons for `rmrc explore`: a scenario with questions, hints, and a number to find, as YAML."""
+"""Lessons: a scenario with questions, hints, and a number to find, as YAML."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -54,7 +54,7 @@ class Sought(Section):
 
 
 class Lesson(Section):
-    """A scenario to explore, with questions and a number to find."""
+    """A scenario with questions and a number to find."""
 
     title: Text = key("above the lesson")
     scenario: Text = key("a shipped scenario by its name, or a file beside the lesson")
@@ -78,5 +78,5 @@ def load_lesson(name: str) -> tuple[Lesson, Path]:
     path = SHIPPED.get(name, Path(name))
     if name not in SHIPPED and path.suffix not in SUFFIXES:
         near = did_you_mean(name, SHIPPED) or f"; the lessons are {', '.join(SHIPPED)}"
-        raise QuestionError(f"--lesson must be a lesson or a file that ends in .yaml, got {show(name)}{near}")
+        raise QuestionError(f"a lesson is a shipped one or a .yaml file, got {show(name)}{near}")
     return read_section(Lesson, path), path
