@@ -1,4 +1,4 @@
-"""Step 64 arms at once with numpy: one compiled call per period, for any loop around the arms."""
+"""Step 64 arms with one call per period and arrays of all of them, for any loop around the arms."""
 
 import numpy as np
 

@@ -8,7 +8,7 @@ runs = rmrc.compare(
     {"control.inverse.method": ["inverse", "damped"], "control.feedback": [5, 20]},
 )
 
-# All worlds were stepped as one batch; each has the bits that it has alone.
+# No run depends on those beside it.
 print(f"{'variant':<16}{'peak command':>16}{'largest error':>16}")
 for label, run in runs.items():
     peak = run.scorecard["joint_rate_cmd.peak"].value

@@ -1,4 +1,4 @@
-"""A control loop of your own with the bits of `rmrc run`: your MuJoCo loop, and the law once per tick."""
+"""A control loop of your own with the rates of `rmrc run`: your MuJoCo loop, and the law once per tick."""
 
 import mujoco
 import numpy as np
@@ -7,7 +7,7 @@ import rmrc
 
 scenario = rmrc.load("approach_singularity").set({"control.feedback": 40})
 prepared = rmrc.prepare(scenario)  # its path, as a pose and a twist at each tick
-model = prepared.plant.model([prepared.plant])  # its arm, with its servos; any model that has the arm will do
+model = prepared.plant.own_model()  # its arm, with servos; any model that has the arm will do
 
 data = mujoco.MjData(model)
 data.qpos[:] = prepared.qpos

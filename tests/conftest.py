@@ -113,8 +113,7 @@ CLUSTER = "/test_cluster"
 SHARING = (
     "/test_report_page.py", "/test_comparison.py", "/test_sweep.py", "/test_resuming.py", "/test_workspace.py",
     "/test_film.py", "/test_architecture.py", "/test_peers_page.py", "/test_scenarios.py",
-    "/test_browser.py", "/test_plot.py", "/test_overlay.py", "/test_registers.py",
-    "/test_chance.py", "/test_outward.py",
+    "/test_browser.py", "/test_plot.py", "/test_overlay.py", "/test_chance.py",
 )  # fmt: skip
 # Files whose tests share what those of another make: runs of shipped scenarios, workspaces.
 LIKEWISE = {
@@ -131,13 +130,9 @@ def pytest_collect_file():
 
 
 def pytest_collection_modifyitems(items):
-    """Let two processes compile the two halves of the law, before all other tests, which both would compile else.
-
-    Behind them come the tests of clusters, which one process has all of, then what needs no law, for the other.
-    """
+    """Start with the tests of clusters, which one process has all of, and then what needs no law, for the other."""
     items.sort(
         key=lambda item: (
-            not item.get_closest_marker("compiles"),
             CLUSTER not in item.nodeid,
             item.path.parent.name not in ("textbook", "scenario"),
         )

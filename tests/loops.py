@@ -1,5 +1,7 @@
 """A loop of one's own about a scenario that is prepared: the law alone, stepped by a test."""
 
+import numpy as np
+
 from rmrc.law.controller import Controller
 
 
@@ -7,5 +9,5 @@ def controller_of(prepared, **updates):
     """Return the law of a scenario, with other values of its section `control`, where its arm starts."""
     control = prepared.scenario.control.model_copy(update=updates)
     found = Controller(prepared.arm, control=control, task=prepared.task)
-    found.reset(prepared.qpos[prepared.arm.wiring.qpos] - prepared.joint_offset)
+    found.reset(prepared.qpos[prepared.arm.wiring.qpos] - np.asarray(prepared.scenario.plant.joint_offset))
     return found

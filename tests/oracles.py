@@ -5,6 +5,7 @@ differences, and the physics is stepped on one `MjData`; the inverses are in `or
 pace in `oracle_limits`, a bounded jerk in `oracle_jerk`.
 """
 
+import copy
 import functools
 import math
 
@@ -46,10 +47,23 @@ __all__ = [
     "NumpyLoop",
     "damping",
     "generalized_inverse",
+    "known_model",
     "projector",
     "resolve",
     "scaling",
 ]
+
+
+def known_model(prepared):
+    """Return the model that a plant steps, with the gains of its servos, as the law knows it."""
+    model = copy.copy(prepared.plant.model())
+    if prepared.scenario.plant.kind == "servo":
+        actuator = prepared.arm.wire(model).actuator
+        model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator, 2] = (
+            prepared.plant.kv,
+            -prepared.plant.kv,
+        )
+    return model
 
 
 class Kinematics:
@@ -126,7 +140,7 @@ class NumpyLoop:
             prepared.arm,
             prepared.reference,
         )
-        self.known = prepared.plant.model([prepared.plant])
+        self.known = known_model(prepared)
         self.known_data = mujoco.MjData(self.known)
         dofs = [int(self.known.joint(name).dofadr[0]) for name in self.arm.joints]
         self.model = true_model(self.known, self.scenario.plant, dofs)

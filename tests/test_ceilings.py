@@ -6,9 +6,9 @@ import tokenize
 
 from project import ROOT
 
-SOURCE_LINES = 39_700
-SOURCE_MODULES = 373
-TEST_LINES = 41_000
+SOURCE_LINES = 35_500
+SOURCE_MODULES = 347
+TEST_LINES = 38_750
 
 # Tokens that make no line a line of code.
 LAYOUT = {

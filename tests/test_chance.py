@@ -27,7 +27,8 @@ def uniform(seed, stream, tick):
 
 @numba.njit
 def draw(seed, stream, tick, drawn, found):
-    chance.normals(seed, stream, tick, found.shape[1], drawn, found)
+    for i in range(len(found)):
+        chance.normals(seed, stream, tick + i, found.shape[1], drawn, found[i])
 
 
 def normal(seed, tick, count):

@@ -21,7 +21,8 @@ import rmrc.textbook
 from pages import page
 from project import ROOT, mostly_long
 from rmrc.results.columns import COLUMNS
-from rmrc.results.scorecard import figure_names, scorecard
+from rmrc.results.expectations import blank
+from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load, loads, variants
 from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES, Status
 from rmrc.show import sheets
@@ -410,7 +411,7 @@ def test_every_policy_at_a_singularity_is_in_the_theory():
 
 def test_every_group_of_figures_is_in_the_theory():
     text = section(THEORY, "Metrics of the scorecard")
-    groups = {name.partition(".")[0] for name in figure_names(["a"], ["x", "rz"])}
+    groups = {name.partition(".")[0] for name in blank(("a",), ("x", "rz"))}
     assert [group for group in groups if not re.search(rf"`{group}[.`]", text)] == []
 
 
@@ -442,7 +443,7 @@ def test_the_annotated_scenario_can_be_run(monkeypatch):
     (text,) = fenced(page("Write a scenario"), "yaml")
     monkeypatch.chdir(ROOT / "scenarios")
     prepared = prepare(loads(text))
-    figures = set(figure_names(prepared.arm.joints, prepared.scenario.task.axes))
+    figures = set(blank(prepared.arm.joints, prepared.scenario.task.axes))
     assert prepared.scenario.expect.keys() <= figures
 
 

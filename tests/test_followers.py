@@ -113,7 +113,9 @@ def test_the_law_sees_the_same_arm_in_mujocos_data_and_in_its_own_chain(folder, 
             continue
         controller, wanted = Controller(arm), {"pose": arm.pose(q), "twist": twist}
         controller.step(q, **wanted) if attached is None else controller.step_data(attached, **wanted)
-        assert_allclose(controller._worlds[0]["J"][:, : arm.n], J, atol=ROUNDING * max(1.0, np.abs(J).max()))
+        assert_allclose(
+            controller._worlds[0]["state"]["J"][:, : arm.n], J, atol=ROUNDING * max(1.0, np.abs(J).max())
+        )
 
 
 @pytest.mark.parametrize("frame", ["world", "site"])
@@ -152,7 +154,7 @@ def test_the_gradient_of_manipulability_knows_the_followers(write, frame):
     N = np.eye(n) - np.linalg.pinv(A(q)) @ A(q)
     size = max(1.0, np.abs(slope).max())
     assert np.abs(N @ slope).max() > 1e-3
-    assert_allclose(controller._worlds[0]["qdot0"][:n], N @ slope, rtol=0, atol=1e-7 * size)
+    assert_allclose(controller._worlds[0]["scratch"]["qdot0"][:n], N @ slope, rtol=0, atol=1e-7 * size)
 
 
 # Plants -----------------------------------------------------------------------------------------------------------

@@ -337,7 +337,7 @@ def test_a_model_that_no_plant_can_be_made_of_is_one_line(monkeypatch):
         mujoco.MjSpec, "compile", lambda _: (_ for _ in ()).throw(ValueError("Error:\nof MuJoCo"))
     )
     with pytest.raises(ModelError) as caught:
-        arm.adapted(RateServos((1.0, 1.0)), 0.001, True)
+        arm.adapted(RateServos(), 0.001, True)
     assert str(caught.value) == f"{arm.path}: Error: of MuJoCo"
 
 

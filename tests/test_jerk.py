@@ -14,10 +14,8 @@ import rmrc
 from codes import Method, OnExcess
 from oracle_limits import least_way, ticks_to_rate
 from project import ROOT, examples, mostly_long
-from records import blank, put
+from records import blank, put, resolve
 from rmrc.law import braking as stops
-from rmrc.law.jit import machine_code
-from rmrc.law.law import resolve
 from rmrc.scenario.choices import LIMITS, POLICIES, Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -127,8 +125,6 @@ class Joints:
             rate_limit=self.rate, position_limit=self.ends,
         )  # fmt: skip
         self.q, self.last, self.change, self.n = np.zeros(n), np.zeros(n), np.zeros(n), n
-        # once, as what the law needs is the same at each tick: to look takes twenty times as long as a tick
-        self.resolve = machine_code(resolve, self.world, self.tick)
 
     def at(self, q, rate, change):
         """Put the joints into a state."""
@@ -141,7 +137,7 @@ class Joints:
         """Return rates and status of a tick, and go on."""
         put(self.world, q=self.q, qdot_cmd_last=self.last, change_last=self.change, course=self.change)
         self.world["twist_cmd"][0, : self.n] = wish
-        self.resolve(self.world, self.tick)
+        resolve(self.world, self.tick)
         sent = self.tick["qdot_cmd"][0, : self.n].copy()
         self.change, self.last, self.q = sent - self.last, sent, self.q + T * sent
         return sent, Status(int(self.tick["status"][0]))

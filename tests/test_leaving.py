@@ -106,7 +106,7 @@ def test_a_disk_without_room_for_the_arrays_is_told_before_anything_moves(rmrc, 
 
 
 def fails_from(call, monkeypatch):
-    """Have the disk full from the n-th block on."""
+    """Have the disk full from the n-th piece on."""
     flush, calls = Stream.flush, []
 
     def full(self):
@@ -122,7 +122,7 @@ def fails_from(call, monkeypatch):
 def test_a_recording_that_fails_midway_leaves_arrays_and_scorecard_of_the_whole_run(rmrc, quick, monkeypatch):
     rmrc("run", "quick.yaml", "-q", "--out", "whole")
     want = Run.read(quick / "whole/quick.npz")
-    assert len(want) > 3000  # more than three blocks
+    assert len(want) > 3000  # more than three pieces
     calls = fails_from(2, monkeypatch)
     code, out, err = rmrc("run", "quick.yaml")
     assert (code, len(calls)) == (2, 2)  # it is not tried again

@@ -14,10 +14,8 @@ from chains import random_chain, seeds
 from codes import Method, OnExcess
 from oracle_limits import brake
 from project import examples, mostly_long
-from records import blank, put
+from records import blank, put, resolve
 from rmrc.arm import load
-from rmrc.law.jit import machine_code
-from rmrc.law.law import resolve
 from rmrc.scenario.choices import LIMITS, Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -233,7 +231,7 @@ def joints(J, **fields):
 def answer(world, tick, twist):
     """Return the rates and the status of one tick."""
     world["twist_cmd"][0, : len(twist)] = twist
-    machine_code(resolve, world, tick)(world, tick)
+    resolve(world, tick)
     return tick["qdot_cmd"][0, : int(world["n"][0])].copy(), Status(int(tick["status"][0]))
 
 

@@ -15,9 +15,7 @@ from scipy.optimize import linprog, lsq_linear
 from codes import Method, OnExcess, Schedule
 from oracle_limits import best_within
 from project import ROOT, examples, mostly_long
-from records import blank, put
-from rmrc.law.jit import machine_code
-from rmrc.law.law import resolve
+from records import blank, put, resolve
 from rmrc.scenario import load
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -55,11 +53,11 @@ def records(J, lam, middle=0.0, half=1e6, **fields):
     return world, tick
 
 
-def answer(world, tick, twist, law=None):
+def answer(world, tick, twist):
     """Return the rates, (n,), their bounds, (2, n), what was wished for in the null space, and the status."""
     n = int(world["n"][0])
     world["twist_cmd"][0, : len(twist)] = twist
-    (law or machine_code(resolve, world, tick))(world, tick)
+    resolve(world, tick)
     span = np.array([world["lower"][0, :n], world["upper"][0, :n]])
     return tick["qdot_cmd"][0, :n].copy(), span, world["drift"][0, :n].copy(), Status(int(tick["status"][0]))
 
@@ -414,12 +412,12 @@ def along(seed, steps, lam, fresh, **fields):
     m, n = [(3, 3), (2, 4), (6, 6), (3, 7), (6, 7), (6, 4)][seed % 6]
     (J_0, J_1), (v_0, v_1) = rng.normal(size=(2, m, n)), rng.normal(size=(2, m))
     world, tick = records(J_0, lam, rate_limit=rng.uniform(0.3, 1.0, n), **fields)
-    law, rates = machine_code(resolve, world, tick), np.empty((steps + 1, n))
+    rates = np.empty((steps + 1, n))
     for i, s in enumerate(np.linspace(0.0, 1.0, steps + 1)):
         put(world, J=np.cos(s) * J_0 + np.sin(s) * J_1)
         if fresh:
             world["age"] = world["active"] = 0
-        rates[i] = answer(world, tick, 2.0 * (np.cos(2 * s) * v_0 + np.sin(2 * s) * v_1), law)[0]
+        rates[i] = answer(world, tick, 2.0 * (np.cos(2 * s) * v_0 + np.sin(2 * s) * v_1))[0]
     return rates
 
 

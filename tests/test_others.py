@@ -244,9 +244,9 @@ def test_more_locked_bodies_than_can_be_kept_apart_are_refused_with_the_way_out(
     <replicate count="500" offset="0.5 0 0"><body pos="1 0 0"><joint/><geom size=".1"/></body></replicate></worldbody></mujoco>""")
     arm = arms.load(path, "tip")
     with pytest.raises(ModelError, match=r"model.xml: has 500 joints to lock, .* use arm.others: free"):
-        arm.adapted(RateServos((1.0,)), TIMESTEP, gravity_compensation=True)
+        arm.adapted(RateServos(), TIMESTEP, gravity_compensation=True)
     free = arm.at(arm.configuration("home"), frees_others=True)
-    assert free.adapted(RateServos((1.0,)), TIMESTEP, gravity_compensation=True).nexclude == 0
+    assert free.adapted(RateServos(), TIMESTEP, gravity_compensation=True).nexclude == 0
 
 
 def test_an_arm_that_runs_into_a_locked_thing_is_stopped_as_by_the_world(tmp_path):
@@ -410,7 +410,7 @@ def test_questions_take_keyframe_and_start_with_all_their_joints():
     assert_array_equal(inspect(arm, keyframe="moved").pose, pose)
 
 
-def test_worlds_that_start_elsewhere_are_stepped_together_with_the_same_bits():
+def test_worlds_that_start_elsewhere_give_the_same_bits_beside_each_other():
     alone = [run("idle_rail", start=start)[1] for start in ("home", "moved")]
     prepared = [prepare(scenario("idle_rail", start=start)) for start in ("home", "moved")]
     for one, other in zip(alone, Simulation(prepared).run(), strict=True):
@@ -445,14 +445,14 @@ def test_what_a_default_says_of_actuators_is_not_said_of_those_that_are_added(tm
 
 def test_every_field_of_an_added_actuator_is_set():
     arm = arms.load(MODELS / "hostile_default.xml", "hand", LINKS)
-    model = arm.adapted(RateServos((5.0, 6.0)), TIMESTEP, gravity_compensation=True)
+    model = arm.adapted(RateServos(), TIMESTEP, gravity_compensation=True)
     plain = mujoco.MjSpec()
     body = plain.worldbody.add_body()
     body.add_geom(size=[0.1, 0, 0])
-    for name, kv in (("shoulder", 5.0), ("elbow", 6.0)):
-        body.add_joint(name=name, axis=[kv == 5.0, 1, 0])
+    for name in ("shoulder", "elbow"):
+        body.add_joint(name=name, axis=[name == "shoulder", 1, 0])
         servo = plain.add_actuator(name=f"rate:{name}", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        servo.set_to_velocity(kv=kv)
+        servo.set_to_velocity(kv=1.0)
     plain = plain.compile()
     computed = {"actuator_acc0", "actuator_length0", "actuator_user"}
     fields = [name for name in dir(model) if name.startswith("actuator_") and name not in computed]
@@ -495,9 +495,7 @@ def test_a_sensor_of_an_actuator_that_is_replaced_does_not_stop_a_plant(tmp_path
     ).write_text("""<mujoco><worldbody><body name="hand"><joint name="j"/><geom size=".1"/></body>
       </worldbody><actuator><motor name="m" joint="j"/></actuator>
       <sensor><actuatorfrc actuator="m"/><jointpos joint="j"/></sensor></mujoco>""")
-    adapted = arms.load(tmp_path / "model.xml").adapted(
-        RateServos((1.0,)), TIMESTEP, gravity_compensation=True
-    )
+    adapted = arms.load(tmp_path / "model.xml").adapted(RateServos(), TIMESTEP, gravity_compensation=True)
     assert adapted.nsensor == 1 and adapted.nu == 1
 
 

@@ -377,16 +377,16 @@ def test_a_motor_beside_a_servo_keeps_its_control_and_is_named():
 def test_other_plants_do_not_see_the_authors_drives():
     # the same arm on servos of ours, with no actuator of the author's left
     prepared, done = run("position", kind="servo", timestep=0.001)
-    assert prepared.plant.model([prepared.plant]).nactuator == 2
+    assert prepared.plant.model().nactuator == 2
     assert 1.2 * _off(done) < _off(run("position")[1])
 
 
 def test_gravity_compensation_is_the_authors_unless_the_scenario_says():
     own, floating = run("tendon")[0], run("tendon", gravity_compensation=True)[0]
-    assert not own.plant.model([own.plant]).body_gravcomp.any()
-    assert floating.plant.model([floating.plant]).body_gravcomp[1:].all()
+    assert not own.plant.model().body_gravcomp.any()
+    assert floating.plant.model().body_gravcomp[1:].all()
     authors = run("compensated")[0]
-    assert_array_equal(authors.plant.model([authors.plant]).body_gravcomp, [0, 1, 0.5])
+    assert_array_equal(authors.plant.model().body_gravcomp, [0, 1, 0.5])
 
 
 def test_worlds_that_differ_are_each_as_alone():

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from project import ROOT
 from rmrc.arm import load
 from rmrc.scenario import TargetSection
-from rmrc.simulation.motion import POSE, TWIST
-from rmrc.simulation.motion import Motion as Recorded
+from rmrc.simulation.motion import POSE, TWIST, recorded, spline
+from rmrc.simulation.reference import read_reference, sampled
 from rmrc.simulation.trajectory import Places, make_reference
 from rmrc.support.errors import TargetError
 from rmrc.support.spatial import pose_error, pose_product
@@ -31,7 +31,7 @@ PERIOD = 0.01
 def reference(*path, start=START, places=None, **more):
     section = TargetSection.model_validate({"path": path, **more})
     places = places or Places(BASE)
-    return make_reference(section.path, section.limits, start, PERIOD, section.offset, section.frame, places)
+    return make_reference(section, start, PERIOD, places)
 
 
 def rotation(pose):
@@ -196,11 +196,12 @@ def test_a_recorded_reference_is_followed_again(tmp_path, line, name):
     )  # at the rows themselves, but for the rounding of times
     # between them the error of a cubic spline of a motion with steps of jerk J is below J h³/8: 1e-5 m
     fine = TargetSection.model_validate({"path": [{"file": {"path": file}}]})
-    dense = make_reference(fine.path, fine.limits, START, PERIOD / 4)
+    dense = make_reference(fine, START, PERIOD / 4, Places())
     spline = CubicSpline(line.time, line.pose[:, :3], bc_type="clamped")
     assert_allclose(dense.pose[:, :3], spline(dense.time), rtol=0, atol=ROUNDING)
     assert_allclose(dense.twist[:, :3], spline(dense.time, 1), rtol=0, atol=1e-10)
-    assert_allclose(dense.acceleration[:, :3], spline(dense.time, 2), rtol=0, atol=1e-8)
+    # at the last tick the path is at rest
+    assert_allclose(dense.acceleration[:-1, :3], spline(dense.time[:-1], 2), rtol=0, atol=1e-8)
 
 
 def test_the_twist_of_a_recorded_motion_is_the_derivative_of_its_poses():
@@ -209,9 +210,9 @@ def test_the_twist_of_a_recorded_motion_is_the_derivative_of_its_poses():
     time = np.cumsum(rng.uniform(0.1, 0.3, 8)) - 0.1
     turns = Rotation.from_rotvec(np.cumsum(rng.uniform(-0.4, 0.4, (8, 3)), axis=0))
     pose = np.hstack([rng.normal(size=(8, 3)), turns.as_quat(scalar_first=True)])
-    motion, h = Recorded(time - time[0], pose), 1e-4
-    t = rng.uniform(0.05, motion.time[-1] - 0.05, 30)
-    before, now, after = motion.at(t - h), motion.at(t), motion.at(t + h)
+    rows, h = spline(time - time[0], pose), 1e-4
+    t = rng.uniform(0.05, time[-1] - time[0] - 0.05, 30)
+    before, now, after = (sampled(recorded(rows), rows, t + shift) for shift in (-h, 0.0, h))
     turned = [(Rotation.from_quat(b[3:7], scalar_first=True) * Rotation.from_quat(a[3:7], scalar_first=True).inv()).as_rotvec()
               for a, b in zip(before, after, strict=True)]  # fmt: skip
     assert_allclose(np.array(turned) / (2 * h), now[:, 10:13], rtol=0, atol=1e-5)
@@ -286,13 +287,13 @@ GOOD = as_columns(np.array([0, 0.5, 1.0]), np.tile(START, (3, 1)), POSE)
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"t": [0.0, 0.5, 0.5]}, "t must rise, but row 3 has 0.5 after 0.5"),
+        ({"t": [0.0, 0.5, 0.5]}, "row 3 of t must be later than the row before, got 0.5"),
         ({"t": [0.0, 0.5, math.nan]}, "row 3 of t must be finite, got nan"),
         ({"y": [0.0, math.inf, 0.0]}, "row 2 of y must be finite, got inf"),
-        ({"qw": [1.0, 2.0, 1.0]}, "row 2 must have a unit quaternion, got one of length"),
+        ({"qw": [1.0, 2.0, 1.0]}, "must have a unit quaternion, of length 1, got"),
         ({"qx": None}, 'has no column "qx"; pose needs t and x y z qw qx qy qz, it has'),
         ({name: [a, b, a] for name, a, b in zip(POSE[3:], (1.0, 0, 0, 0), (0.0, 1, 0, 0), strict=True)},
-         "row 2 must turn by at most 90 deg from the row before, got 180 deg"),
+         "row 2 must turn by at most 90 deg from the row before, or have rows between, got 180"),
     ],
 )  # fmt: skip
 def test_what_is_no_motion_is_refused_in_one_line(tmp_path, change, says):
@@ -300,7 +301,7 @@ def test_what_is_no_motion_is_refused_in_one_line(tmp_path, change, says):
     file = write(tmp_path / "motion.csv", {name: np.array(c) for name, c in columns.items() if c is not None})
     with pytest.raises(TargetError) as caught:
         reference({"file": {"path": file}})
-    assert str(caught.value).startswith(f'target.path[0].file.path: "{file}"') and says in str(caught.value)
+    assert str(caught.value).startswith(f'target.path[0].file: "{file}"') and says in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -354,3 +355,46 @@ def test_an_acceleration_that_jumps_is_refused_and_slowed_until_it_does_not(tmp_
     assert 9.5 < jerk < 10.0 * 1.03  # the duration is that of whole ticks
     gentle = reference({"file": {"path": file}}, limits=RAMP | {"acceleration": 2.0, "jerk": 500.0})
     assert gentle.duration == pytest.approx(0.8, abs=PERIOD)
+
+
+# Between ticks -----------------------------------------------------------------------------------
+
+
+def interpolated(path, tick):
+    """Return pose and twist between two ticks of a path by numpy, the quaternion normalized."""
+    before = int(tick)
+    first, second = path.samples[[before, min(before + 1, path.ticks - 1)]]
+    second = second.copy()
+    second[3:7] *= np.sign(first[3:7] @ second[3:7])
+    between = first + (tick - before) * (second - first)
+    between[3:7] /= np.linalg.norm(between[3:7])
+    return between
+
+
+@pytest.mark.parametrize("pace", [1.0, 0.37, 0.0043])
+def test_a_slowed_path_is_interpolated_between_its_ticks(tmp_path, line, pace):
+    """All kinds of pieces in turn, at path ticks that rise by a share of a tick, from piece to piece."""
+    moved = np.hstack([line.pose[:, :3] + [0.0, 0.02, 0.0], line.pose[:, 3:]])
+    file = write(tmp_path / "motion.csv", as_columns(line.time, moved, POSE))
+    path = reference(
+        {"line": {"by": [0.02, 0.01, 0], "turn": {"axis": "z", "angle": 0.4}}},
+        {"hold": {"for": 0.013}},
+        {"arc": {"center": [0.4, 0.1], "angle": 0.3}},
+        {"set": {"by": [0.01, 0, 0], "turn": {"axis": "x", "angle": 3.5}, "for": 0.05}},
+        {"file": {"path": file, "from": "start"}},
+        {"file": {"path": file}},
+        {"tilt": {"to": [0, 0, 1]}},
+    )
+    ticks = np.arange(0.0, path.ticks - 1, pace)
+    if pace < 0.01:  # the ticks about the set-point, whose sides differ by more than half a turn
+        step = int(np.argmax(path.segment == 3))
+        ticks = ticks[np.abs(ticks - step) < 3]
+    cursor, out, got = 0, np.empty((2, 19)), []
+    for tick in [*ticks, path.ticks - 1.0]:
+        cursor = read_reference(path.pieces, path.rows, PERIOD, tick, cursor, out)
+        got.append(out[0, :13].copy())
+    want = [interpolated(path, tick) for tick in [*ticks, path.ticks - 1.0]]
+    assert_allclose(got, want, rtol=0, atol=ROUNDING)
+    assert cursor == len(path.pieces) - 1
+    nearest = path.samples[np.round([*ticks, path.ticks - 1.0]).astype(int)]  # negative control
+    assert (np.abs(nearest - want).max() > 1e-3) == (pace < 1.0)

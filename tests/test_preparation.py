@@ -1,13 +1,18 @@
 """What a scenario is checked for against its arm, and what is found out about both before anything moves."""
 
+import re
+
 import numpy as np
 import pytest
 
 from chains import random_chain
+from project import ROOT
 from rmrc.arm import load
+from rmrc.law.record import new_worlds
 from rmrc.law.task import Task
-from rmrc.simulation.prepare import prepare, world_records
+from rmrc.simulation.prepare import Cache, prepare
 from rmrc.support.errors import ScenarioError
+from rmrc.support.notices import heard_by
 from wording import says
 
 THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
@@ -39,7 +44,7 @@ def test_a_singular_start_does_not_lower_the_rank(scenario):
     assert np.linalg.matrix_rank(arm.jacobian([0.3, 0.0])[:2]) == 1  # the arm is stretched
     assert Task(arm, np.array([0, 1])).rank == 2
     stretched = prepare(scenario("arm.start=[0.3, 0]", "target.path=[{hold: {for: 0.1}}]"))
-    assert world_records([stretched], [0])["rank"] == 2
+    assert stretched.task.rank == 2
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -58,11 +63,13 @@ def test_a_site_is_moved_by_the_joints_whose_turning_changes_its_pose(tmp_path, 
 def test_a_second_task_finds_its_site_in_the_model_that_is_stepped(scenario):
     # Site numbers are those of the author's model; adapting it must not change them.
     prepared = prepare(scenario(*SECOND, "control.nullspace.secondary={site: wrist, axes: [y], to: [0.3]}"))
-    world, adapted = world_records([prepared], [0])[0], prepared.plant.model([prepared.plant])
-    assert adapted.site(int(world["site_2"])).name == "wrist"
-    assert world["pose_ref_2"][1] == 0.3
+    (world,), adapted = new_worlds(1, prepared.arm.n), prepared.plant.model()
+    prepared.law.write(world)
+    second = world["second"]
+    assert adapted.site(int(second["site"])).name == "wrist"
+    assert second["pose_ref"][1] == 0.3
     start = prepared.arm.pose(prepared.qpos[prepared.arm.wiring.qpos], "wrist")
-    np.testing.assert_array_equal(world["pose_ref_2"][[0, 2]], start[[0, 2]])
+    np.testing.assert_array_equal(second["pose_ref"][[0, 2]], start[[0, 2]])
 
 
 def test_a_second_task_that_cannot_be_is_refused(scenario):
@@ -163,3 +170,58 @@ def test_an_encoder_that_is_off_beyond_sense_is_refused(scenario, name, value, i
         assert refusal(scenario, override) == says(f"--set arm.encoder.{name}… ±1e+06 rad or m … 1.…")
     else:
         assert np.isfinite(prepare(scenario(override)).encoder_offset).all()
+
+
+@pytest.mark.parametrize(
+    ("start", "refused"),
+    [
+        ("[1]", "--set arm.start: … 2 … (shoulder, elbow) … 1"),
+        ("hom", '--set arm.start: … "hom"… keyframes: …'),
+        ("zero", "--set arm.start: … [0, 0] … zero"),
+        ("30 deg", "--set arm.start: … [30 deg, 30 deg] …"),
+        ("[4, 0]", '--set arm.start: arm.start[0]: … "shoulder" … [-2.96706, 2.96706] rad… 4'),
+        ("[60, 0]", '--set arm.start: arm.start[0]: … "shoulder" … [-2.96706, 2.96706] rad… 60; … 60 deg'),
+    ],
+)
+def test_a_start_that_cannot_be_is_refused_with_the_way_out(scenario, start, refused):
+    assert refusal(scenario, f"arm.start={start}") == says(refused)
+
+
+def test_a_start_that_may_be_in_degrees_is_doubted(scenario, tmp_path):
+    free = (ROOT / "models/planar_2link.xml").read_text().replace("common/", f"{ROOT}/models/common/")
+    (tmp_path / "free.xml").write_text(re.sub(r' range="[^"]*"', "", free))
+    told = []
+    with heard_by(told.append):
+        prepare(scenario(f"arm={{model: {tmp_path}/free.xml, site: tip, start: [60, 1]}}"))
+    assert told == [says("warning: --set arm: arm.start[0]: 60 rad … 9.55 turns; … 60 deg")]
+
+
+def test_the_problems_of_all_steps_are_told_together(scenario):
+    problems = refusal(
+        scenario, "arm.start=nowhere", "plant.lag=[1]", "plant.stretch.link_9=2", "task.length=1.0e-31",
+        "control.joint_weights=[1]", "control.limits.profile=ur5e", "arm.encoder.noise=1.0e+7",
+    ).splitlines()  # fmt: skip
+    keys = {line.removeprefix("--set ").partition(":")[0] for line in problems}
+    assert keys == {
+        "arm.start", "plant.lag", "plant.stretch.link_9", "task.length", "control.joint_weights",
+        "control.limits.profile", "arm.encoder.noise",
+    }  # fmt: skip
+
+
+def test_variants_share_what_they_have_in_common(scenario):
+    cache = Cache()
+    first, other, moved = (
+        prepare(scenario(override), cache)
+        for override in ("control.feedback=1", "control.feedback=2", "arm.start=[0.5, -1]")
+    )
+    assert other.arm is first.arm and other.task is first.task and other.reference is first.reference
+    assert moved.arm is first.arm and moved.task is first.task and moved.reference is not first.reference
+
+
+def test_another_seed_of_the_encoders_changes_their_offsets_alone(scenario):
+    first = prepare(scenario("arm.encoder={deviation: 0.01, seed: 1}"))
+    other = first.with_encoder_seed(2)
+    again = prepare(scenario("arm.encoder={deviation: 0.01, seed: 2}"))
+    assert (other.encoder_offset == again.encoder_offset).all()
+    assert (other.encoder_offset != first.encoder_offset).all()
+    assert other.reference is first.reference and other.law is first.law

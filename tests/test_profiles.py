@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from project import ROOT, mostly_long, told
-from rmrc.law.record import tick_type
 from rmrc.results.columns import COLUMNS
+from rmrc.results.events import CHATTER_FLOOR, CHATTER_TIME, CONDITIONS, Chatter, Conditions
+from rmrc.results.expectations import check
 from rmrc.results.run import Run
-from rmrc.results.scorecard import check, scorecard
-from rmrc.results.tally import CHATTER_FLOOR, CHATTER_TIME, CONDITIONS, adder, begin
+from rmrc.results.scorecard import scorecard
 from rmrc.scenario import draft_of, load, loads
 from rmrc.scenario.profile import SHIPPED, Profile, load_profile
 from rmrc.simulation.prepare import prepare
@@ -122,24 +122,15 @@ def random_streams(rng, count):
     return q, commands
 
 
-def tallies_by_us(name, q, commands):
-    """Return the running sums of many worlds."""
-    count = q.shape[1]
-    profile = load_profile(name) if isinstance(name, str) else name
-    tallies = begin(
-        q.shape[2],
-        [("x",)] * count,
-        [1.0] * count,
-        [()] * count,
-        [PERIOD] * count,
-        profiles=[profile] * count,
-    )
-    ticks = np.zeros((count, len(q)), tick_type(q.shape[2]))
-    n = q.shape[2]
-    ticks["q"].swapaxes(0, 1)[..., :n], ticks["qdot_cmd"].swapaxes(0, 1)[..., :n] = q, commands
-    ticks["time"] = np.arange(len(q)) * PERIOD
-    adder(tallies, ticks)(np.full(count, len(q)))
-    return tallies
+def conditions_by_us(profile, q, commands, period=PERIOD):
+    """Return the conditions after the ticks of one run, (T, n), which are added in three pieces."""
+    conditions = Conditions(profile, q.shape[1])
+    acceleration = np.diff(commands, axis=0, prepend=0.0) / period
+    jerk = np.diff(acceleration, axis=0, prepend=0.0) / period
+    columns = [np.arange(len(q)) * period, q.T, commands.T, acceleration.T, jerk.T]
+    for piece in (slice(0, 1), slice(1, 150), slice(150, None)):
+        conditions.add(*(column[..., piece] for column in columns))
+    return conditions
 
 
 @pytest.mark.parametrize("count", [300, pytest.param(1000, marks=pytest.mark.long)])
@@ -147,19 +138,20 @@ def tallies_by_us(name, q, commands):
 def test_the_verdict_on_random_runs_is_that_of_the_published_conditions(name, count):
     q, commands = random_streams(np.random.default_rng(5), count)
     met = Counter()
-    for w, tally in enumerate(tallies_by_us(name, q, commands)):
+    for w in range(count):
+        conditions = conditions_by_us(load_profile(name), q[:, w], commands[:, w])
         broken, first = verdict_by_numpy(name, q[:, w], commands[:, w], PERIOD)
-        assert tally["broken"] == broken
+        assert conditions.refused == broken
         met[first and first[0]] += 1
+        got = conditions.first
         if first is None:
-            assert (tally["broken_condition"], tally["broken_joint"]) == (-1, -1)
+            assert (got.condition, got.joint) == ("", -1)
             continue
         condition, joint, tick, value, bound = first
-        assert (CONDITIONS[tally["broken_condition"]], tally["broken_joint"]) == (condition, joint)
-        assert tally["broken_time"] == tick * PERIOD
+        assert (got.condition, got.joint, got.time) == (condition, joint, tick * PERIOD)
         # differences of the same numbers, divided twice, and a root: a few roundings
-        assert tally["broken_value"] == pytest.approx(value, rel=1e-12)
-        assert tally["broken_bound"] == pytest.approx(bound, rel=1e-12, abs=1e-14)
+        assert got.value == pytest.approx(value, rel=1e-12)
+        assert got.bound == pytest.approx(bound, rel=1e-12, abs=1e-14)
     assert (
         set(met) == {None, *CONDITIONS} and min(met.values()) > count / 200
     )  # negative control: each is met, and none
@@ -167,13 +159,15 @@ def test_the_verdict_on_random_runs_is_that_of_the_published_conditions(name, co
 
 def test_the_versions_of_the_fr3_differ_where_they_should():
     # between the old end of joint 1 and the new one
-    q = np.full((TICKS, 1, 7), 0.0)
+    q = np.full((TICKS, 7), 0.0)
     q[..., 0], q[..., 3], q[..., 5] = 2.80, -1.5, 2.0
     still = np.zeros_like(q)
-    old, new = (tallies_by_us(name, q, still)[0] for name in ("franka_fr3_before_5_9", "franka_fr3"))
-    assert (old["broken"], CONDITIONS[old["broken_condition"]]) == (TICKS, "position")
+    old, new = (
+        conditions_by_us(load_profile(name), q, still) for name in ("franka_fr3_before_5_9", "franka_fr3")
+    )
+    assert (old.refused, old.first.condition) == (TICKS, "position")
     # the new one does not let it go further: the root of 12 (2.9007 − 2.8) is above 0.6599
-    assert new["broken"] == 0
+    assert new.refused == 0
 
 
 def one_condition(**given):
@@ -198,13 +192,12 @@ def test_the_bound_itself_is_refused_and_the_number_before_it_is_accepted(condit
     for value, is_refused in ((bound, True), (math.nextafter(bound, 0.0), False), (math.nan, True)):
         # a step from rest: the first acceleration is v/T, and the first jerk v/T²
         command = value * period ** max(0, CONDITIONS.index(condition) - 1)
-        ticks = np.zeros((1, 1), tick_type(1))
-        (ticks["q"] if condition == "position" else ticks["qdot_cmd"])[0, 0, 0] = command
-        tallies = begin(1, [("x",)], [1.0], [()], [period], profiles=[one_condition(**given[0])])
-        adder(tallies, ticks)(np.array([1]))
-        assert tallies["broken"][0] == is_refused
+        q, commands = np.zeros((2, 1, 1))
+        (q if condition == "position" else commands)[0, 0] = command
+        conditions = conditions_by_us(one_condition(**given[0]), q, commands, period)
+        assert conditions.refused == is_refused
         if is_refused and not math.isnan(value):
-            assert (tallies["broken_value"][0], tallies["broken_bound"][0]) == (value, bound)
+            assert (conditions.first.value, conditions.first.bound) == (value, bound)
 
 
 def test_the_rate_near_an_end_may_not_reach_the_taper():
@@ -212,8 +205,8 @@ def test_the_rate_near_an_end_may_not_reach_the_taper():
     taper = {"lower": [-1.0], "upper": [1.0], "offset": [0.25], "deceleration": [0.5]}
     profile = one_condition(rate_near_ends=taper)
     for rate, is_refused in ((0.75, True), (-0.75, True), (math.nextafter(0.75, 0), False)):
-        q, commands = np.zeros((1, 1, 1)), np.full((1, 1, 1), rate)
-        assert tallies_by_us(profile, q, commands)["broken"][0] == is_refused
+        conditions = conditions_by_us(profile, np.zeros((1, 1)), np.full((1, 1), rate))
+        assert conditions.refused == is_refused
 
 
 # Figures ------------------------------------------------------------------------------------------
@@ -236,13 +229,11 @@ def test_chatter_is_what_numpy_counts_in_random_columns(seed, period, size):
     commands = (
         np.cumsum(10.0**size * rng.normal(size=(300, 4)) * (rng.random((300, 4)) < 0.2), axis=0) * period
     )
-    tallies = begin(4, [("x",)], [1.0], [()], [period])
-    ticks = np.zeros((1, 300), tick_type(4))
-    ticks["qdot_cmd"][0, :, :4] = commands
-    adder(tallies, ticks)(np.array([300]))
-    np.testing.assert_array_equal(
-        tallies["chatter"][0, :4], chatter_by_numpy(commands, period, CHATTER_FLOOR)
-    )
+    acceleration = np.diff(commands, axis=0, prepend=0.0).T / period
+    chatter = Chatter(np.full(4, CHATTER_FLOOR), period)
+    for first in range(0, 300, 37):
+        chatter.add(acceleration[:, first : first + 37], first)
+    np.testing.assert_array_equal(chatter.count, chatter_by_numpy(commands, period, CHATTER_FLOOR))
 
 
 def stream(commands, period=PERIOD, **given):

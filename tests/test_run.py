@@ -1,5 +1,3 @@
-import dataclasses
-import math
 import os
 import stat
 import threading
@@ -83,17 +81,7 @@ def test_what_is_saved_is_read_back_bit_for_bit(tmp_path, ticks, divergence):
     assert not back.is_complete
 
 
-def test_a_file_from_before_plain_rates_were_kept_has_none(tmp_path):
-    run = make_run()
-    old = {name: column for name, column in run.columns.items() if name != "qdot_plain"}
-    dataclasses.replace(run, columns=old).save(tmp_path / "old.npz")
-    back = Run.read(tmp_path / "old.npz")
-    assert np.isnan(back["qdot_plain"]).all() and back["qdot_plain"].shape == back["qdot"].shape
-    assert math.isnan(back.scorecard["joint_rate_plain.peak"].value)
-    assert back.scorecard["joint_rate.peak"].value == run.scorecard["joint_rate.peak"].value
-
-
-@given(st.text(st.characters(exclude_categories=["Cs"])), st.floats(allow_nan=False))
+@given(st.text(st.characters(exclude_categories=["Cs"])), st.floats(-1e99, 1e99))
 def test_any_name_and_any_number_come_back(tmp_path_factory, text, number):
     path = tmp_path_factory.mktemp("runs") / "run.npz"
     make_run(name=text, length=number).save(path)

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from project import ROOT, mostly_long
 from rmrc import arm as arms
 from rmrc import textbook
-from rmrc.results.scorecard import check
+from rmrc.results.expectations import check
 from rmrc.scenario import load
 from rmrc.textbook.redundancy import weighted_left_inverse
 from rmrc.textbook.stanford import stanford_determinant

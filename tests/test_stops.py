@@ -16,9 +16,7 @@ from chains import seeds
 from codes import Method, OnExcess, Schedule, field
 from oracle_limits import brake
 from project import examples, mostly_long
-from records import blank
-from rmrc.law.jit import machine_code
-from rmrc.law.law import resolve
+from records import blank, resolve
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -57,7 +55,7 @@ def arm(J, twist, room, rate, **fields):
 def answer(J, twist, room, rate, **fields):
     """Return the rates and the status of one tick."""
     world, tick = arm(J, twist, room, rate, **fields)
-    machine_code(resolve, world, tick)(world, tick)
+    resolve(world, tick)
     return tick["qdot_cmd"][0, : J.shape[1]].copy(), Status(int(tick["status"][0]))
 
 
@@ -168,11 +166,10 @@ def steepest(J, twist, limit, j, steps, **fields):
     ticks = np.floor(bounds / (BRAKING * PERIOD))  # (21) turned round
     room = PERIOD * (ticks + 1) * (bounds - BRAKING * PERIOD * ticks / 2)
     world, tick = arm(J, twist, np.full((n, 2), np.inf), limit, **fields)
-    law = machine_code(resolve, world, tick)
     rates, edges, sent = np.empty((steps + 1, n)), world["position_limit"][0, :, j], tick["qdot_cmd"][0, :n]
     for i, distance in enumerate(room):
         edges[:] = -distance, distance
-        law(world, tick)
+        resolve(world, tick)
         rates[i] = sent
     return quotient(rates, bounds)
 

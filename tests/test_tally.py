@@ -1,4 +1,4 @@
-"""The running sums against numpy over whole columns, and their promise: pieces do not matter."""
+"""The tally of a run against numpy over whole columns, and its promise: pieces do not matter."""
 
 import math
 
@@ -8,58 +8,55 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from rmrc.law.record import tick_type
-from rmrc.results.tally import ERRORS, EXTREMES, JOINTS, adder, begin
+from rmrc.results.columns import COLUMNS
+from rmrc.results.run import Run
+from rmrc.results.scorecard import figures
+from rmrc.results.tally import ERRORS, HIGHEST, JOINTS, LOWEST, SQUARED, Tally
 from rmrc.scenario.choices import IN_RUNS, Status
+from rmrc.scenario.profile import Profile
 
 N, K, LENGTH, PERIOD = 4, 3, 0.7, 0.002
 AXES, ROWS, WEIGHTS = ("x", "z", "ry"), [0, 2, 4], (0.3, 2.0, 5.0)
 SCALE = np.sqrt(WEIGHTS) / [LENGTH, LENGTH, 1.0]
 
 
-def random_ticks(rng, ticks, special=0.0):
-    """Return records of random numbers; a share of the entries is NaN, infinite, or equal to others."""
-    records = np.zeros((1, ticks), tick_type(N))
-    for name in records.dtype.names:
-        field = records[name]
-        if name == "status":
-            field[...] = rng.integers(0, 2 ** len(IN_RUNS), field.shape)
-            continue
-        field[...] = rng.normal(size=field.shape)
-        chosen = rng.random(field.shape) < special
-        field[chosen] = rng.choice([math.nan, math.inf, -math.inf, 3.0, -3.0, 0.0, -0.0], chosen.sum())
-    records["time"][0] = np.arange(ticks) * PERIOD
-    return records
+WIDTH = {"n": N, "k": K, "nq": N, "6": 6, "7": 7}
 
 
-def tally_of(records, rows=None, pieces=()):
-    """Return the tally of records that are handed over in pieces, through a ring of some rows."""
-    tally = begin(N, [AXES], [LENGTH], [WEIGHTS], [PERIOD])
-    ring = np.zeros((1, rows or records.size), records.dtype)
-    add, done = adder(tally, ring), 0
-    for piece in [*pieces, *[ring.size] * records.size]:
-        count = min(piece, ring.size, records.size - done)
-        for t in range(done, done + count):
-            ring[:, t % ring.size] = records[:, t]
-        done += count
-        add(np.array([done]))
-    return tally[0]
+def random_run(rng, ticks, special=0.0):
+    """Return a run of random numbers; a share of the entries is NaN, infinite, or equal to others."""
+    columns = {}
+    for name, column in COLUMNS.items():
+        values = rng.normal(size=(ticks, WIDTH[column.width]) if column.width else ticks)
+        chosen = rng.random(values.shape) < special
+        values[chosen] = rng.choice([math.nan, math.inf, -math.inf, 3.0, -3.0, 0.0, -0.0], chosen.sum())
+        columns[name] = values
+    columns["time"] = columns["path_time"] = np.arange(ticks) * PERIOD
+    columns["status"] = rng.integers(0, 2 ** len(IN_RUNS), ticks) & rng.integers(0, 2 ** len(IN_RUNS), ticks)
+    joints, limit = tuple("abcd"), (2.0, 1.5, math.inf, 1.0)
+    rate = {"source": "here", "value": (2.5,) * N}
+    return Run(
+        "random", joints, (False,) * N, AXES, LENGTH, PERIOD, columns, ticks, weights=WEIGHTS,
+        torque_limit=limit, profile=Profile(robot="any", joints=N, rate=rate),
+    )  # fmt: skip
 
 
-@given(st.integers(0, 2**32), st.integers(1, 40), st.integers(1, 50), st.lists(st.integers(0, 20)))
-def test_pieces_of_any_size_through_rings_of_any_size_give_the_same_bits(seed, ticks, rows, pieces):
-    records = random_ticks(np.random.default_rng(seed), ticks, 0.1)
-    assert tally_of(records, rows, pieces).tobytes() == tally_of(records).tobytes()
+def tally_of(run, pieces=()):
+    """Return the tally of a run that is added in pieces of some lengths, and then the remaining ticks."""
+    tally, done = Tally(run), 0
+    for piece in (*pieces, len(run)):
+        tally.add({name: values[done : done + piece] for name, values in run.columns.items()})
+        done += piece
+    return tally
 
 
-def test_worlds_beside_it_do_not_matter():
-    records = [random_ticks(np.random.default_rng(seed), 50, 0.05) for seed in range(5)]
-    tallies = begin(N, [AXES] * 5, [LENGTH] * 5, [WEIGHTS] * 5, [PERIOD] * 5)
-    adder(tallies, np.concatenate(records))(np.array([50, 0, 13, 50, 1]))
-    for tally, own, end in zip(tallies, records, [50, 0, 13, 50, 1], strict=True):
-        if end:
-            assert tally.tobytes() == tally_of(own[:, :end]).tobytes()
-    assert tallies[1]["ticks"] == 0 and np.isnan(tallies[1]["peak"]).all()
+@given(st.integers(0, 2**32), st.integers(0, 40), st.lists(st.integers(0, 20)), st.sampled_from([0.0, 0.1]))
+def test_pieces_of_any_length_give_the_same_metrics(seed, ticks, pieces, special):
+    run = random_run(np.random.default_rng(seed), ticks, special)
+    run.columns["q"][:] = 0.0  # the way back from an infinite position is no number
+    cards = [figures(run, tally_of(run, cut)) for cut in ((), pieces, [1] * ticks)]
+    assert cards[0]["ticks"].value == ticks
+    assert repr(list(cards[0].items())) == repr(list(cards[1].items())) == repr(list(cards[2].items()))
 
 
 def from_rest(column):
@@ -67,9 +64,8 @@ def from_rest(column):
     return np.diff(column, axis=0, prepend=0.0) / PERIOD
 
 
-def columns_by_numpy(records):
+def columns_by_numpy(one):
     """Return magnitudes and values by name, computed from whole columns."""
-    one = records[0]
     e, u = one["pose_error"][:, ROWS], one["u_min"][:, ROWS]
     along = u * np.sum(u * SCALE * e, axis=1, keepdims=True) / SCALE
     across = e - along
@@ -87,43 +83,42 @@ def columns_by_numpy(records):
         "position_error_across": np.linalg.norm(across[:, :2], axis=1), "orientation_error_across": np.abs(across[:, 2]),
         "secondary_error": np.abs(one["secondary_error"]),
     }  # fmt: skip
-    extremes = {
-        "sigma": -one["sigma"][:, K - 1], "manipulability": -one["manipulability"], "path_rate": -one["path_rate"],
-        "secondary_sigma": -one["secondary_sigma"], "condition": one["condition"], "damping": one["damping"],
-    }  # fmt: skip
-    return {name: np.abs(column[:, :N]) for name, column in joints.items()}, errors, extremes
+    lowest = {name: one[name] for name in LOWEST} | {"sigma": one["sigma"][:, K - 1]}
+    return {name: np.abs(column) for name, column in joints.items()}, errors, lowest
 
 
 @pytest.mark.parametrize("special", [0.0, 0.02, 0.5])
 @pytest.mark.parametrize("seed", range(3))
-def test_sums_and_extremes_are_those_that_numpy_finds_in_whole_columns(seed, special):
-    records = random_ticks(np.random.default_rng(seed), 400, special)
-    time, tally = records["time"][0], tally_of(records)
+def test_means_extremes_and_times_are_those_of_whole_columns(seed, special):
+    run = random_run(np.random.default_rng(seed), 400, special)
+    time, tally = run["time"], tally_of(run, (7, 100, 200))
     with np.errstate(invalid="ignore"):
-        joints, errors, extremes = columns_by_numpy(records)
-    assert list(joints) == list(JOINTS) and list(errors) == list(ERRORS) and list(extremes) == list(EXTREMES)
+        joints, errors, lowest = columns_by_numpy(run)
+    assert set(joints) == set(JOINTS) and list(errors) == list(ERRORS)
     # 400 squares, summed in another order: each rounding 1e-16 of the sum. Errors add up six products first.
     rounding = {"rtol": 1e-12}
-    for row, size in enumerate(joints.values()):
-        where = size.argmax(axis=0)  # the first NaN, if there is one
-        assert_array_equal(tally["peak"][row, :N], size[where, range(N)])
-        assert_array_equal(tally["peak_time"][row, :N], time[len(time) - len(size) :][where])
-        assert_allclose(tally["square"][row, :N], np.square(size).sum(axis=0), **rounding)
-    for row, size in enumerate(errors.values()):
-        assert_allclose(tally["error_max"][row], size.max(), **rounding)
-        assert tally["error_max_time"][row] == time[size.argmax()]
-        assert_allclose(tally["error_end"][row], size[-1], **rounding)
-        assert_allclose(tally["error_square"][row], np.square(size).sum(), **rounding)
-    for row, value in enumerate(extremes.values()):
-        assert_array_equal(tally["extreme"][row], value.max())
-        assert tally["extreme_time"][row] == time[value.argmax()]
-    status = records["status"][0]
-    wanted = [np.count_nonzero(status & one if one else status == 0) for one in (Status.OK, *IN_RUNS)]
-    assert tally["status"].tolist() == wanted
-    met = [status & one if one else status == 0 for one in (Status.OK, *IN_RUNS)]
-    assert_array_equal(
-        tally["status_time"], [time[np.flatnonzero(one)[0]] if any(one) else np.nan for one in met]
-    )
-    stretches = [len(one) for one in "".join(".#"[bool(s & Status.STUCK)] for s in status).split(".")]
-    first = "".join(".#"[bool(s & Status.STUCK)] for s in status).index("#" * max(stretches))
-    assert (tally["stuck_longest"], tally["stuck_time"]) == (max(stretches), time[first])
+    for name, size in joints.items():
+        where, peak = size.argmax(axis=0), tally.peak(name)  # the first NaN, if there is one
+        assert_array_equal(peak.value, size[where, range(N)])
+        assert_array_equal(peak.time, time[len(time) - len(size) :][where])
+        if name in JOINTS[:SQUARED]:
+            assert_allclose(tally.rms(name), np.sqrt(np.square(size).mean(axis=0)), **rounding)
+    for name, size in errors.items():
+        assert_allclose(tally.peak(name).value, size.max(), **rounding)
+        assert tally.peak(name).time == time[size.argmax()]
+        assert_allclose(tally.last(name), size[-1], **rounding)
+        assert_allclose(tally.rms(name), math.sqrt(np.square(size).mean()), **rounding)
+    for name, value in lowest.items():
+        assert_array_equal(tally.extreme(name), (value.min(), time[value.argmin()]))
+    for name in HIGHEST:
+        assert_array_equal(tally.extreme(name), (run[name].max(), time[run[name].argmax()]))
+    status = run["status"]
+    for one in (Status.OK, *IN_RUNS):
+        occurs = status & one != 0 if one else status == 0
+        assert tally.statuses.count(one) == np.count_nonzero(occurs)
+        first = time[occurs.argmax()] if occurs.any() else math.nan
+        assert_array_equal(tally.statuses.first_time(one), first)
+    stretches = "".join(".#"[bool(s & Status.STUCK)] for s in status).split(".")
+    longest = max(map(len, stretches))
+    first = "".join(".#"[bool(s & Status.STUCK)] for s in status).index("#" * longest)
+    assert (tally.standstill.longest, tally.standstill.time) == (longest, time[first])

@@ -1,4 +1,4 @@
-"""An inverse that is added the way CONTRIBUTING says, and nothing else, is in every verb."""
+"""Choices and a plant that are declared, with functions of their names, and nothing else: every verb has them."""
 
 import json
 
@@ -18,58 +18,100 @@ PARAMETER = """\
 INVERSE = """\
         Inverse("soft", "1/(σ + softness)", "Somebody99", (SOFTNESS,)),
 """
-FUNCTION = """\
-@inlined
-def soft(world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
-    \"\"\"Write 1/(σ + softness).\"\"\"
-    for i in range(world.k):
-        gain[i] = 1.0 / (sigma[i] + world.inverse_softness)
-
+PLANT = """\
+LAGGING = Plant(
+    "lagging", "rates that follow with a lag", "",
+    (Parameter("follow", "lagging: time constant of the rates", 0.05, "s"),), physics=False,
+)
 
 """
-OTHERS = {
-    "scenario/choices.py": [
-        ('        Schedule("half", "λ_max/2", "", (DAMPING_MAXIMUM,)),\n', 'Schedule("constant"'),
-        ('        Choice("unwind", "−gain · q", "", (GAIN,)),\n', 'Choice("posture"'),
-        ('        Choice("freeze", "all stand still"),\n', 'Choice("clamp"'),
-        ('        Policy("crawl", "all are slower by a factor", "", (CRAWL_SHARE,)),\n', 'Policy("damp"'),
-        ('    CRAWL_SHARE := Parameter("crawl.share", "what is left of the rates", 0.5, "1", SHARE),\n', "SLOW_CHANGE :="),
-        ('    Group("crawl", "at_singularity crawl: how", "How `at_singularity: crawl` slows the arm."),\n', 'Group("stop"'),
-    ],
-    "law/damping.py": [("""\
-@inlined
-def half(world: Record, asked: Array, sigma: Array) -> float:
-    return float(0.5 * world.inverse_damping_maximum)
+DECLARED = [
+    (PARAMETER, "GAIN := "),
+    (INVERSE, 'Inverse("damped"'),  # not last: codes are positions
+    ('        Schedule("half", "λ_max/2", "", (DAMPING_MAXIMUM,)),\n', 'Schedule("constant"'),
+    ('        Choice("unwind", "−gain · q", "", (GAIN,)),\n', 'Choice("posture"'),
+    ('        Choice("freeze", "all stand still"),\n', 'Choice("clamp"'),
+    ('        Policy("crawl", "all are slower by a factor", "", (CRAWL_SHARE,)),\n', 'Policy("damp"'),
+    ('    CRAWL_SHARE := Parameter("crawl.share", "what is left of the rates", 0.5, "1", SHARE),\n', "SLOW_CHANGE :="),
+    ('    Group("crawl", "at_singularity crawl: how", "How `at_singularity: crawl` slows the arm."),\n', 'Group("stop"'),
+    (PLANT, "PLANTS = "),
+]  # fmt: skip
+FUNCTIONS = {
+    "law/inverses.py": """
 
+@Method
+def soft(world: Record, spectrum: Record) -> None:
+    for i in range(world.k):
+        spectrum.gain[i] = 1.0 / (spectrum.sigma[i] + world.law.inverse_softness)
+""",
+    "law/damping.py": """
 
-""", "scheduled = ")],
-    "law/nullspace.py": [("""\
-@inlined
-def unwind(world: Record, tick: Record, qdot0: Array) -> None:
+@Method
+def half(world: Record, spectrum: Record) -> None:
+    spectrum.damping = 0.5 * world.law.inverse_damping_maximum
+""",
+    "law/nullspace.py": """
+
+@Method
+def unwind(world: Record) -> None:
     for j in range(world.n):
-        qdot0[j] = -world.nullspace_gain * world.q[j]
+        world.scratch.qdot0[j] = -world.law.nullspace_gain * world.state.q[j]
+""",
+    "law/limits.py": """
 
-
-""", "wished_rates = ")],
-    "law/limits.py": [("""\
-@inlined
-def freeze(world: Record, tick: Record, acting: int) -> int:
+@Method
+def freeze(world: Record) -> None:
+    begin(world)
     for j in range(world.n):
-        tick.qdot_cmd[j] = 0.0
-    return acting
+        world.tick.qdot_cmd[j] = 0.0
+""",
+    "law/policies.py": """
 
-
-""", "confine_by_choice = ")],
-    "law/policies.py": [("""\
-@inlined
-def crawl(world: Record, tick: Record) -> int:
+@Method
+def crawl(world: Record) -> None:
     for j in range(world.n):
-        tick.qdot_cmd[j] *= world.crawl_share
-    return SLOWED
-
-
-""", "near_singularity = ")],
+        world.tick.qdot_cmd[j] *= world.law.crawl_share
+    world.tick.status |= SLOWED
+""",
 }  # fmt: skip
+LAGGING = '''"""The lagging plant: exact integration of rates that follow what was sent with a time constant."""
+
+import numpy as np
+
+from rmrc.law.compiling import Method, Record
+from rmrc.plants.fields import qpos_of
+from rmrc.plants.ideal import Ideal
+
+
+@Method
+def read_rates(world: Record) -> None:
+    """Read q; the rates are those that it has come to."""
+    qpos = qpos_of(world)
+    for j in range(world.n):
+        world.tick.q[j] = qpos[world.engine.qpos_at[j]]
+        world.tick.qdot[j] = world.plant.following[j]
+        world.tick.tau[j] = 0.0
+
+
+@Method
+def follow(world: Record) -> None:
+    """Come nearer to the rates that were sent, and integrate."""
+    plant, qpos = world.plant, qpos_of(world)
+    for j in range(world.n):
+        plant.following[j] += world.period / (plant.follow + world.period) * (plant.qdot_sent[j] - plant.following[j])
+        qpos[world.engine.qpos_at[j]] += world.period * plant.following[j]
+
+
+class Lagging(Ideal):
+    """Integrates rates that lag."""
+
+    name = "lagging"
+    sense, obey = read_rates, follow
+
+    def write(self, world: np.void) -> None:
+        """Write the time constant."""
+        world["plant"]["follow"] = self.section.follow
+'''
 SCENARIO = """
 name: toy
 arm: {model: models/planar_2link.xml, site: tip, start: [30 deg, -60 deg]}
@@ -80,72 +122,53 @@ plant: {kind: ideal}
 """
 
 
-def declared(folder):
-    """Return a copy of the package that has a toy inverse, but for its function."""
-    copy = Copy(folder)
-    copy.add("scenario/choices.py", PARAMETER, before="GAIN := ")
-    copy.add("scenario/choices.py", INVERSE, before='Inverse("damped"')  # not last: codes are positions
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory):
+    """Return a copy of the package with a toy of each kind."""
+    copy = Copy(tmp_path_factory.mktemp("toy"))
+    for text, before in DECLARED:
+        copy.add("scenario/choices.py", text, before)
+    for module, text in FUNCTIONS.items():
+        with (copy.folder / "rmrc" / module).open("a", encoding="utf-8") as file:
+            file.write(text)
+    copy.replace("scenario/choices.py", "TORQUE, MODEL)", "TORQUE, MODEL, LAGGING)")
+    (copy.folder / "rmrc/plants/lagging.py").write_text(LAGGING, "utf-8")
+    copy.add("law/record.py", '        ("follow", f), ("following", f, J),\n', '("qdot_sent", f, J)')
+    copy.add("plants/hardware.py", "from rmrc.plants.lagging import Lagging\n", "from rmrc.plants.model")
+    copy.replace("plants/hardware.py", "Torque, Model)", "Torque, Model, Lagging)")
+    (copy.folder / "toy.yaml").write_text(SCENARIO)
     return copy
 
 
 KNOWS = """
 import json
-from rmrc.scenario import loads, schema_rows, json_schema
-from rmrc.scenario.choices import INVERSES, record_fields
+from rmrc.scenario import schema_rows, json_schema
+from rmrc.scenario.choices import record_fields
 from rmrc.tuning import space
 rows = {row.key: row for row in schema_rows()}
-schema = json_schema()["$defs"]["InverseSection"]["properties"]
+schema = json_schema()["$defs"]
 (soft,) = (one for one in space.all_structures() if one.method == "soft" and one.at_singularity == "damp")
 print(json.dumps([
-    rows["control.inverse.softness"], rows["control.inverse.method"].type, schema["softness"],
-    schema["method"]["enum"], [field[0] for field in record_fields()],
+    rows["control.inverse.softness"], rows["control.inverse.method"].type, schema["InverseSection"]["properties"]["softness"],
+    schema["PlantSection"]["properties"]["kind"]["enum"], [field[0] for field in record_fields()],
     [soft.keys, soft.schedule, "control.inverse.softness" in space.NUMBERS, "soft" in space.WORDS[space.METHOD]],
 ]))
 """
 
 
-@pytest.mark.long  # tests/test_toy_plant.py reads the schema of such a copy, tests/law/test_dispatch.py calls a toy choice
-def test_schema_and_record_have_what_is_declared_and_tune_searches_it(tmp_path):
-    copy = declared(tmp_path)
-    copy.add("law/inverses.py", FUNCTION, before="gains = ")
-    ended = copy.python(KNOWS)
+def test_schema_and_record_have_what_is_declared_and_tune_searches_it(toy):
+    ended = toy.python(KNOWS)
     assert ended.returncode == 0, ended.stderr
-    row, kinds, field, names, fields, searched = json.loads(ended.stdout)
+    row, names, field, plants, fields, searched = json.loads(ended.stdout)
     meaning = "soft: what is added to each singular value"
     assert row == ["control.inverse.softness", "number > 0", "as σ", "0.1", meaning]
-    assert "transpose | soft | damped" in kinds and "soft" in names
+    assert "transpose | soft | damped" in names and plants[-1] == "lagging"
     assert field == {
         "default": 0.1, "description": meaning, "exclusiveMinimum": 0, "title": "Softness", "type": "number",
         "unit": "as σ",
     }  # fmt: skip
     assert "inverse_softness" in fields
     assert searched == [["control.inverse.softness", "control.feedback"], "", True, True]
-
-
-@pytest.mark.long  # tests/law/test_dispatch.py says the same of a toy choice in its own module
-@pytest.mark.parametrize("has", ["none", "of other arguments"])
-def test_an_inverse_without_its_function_cannot_be_imported(tmp_path, has):
-    copy = declared(tmp_path)
-    if has != "none":
-        copy.add("law/inverses.py", FUNCTION.replace("damped: float, ", ""), before="gains = ")
-    wanted = (
-        "ImportError: rmrc.law.inverses must have a compiled function soft(world, asked, sigma, v, damped, gain), "
-        "which control.inverse.method: soft stands for"
-    )
-    ended = copy.python("import rmrc.law.inverses")
-    assert ended.returncode == 1 and ended.stderr.splitlines()[-1] == wanted
-
-
-@pytest.fixture(scope="module")
-def toy(tmp_path_factory):
-    """Return a copy of the package with a toy of each kind."""
-    copy = declared(tmp_path_factory.mktemp("toy"))
-    copy.add("law/inverses.py", FUNCTION, before="gains = ")
-    for module, texts in OTHERS.items():
-        for text, before in texts:
-            copy.add(module, text, before)
-    (copy.folder / "toy.yaml").write_text(SCENARIO)
-    return copy
 
 
 SOLVED = """
@@ -185,6 +208,30 @@ def test_every_verb_does_what_is_declared(toy):
     only = ("--only", "control.inverse.method=soft", "--runs", "20", "--perturbed", "1", "--out", "tune")
     found = toy.rmrc("tune", "toy.yaml", *only)
     assert "method: soft" in found and "softness: " in found
+
+
+LAGS = """
+import numpy as np
+from rmrc.scenario import load
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+for kind in ("lagging", "ideal"):
+    run = Simulation([prepare(load("toy.yaml", [f"plant.kind={kind}", "plant.follow=0.1"]))]).run()[0]
+    sent, rate, q, off = run["qdot_cmd"], np.zeros(2), run["q"][0].copy(), 0.0
+    for t in range(len(run)):  # a recurrence of the commands
+        off = max(off, np.abs(run["qdot"][t] - rate).max(), np.abs(run["q"][t] - q).max())
+        rate += 0.02 / (0.1 + 0.02) * (sent[t] - rate)
+        q += 0.02 * rate
+    print(len(run), off)
+"""
+
+
+@pytest.mark.long
+def test_a_plant_that_is_declared_moves_the_arm(toy):
+    ended = toy.python(LAGS)
+    assert ended.returncode == 0, ended.stderr
+    (count, lagging), (_, ideal) = (map(float, line.split()) for line in ended.stdout.splitlines())
+    assert count > 50 and lagging < 1e-12 and ideal > 1e-3
 
 
 FIRST = """

@@ -31,6 +31,13 @@ class Copy:
         (place,) = (i for i, line in enumerate(lines) if line.lstrip().startswith(before))
         path.write_text("".join([*lines[:place], text, *lines[place:]]), "utf-8")
 
+    def replace(self, module, old, new):
+        """Replace the only place of a text in a module."""
+        path = self.folder / "rmrc" / module
+        text = path.read_text("utf-8")
+        assert text.count(old) == 1
+        path.write_text(text.replace(old, new), "utf-8")
+
     def python(self, code):
         """Return what a process with this package did with a program."""
         return self._run("-c", code)

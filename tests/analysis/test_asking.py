@@ -157,7 +157,7 @@ def test_a_wrench_is_six_values_or_a_force_along_the_worlds_axes_or_the_sites():
 def test_a_wrench_is_held_and_told_elsewhere_if_that_is_asked():
     seen = []
     found = rmrc.statics(STANFORD, [0, 0, -5], gravity=True, at="wrist", hold=2.0, on_ticks=seen.append)
-    assert found.held.agrees and sum(seen) == len(found.held.run)
+    assert found.held.agrees and len(found.held.run) == 1000 <= sum(seen)  # the first look is after 1 s
     assert found.elsewhere.site == "wrist"
     assert_allclose(found.held.measured, found.balance.torque, rtol=0, atol=0.02)
     # Negative control: without its weight the arm reads something else.

@@ -16,8 +16,8 @@ from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis.ik.solve import checked_goals, goal_pose, solve_ik, solve_many
-from rmrc.law import descent
 from rmrc.law.task import choose
+from rmrc.simulation import inverse_kinematics
 from rmrc.support.errors import QuestionError
 from rmrc.textbook.newton import newton_raphson
 from rmrc.textbook.planar import three_link_jacobian, three_link_position
@@ -103,7 +103,7 @@ def test_threads_change_no_bit(monkeypatch):
     arm = load("stanford")
     task, goals = choose(arm), np.array([arm.pose(q) for q in arm.sampled(100, 12)])
     alone = solve_many(task, goals, threads=1)
-    monkeypatch.setattr(descent, "SHARE", 7)
+    monkeypatch.setattr(inverse_kinematics, "SHARE", 7)
     shared = solve_many(task, goals, threads=2)
     for name in ("q", "error", "found", "steps", "tries"):
         assert_array_equal(getattr(shared, name), getattr(alone, name))
@@ -195,14 +195,14 @@ def test_no_other_turn_within_the_limits_is_nearer(seed):
     limit = np.transpose([lower, lower + rng.uniform(1.0, 14.0, 6)])
     q, near = rng.uniform(*limit.T), rng.uniform(*limit.T)
     comes_round = np.arange(6) < 5  # and a slide
-    found = descent.unwound(SimpleNamespace(comes_round=comes_round), limit, q[None], near)[0]
+    found = inverse_kinematics.unwound(SimpleNamespace(comes_round=comes_round), limit, q[None], near)[0]
     assert found[5] == q[5]
     turns = q + 2 * np.pi * np.arange(-4, 5)[:, None]
     within = (turns >= limit[:, 0]) & (turns <= limit[:, 1])
     nearest = np.where(within, np.abs(turns - near), np.inf).min(axis=0)
     assert_allclose(np.exp(1j * found), np.exp(1j * q), atol=1e-12)
     assert ((found >= limit[:, 0]) & (found <= limit[:, 1])).all()
-    assert (np.abs(found - near)[:5] <= nearest[:5] + 5 * descent.HALF_TURN).all()
+    assert (np.abs(found - near)[:5] <= nearest[:5] + 5 * inverse_kinematics.HALF_TURN).all()
 
 
 def test_both_quaternions_of_a_goal_are_one_goal():

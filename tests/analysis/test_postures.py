@@ -10,8 +10,8 @@ from project import ROOT, examples, mostly_long
 from rmrc import arm as arms
 from rmrc.analysis.ik.postures import find_postures
 from rmrc.analysis.ik.solve import goal_pose
-from rmrc.law import descent
 from rmrc.law.task import choose
+from rmrc.simulation import inverse_kinematics
 from rmrc.support.spatial import pose_error
 from rmrc.textbook.torus import torus_postures
 
@@ -391,7 +391,7 @@ def test_threads_change_no_bit(monkeypatch):
     task = choose(load("puma560"))
     goal = task.arm.pose(task.arm.sampled(1, 50)[0])
     alone = find_postures(task, goal, starts=300, threads=1)
-    monkeypatch.setattr(descent, "SHARE", 7)
+    monkeypatch.setattr(inverse_kinematics, "SHARE", 7)
     shared = find_postures(task, goal, starts=300, threads=2)
     for name in ("q", "hits", "freedom", "decided", "led_to"):
         assert_array_equal(getattr(shared, name), getattr(alone, name))

@@ -11,7 +11,7 @@ from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis import survey as surveys
 from rmrc.analysis.survey import jacobians, survey
-from rmrc.law.record import ADVANCE, ALONG, records
+from rmrc.law.record import new_worlds
 from rmrc.law.task import Task, choose
 from screws import screw_chain
 
@@ -49,11 +49,11 @@ def test_survey_of_a_screw(tmp_path):
     arm = arms.load(path)
     check(arm, arm.sampled(20))
     # Negative control: a screw without its pitch is seen.
-    task = choose(arm)
-    (record,), kernel = records(arm.n, [task]), surveys.examine
-    record["chain"][ALONG] = record["chain"][ADVANCE] = 0.0
-    pose, sigma = np.empty((1, 7)), np.empty((1, 3))
-    kernel(record, np.array([[0.3, 0.5, 0.1]]), pose, sigma)
+    worlds = new_worlds(1, arm.n)
+    choose(arm).write(worlds[0])
+    worlds["chain"]["advance"] = 0.0
+    pose, J = np.empty((1, 7)), np.empty((1, 6, arm.n))
+    surveys.locate(worlds, np.array([[0.3, 0.5, 0.1]]), pose, J)
     assert np.abs(pose[0, :3] - arm.pose([0.3, 0.5, 0.1])[:3]).max() > 1e-3
 
 
@@ -61,7 +61,7 @@ def test_threads_change_no_bit(monkeypatch):
     arm = arms.load(ROOT / "models/stanford.xml")
     task, q = choose(arm), arm.sampled(1000)
     alone = survey(task, q, threads=1)
-    monkeypatch.setattr(surveys, "SHARE", 7)
+    monkeypatch.setattr(surveys, "SHARE", 2 * surveys.SIDE_BY_SIDE)
     shared = survey(task, q, threads=2)
     assert_array_equal(shared.pose, alone.pose)
     assert_array_equal(shared.sigma, alone.sigma)

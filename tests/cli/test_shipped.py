@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+import sys
 
 import pytest
 
@@ -177,5 +178,5 @@ def test_a_copy_of_the_package_alone_has_none(tmp_path):
     (site / "support").mkdir(parents=True)
     (tmp_path / "scenarios").mkdir()
     code = f"from rmrc.support import shipped; shipped.__file__ = {str(site / 'support/shipped.py')!r}; print(shipped.root())"
-    command = [ROOT / ".venv/bin/python", "-c", code]
+    command = [sys.executable, "-c", code]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "None\n"

@@ -14,7 +14,7 @@ WIDTHS = {"n": 2, "k": 2, "nq": 2}
 FACTS = {
     "name": "left", "joints": ["a", "b"], "is_slide": [False, False], "axes": ["x", "y"], "length": 1.0,
     "period": 0.01, "planned": TICKS, "divergence": None, "wall_time": 0.1, "weights": [1.0, 1.0], "touching": [],
-    "resting": [], "torque_limit": [None, 1.0], "rate_limit": [None, 3.0], "damping_below": 0.1,
+    "resting": [], "torque_limit": ["Infinity", 1.0], "rate_limit": ["Infinity", 3.0], "damping_below": 0.1,
     "chatter_floor": [1e-3, 1e-3],
 }  # fmt: skip
 ODD = (None, "", "x\x1b[31m", [], {}, [[]], -1, 0, 1e308, True, ["a"], [1, "b", None], float("nan"))

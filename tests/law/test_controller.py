@@ -1,6 +1,7 @@
 """The law in a loop of one's own: the same rates as a run, nothing raised, nothing kept."""
 
 import array
+import copy
 import math
 import re
 import tracemalloc
@@ -47,7 +48,9 @@ def reference_at(reference, path_tick):
 def own_loop(prepared, count, attached=True, **control):
     """Return the commands of a loop as a user writes it: one's own MjData, `mj_step`, a reference."""
     arm, reference = prepared.arm, prepared.reference
-    model = prepared.plant.model([prepared.plant])
+    model = copy.copy(prepared.plant.model())
+    for name, values in prepared.plant.difference(model, arm.wire(model)).items():
+        getattr(model, name)[...] = values
     data, wiring = mujoco.MjData(model), arm.wire(model)
     data.qpos[:] = prepared.qpos
     mujoco.mj_forward(model, data)

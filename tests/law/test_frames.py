@@ -213,7 +213,7 @@ def test_the_gradient_of_manipulability_is_that_of_the_turned_rows(frame, rows):
     )
     controller = Controller(PUMA, control=section, task=task)
     controller.step(Q, pose=PUMA.pose(Q))
-    got = controller._worlds[0]["qdot0"][:6]  # what is left of the wish in the null space
+    got = controller._worlds[0]["scratch"]["qdot0"][:6]  # what is left of the wish in the null space
     _, R, J, B = site_axes(PUMA, Q)
     A = (both({"world": np.eye(3), "base": B, "site": R}[frame]).T @ J)[rows]
     N = np.eye(6) - np.linalg.pinv(A) @ A

@@ -25,9 +25,8 @@ from worlds import (
 )
 
 from codes import Method, Schedule
+from records import resolve
 from rmrc.law.bare import resolve_rates
-from rmrc.law.jit import machine_code
-from rmrc.law.law import resolve
 
 PSEUDOINVERSE, TRUNCATED = Variant(Method.PSEUDOINVERSE), Variant(Method.TRUNCATED)
 TRANSPOSE, JPARSE = Variant(Method.TRANSPOSE), Variant(Method.JPARSE)
@@ -125,7 +124,7 @@ def test_weights_are_nothing_but_other_units(variant, shape):
         row, joint = rng.uniform(0.3, 3, m), rng.uniform(0.3, 3, n)
         parameters = {"method": variant.method, "schedule": variant.schedule}
         world, tick = make_world(J, t, row, joint, **parameters)
-        machine_code(resolve, world, tick)(world, tick)
+        resolve(world, tick)
         scaled = rates_of(row[:, None] * J * joint, row * t, variant)
         # The same numbers in the same order but for the multiplications: rounding times κ < 1e4.
         assert_allclose(tick["qdot_cmd"][0, :n], joint * scaled, rtol=0, atol=1e-11 * np.abs(scaled).max())

@@ -14,9 +14,8 @@ from worlds import Variant, chain_text, make_world, matrices, one_world, seeds
 
 from codes import Method, Objective, Priority
 from project import mostly_long
+from records import resolve
 from rmrc.arm import load
-from rmrc.law.jit import machine_code
-from rmrc.law.law import resolve
 
 DAMPED, PSEUDOINVERSE = Variant(Method.DAMPED), Variant(Method.PSEUDOINVERSE)
 
@@ -197,7 +196,7 @@ class Chain:
         world["m"], world["k"] = m, min(m, self.n)
         world["rank"] = self.rank if rank is None else rank
         world["row"][0, :m], world["row_scale"][0, :m] = self.rows, self.row_scale
-        machine_code(resolve, world, tick)(world, tick)
+        resolve(world, tick)
         return tick["qdot_cmd"][0, : self.n].copy()
 
     def middle(self, q):

@@ -7,12 +7,24 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.law.svd import cold_svd, svd_alone
+from records import blank, put, resolve
 
 # Rounding: a few tens of operations an entry, so some 1e-15, and sweeps end at cosines of 1e-13 (SMALL²).
 ROUNDING = 1e-12
 
 SHAPES = [(m, n) for m in range(1, 7) for n in range(1, 9)]
+
+
+def decomposed(world, a):
+    """Return u (k, m), sigma (k,), v (k, n) of a matrix (m, n), vectors as rows, as the law decomposes it."""
+    (m, n), k = a.shape, min(a.shape)
+    put(world, J=a)
+    resolve(world)
+    return world["u"][0, :k, :m].copy(), world["sigma"][0, :k].copy(), world["v"][0, :k, :n].copy()
+
+
+def cold_svd(a):
+    return decomposed(blank(*a.shape)[0], a)
 
 
 def assert_decomposes(a, u, sigma, v):
@@ -57,12 +69,10 @@ def test_warm_start_follows_a_path_through_rank_loss(m, n):
     rng = np.random.default_rng(1)
     a0, da = rng.normal(size=(m, n)), rng.normal(size=(m, n))
     a0[-1] = a0[0] if m > 1 else a0[-1]  # rank loss at s = 0
-    k = min(m, n)
-    u, sigma, v = np.eye(k, m), np.zeros(k), np.eye(k, n)
+    world = blank(m, n)[0]
     for s in np.linspace(-0.2, 0.2, 201):
         a = a0 + s * da
-        svd_alone(a, m, n, u, sigma, v)
-        assert_decomposes(a, u, sigma, v)
+        assert_decomposes(a, *decomposed(world, a))
 
 
 def test_the_check_itself_finds_a_wrong_vector():

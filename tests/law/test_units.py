@@ -9,11 +9,8 @@ from worlds import NAMES, VARIANT, chain_text
 
 from codes import Method, Objective, OnExcess
 from project import mostly_long
-from records import copied, put
-from rmrc.law.jit import machine_code
-from rmrc.law.law import resolve
-from rmrc.law.record import records, tick_type
-from rmrc.law.sight import Sight
+from records import Flat, put, resolve
+from rmrc.law.record import new_worlds
 from rmrc.scenario import loads
 from rmrc.simulation.prepare import prepare
 
@@ -27,8 +24,8 @@ ROUNDING = 1e-12
 class World(NamedTuple):
     """What one unit gives: records, and the factor by which joint positions and rates are larger than in meters."""
 
-    world: np.ndarray
-    tick: np.ndarray
+    world: Flat
+    tick: Flat
     factor: np.ndarray
     arm: object
 
@@ -39,7 +36,8 @@ def drawn(folder, chain, *how, **options):
     if key not in DRAWN:
         DRAWN[key] = draw(folder, chain, *how, **options)
     found = DRAWN[key]
-    return found._replace(world=copied(found.world), tick=copied(found.tick))
+    world = found.world.copy()
+    return found._replace(world=world, tick=world.tick)
 
 
 # Each is drawn once for all methods.
@@ -64,8 +62,9 @@ def draw(folder, chain, scale, objective=Objective.NONE, length=True):
     )
     prepared = prepare(scenario)
     arm = prepared.arm
-    # the type of `resolve_rates`, compiled once
-    world, tick = records(n, [prepared.task, prepared.law], beside=Sight.fields), np.zeros(1, tick_type(n))
+    world = Flat(new_worlds(1, n))
+    prepared.law.write(world.records[0])
+    tick = world.tick
     factor = np.where(arm.is_slide, scale, 1.0)
     lengths = np.repeat([scale, 1.0], 3)
     low, high = arm.model.jnt_range[arm.wiring.joint].T
@@ -85,8 +84,8 @@ def draw(folder, chain, scale, objective=Objective.NONE, length=True):
 
 def compare(meters, other, rtol=ROUNDING):
     """Resolve both, and hold measures and rates of the one against those of the other."""
-    machine_code(resolve, meters.world, meters.tick)(meters.world, meters.tick)
-    machine_code(resolve, other.world, other.tick)(other.world, other.tick)
+    resolve(meters.world, meters.tick)
+    resolve(other.world, other.tick)
     one, two = meters.tick[0], other.tick[0]
     n = len(meters.factor)
     condition = one["sigma"][0] / one["sigma"][meters.world[0]["k"] - 1]
@@ -133,7 +132,7 @@ def test_rates_of_every_objective_are_the_same_in_millimeters(tmp_path, objectiv
         compare(*worlds)
         moved = worlds[0].tick[0]["qdot_cmd"].copy()
         worlds[0].world["nullspace_objective"] = Objective.NONE
-        machine_code(resolve, worlds[0].world, worlds[0].tick)(worlds[0].world, worlds[0].tick)
+        resolve(worlds[0].world, worlds[0].tick)
         parts.append(np.abs(moved - worlds[0].tick[0]["qdot_cmd"]).max())
     assert objective == Objective.NONE or max(parts) > 1e-3  # it had a part in what was compared
 

@@ -11,9 +11,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.optimize import brentq
 
 from codes import Method, Schedule
-from records import blank, put
-from rmrc.law.jit import machine_code
-from rmrc.law.law import resolve
+from records import blank, put, resolve
 from rmrc.scenario.choices import INVERSES, PARAMETERS
 
 matrices = arrays(
@@ -79,7 +77,7 @@ def one_world(J, twist, wx=1.0, wq=1.0, variant=None, **parameters):
     if variant is not None:
         parameters = {"method": variant.method, "schedule": variant.schedule, **parameters}
     world, tick = make_world(J, twist, np.sqrt(wx), 1 / np.sqrt(wq), **parameters)
-    machine_code(resolve, world, tick)(world, tick)
+    resolve(world, tick)
     return world[0], tick[0]
 
 
@@ -91,9 +89,8 @@ def rates_of(J, twist, variant, **parameters):
 def along(J, twist, cold=False, **parameters):
     """Return what the law answers along a path, (steps, n): warm, each tick starting from the last, or cold."""
     world, tick = make_world(J[0], twist, **parameters)
-    law = machine_code(resolve, world, tick)
     # bytes, because numpy copies a record field by field
-    start, state = world.tobytes(), memoryview(world.view(np.uint8))
+    start, state = world.records.tobytes(), memoryview(world.records.view(np.uint8))
     m, n = J[0].shape
     measured, rates = world["J"][0, :m, :n], tick["qdot_cmd"][0, :n]
     answers = np.empty((len(J), n))
@@ -101,7 +98,7 @@ def along(J, twist, cold=False, **parameters):
         if cold:
             state[:] = start
         measured[:] = jacobian
-        law(world, tick)
+        resolve(world, tick)
         answer[:] = rates
     return answers
 

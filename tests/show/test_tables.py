@@ -10,8 +10,9 @@ from rich.console import Console
 
 from project import mostly_long
 from rmrc.results.columns import COLUMNS
+from rmrc.results.expectations import check
 from rmrc.results.run import Run
-from rmrc.results.scorecard import Figure, Scorecard, check, scorecard
+from rmrc.results.scorecard import Figure, Scorecard, scorecard
 from rmrc.scenario import Check, SchemaRow, schema_rows
 from rmrc.scenario.choices import Status
 from rmrc.show import tables

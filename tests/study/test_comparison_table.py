@@ -7,8 +7,9 @@ import pytest
 from rich.console import Console
 
 from rmrc.results.columns import COLUMNS, Divergence
+from rmrc.results.expectations import check
 from rmrc.results.run import Run
-from rmrc.results.scorecard import Figure, Scorecard, check, scorecard
+from rmrc.results.scorecard import Figure, Scorecard, scorecard
 from rmrc.scenario import Check, Variant
 from rmrc.scenario.choices import IN_RUNS, Status
 from rmrc.show import sheets

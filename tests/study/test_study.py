@@ -3,19 +3,19 @@
 import functools
 import json
 import threading
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from project import ROOT, mostly_long
-from rmrc.plants.hardware import Hardware
-from rmrc.results.scorecard import refuse_unknown, scorecard
+from rmrc.law.record import new_worlds
+from rmrc.results.expectations import refuse_unknown
+from rmrc.results.scorecard import scorecard
 from rmrc.scenario import Variant, draft_of, load
 from rmrc.scenario.changes import read_setting
 from rmrc.simulation import prepare as preparation
-from rmrc.simulation.prepare import prepare, world_records
+from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.compare import Comparison
 from rmrc.study.plan import Plan
@@ -51,60 +51,26 @@ def assert_same(one, other):
     assert_array_equal(one.qpos, other.qpos)
     for name in FIELDS:
         assert getattr(one.reference, name).tobytes() == getattr(other.reference, name).tobytes()
-    assert world_records([one], [0]).tobytes() == world_records([other], [0]).tobytes()
-    model = one.plant.model([one.plant])  # the payload has a body in both or in none
+    assert record(one) == record(other)
+    model = one.plant.model()  # the payload has a body in both or in none
     fields, others = (each.plant.difference(model, one.arm.wire(model)) for each in (one, other))
     assert fields.keys() == others.keys()
     for name, values in fields.items():
         assert_array_equal(values, others[name])
 
 
+def record(prepared):
+    """Return the parameters in a world's record, as bytes."""
+    (world,) = new_worlds(1, prepared.arm.n, len(prepared.arm.axis_names))
+    prepared.law.write(world)
+    prepared.hardware.write(world)
+    return world.tobytes()
+
+
 def alone(path, overrides, varied):
     prepared = prepare(load(path, [*overrides, *varied]))
     refuse_unknown(prepared.scenario, prepared.arm.joints)
     return prepared
-
-
-def test_worlds_that_share_parts_have_the_records_they_have_alone():
-    study = Study(draft_of(SCENARIO))
-    varied = [[], ["control.feedback=12"], ["plant.delay=0.005"], ["control.feedback=13"], ["task.length=0.5"],
-              ["control.state=integrated"], ["control.rate_filter=0.01", "arm.encoder.noise=0.0001"]]  # fmt: skip
-    worlds = [study.prepare(changes(texts)) for texts in varied]
-    assert (
-        len({id(worlds[w].hardware) for w in (0, 1, 3, 4)}) == 1
-        and len({id(one.hardware) for one in worlds}) == 4
-    )
-    together = world_records(worlds, [0] * len(worlds))
-    for texts, record in zip(varied, together, strict=True):
-        assert record.tobytes() == world_records([alone(SCENARIO, [], texts)], [0]).tobytes()
-
-
-class Seen:
-    """A section that notes which of its values are read."""
-
-    def __init__(self, section):
-        self.section, self.read = section, set()
-
-    def __getattr__(self, name):
-        self.read.add(name)
-        return getattr(self.section, name)
-
-
-@pytest.mark.parametrize("name", ["approach_singularity", "encoder_offsets", "null_space", "xarm7_wrist"])
-def test_hardware_reads_of_the_control_section_only_what_it_is_found_by(name):
-    scenario = load(
-        ROOT / "scenarios" / f"{name}.yaml", ["arm.encoder.noise=0.0001", "control.rate_filter=0.01"]
-    )
-    arm, control = prepare(scenario).arm, Seen(scenario.control)
-    others = {part: getattr(scenario, part) for part in ("arm", "plant")}
-    hardware = Hardware(SimpleNamespace(control=control, **others), arm)  # any other section is an error
-    hardware.write(world_records([prepare(scenario)], [0])[0])
-    for part in (*hardware.stages, hardware.plant):
-        assert list(part.misfits()) == list(part.excesses(10_000)) == []
-    assert hardware.span >= 0 and hardware.is_direct in (True, False)
-    assert (
-        {"period", "rate_filter", "state"} <= control.read <= {"period", "rate_filter", "state", "nullspace"}
-    )
 
 
 @pytest.mark.parametrize("path", mostly_long(SCENARIOS, 20), ids=lambda path: path.stem)
@@ -144,8 +110,7 @@ def test_what_is_kept_does_not_grow():
     study = Study(draft_of(path, ["target.path=[{hold: {for: 0.01}}]"]))
     for i in range(40):
         study.prepare(changes([f"arm.start=[1, -1.{i:03}]", f"arm.stretch.link_2=1.{i:03}"]))
-    kept = study._cache
-    assert [len(recent._found) for recent in (kept._arms, kept._references)] == [32, 32]
+    assert len(study._cache._parts) == 96
     first = study.prepare(changes(["arm.start=[1, -1.000]", "arm.stretch.link_2=1.0001"]))
     assert_same(first, alone(path, ["target.path=[{hold: {for: 0.01}}]"],
                              ["arm.start=[1, -1.000]", "arm.stretch.link_2=1.0001"]))  # fmt: skip
@@ -247,36 +212,22 @@ def test_a_comparison_of_a_scenario_object_is_that_of_its_file(tmp_path, monkeyp
     assert [one["overrides"] for one in a["variants"]] == [one["overrides"] for one in b["variants"]]
 
 
-def test_a_watcher_of_some_columns_sees_the_same_ticks():
-    study = Study(
-        draft_of(ROOT / "scenarios" / "approach_singularity.yaml", ["target.path=[{hold: {for: 1.5}}]"])
-    )
-    worlds = study.prepare_all(variants([["control.feedback=20"], ["control.feedback=30"]]))
-    seen = {}
-    for columns in (None, ("q", "status")):
-        seen[columns] = [[], []]
-        study.watch(
-            worlds, lambda i, part, c=columns: seen[c][i].append(part), threading.Event(), columns=columns
-        )
-    for all_of_it, some in zip(*seen.values(), strict=True):
-        assert [set(part.columns) for part in some] == [{"time", "q", "status"}] * len(some)
-        for name in ("time", "q", "status"):
-            one, other = (np.concatenate([part[name] for part in parts]) for parts in (all_of_it, some))
-            assert np.array_equal(one, other) and len(one) == 1501
-
-
 def test_watchers_see_every_tick_and_a_rule_ends_the_runs():
     study = Study(
         draft_of(ROOT / "scenarios" / "approach_singularity.yaml", ["target.path=[{hold: {for: 3}}]"])
     )
-    worlds = study.prepare_all(variants([["arm.start=[1, -1.5]"], ["arm.start=[1, -2]"]]))
-    study.compile(worlds)
+    starts = ("[1, -1]", "[1, -1.5]", "[1, -2]")
+    worlds = study.prepare_all(variants([[f"arm.start={start}"] for start in starts]))
     whole, seen, stop = study.step(worlds), [], threading.Event()
-    rule = lambda index, _: stop.set() if index == 1 else None  # noqa: E731 - the second world's block is the last
-    some = study.step(worlds, stop, [lambda index, part: seen.append((index, len(part))), rule])
+    rule = lambda index, _: stop.set() if index == 1 else None  # noqa: E731 - during the second world
+    inside = lambda *_: None if seen else study.step(worlds[2:])  # noqa: E731 - another world of the same model
+    some = study.step(worlds, stop, [inside, lambda index, part: seen.append((index, len(part))), rule])
+    assert [one.status for one in whole] == ["complete"] * 3
+    assert [one.status for one in some] == ["complete", "interrupted", "interrupted"]
+    assert 0 == len(some[2].run) < len(some[1].run) < len(some[0].run) == len(whole[0].run)
     for index, (one, other) in enumerate(zip(some, whole, strict=True)):
-        assert (one.index, one.status, other.status) == (index, "interrupted", "complete")
-        assert len(one.run) == sum(ticks for which, ticks in seen if which == index) < len(other.run)
+        assert one.index == index
+        assert len(one.run) == sum(ticks for which, ticks in seen if which == index)
         assert one.run["q"].tobytes() == other.run["q"][: len(one.run)].tobytes()
         for name, figure in scorecard(other.run).items():  # NaN among them
             np.testing.assert_equal(other.scorecard[name], figure)

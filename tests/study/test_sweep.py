@@ -15,8 +15,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from project import ROOT, mostly_long
+from rmrc.results.expectations import check
 from rmrc.results.run import Run
-from rmrc.results.scorecard import check, scorecard
+from rmrc.results.scorecard import scorecard
 from rmrc.scenario import Scenario, load, loads, schema_rows
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation

@@ -1,27 +1,33 @@
 """Many configurations of an arm at once: the pose of its site, and its singular values, on all cores.
 
-The Jacobian and its decomposition are those of the law. The kinematics are not MuJoCo's, which take one
-configuration per call.
+The kinematics are those of the law, compiled, and not MuJoCo's, which take one configuration per call.
 """
 
-import os
+import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc.law.jit import Record, long_entry, machine_code
-from rmrc.law.kinematics import WORLD, chain_jacobian, follow_chain, frame_turn, turn_columns
+from rmrc.law.compiling import Record, compiled
+from rmrc.law.kinematics import WORLD, follow_chain, frame_turn, geometric_jacobian, turn_columns
 from rmrc.law.law import scale_task
-from rmrc.law.record import records
-from rmrc.law.svd import LANES, put_in_lane, singular_values_of_lanes, take_from_lane
+from rmrc.law.record import copied, new_worlds
 from rmrc.law.task import Array, Task
+from rmrc.support.threads import work_in_shares
 
 # Configurations per work item of a thread: some milliseconds.
 SHARE = 4096
 # Block size for callers with many more configurations: some tens of megabytes.
 BLOCK = 1 << 16
+# Matrices that are rotated in step: the compiler lets the processor take several at once.
+SIDE_BY_SIDE = 64
+# Rotations below this leave others of their square, which move a singular value by that squared.
+SMALL = 1e-4
+# Convergence is quadratic, so that four or five sweeps are enough; more means that the input is not finite.
+SWEEPS_MAX = 30
+# It makes the rotation of two rows of zeros zero, and no other.
+TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -59,10 +65,9 @@ def survey(task: Task, q: Array, threads: int | None = None) -> Survey:
         q: Joint positions, (N, n).
         threads: None: one per core; the result does not depend on it.
     """
-    q = np.ascontiguousarray(q, np.float64)
     pose, sigma = np.empty((len(q), 7)), np.empty((len(q), min(len(task.rows), task.arm.n)))
-    _shared(examine, task, threads, q, pose, sigma)
-    return Survey(q, pose, sigma)
+    q = _each(examine, task, threads, q, pose, sigma)
+    return Survey(q, pose, -np.sort(-sigma, axis=1))
 
 
 def jacobians(task: Task, q: Array, threads: int | None = None) -> tuple[Array, Array]:
@@ -73,73 +78,131 @@ def jacobians(task: Task, q: Array, threads: int | None = None) -> tuple[Array, 
         q: Joint positions, (N, n).
         threads: None: one per core; the result does not depend on it.
     """
-    q = np.ascontiguousarray(q, np.float64)
-    position, J = np.empty((len(q), 3)), np.empty((len(q), 6, task.arm.n))
-    _shared(locate, task, threads, q, position, J)
-    return position, J
+    pose, J = np.empty((len(q), 7)), np.empty((len(q), 6, task.arm.n))
+    _each(locate, task, threads, q, pose, J)
+    return pose[:, :3], J
 
 
-def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *arrays: Array) -> None:
-    """Let threads work on the rows of arrays, SHARE at a time."""
-    record = records(task.arm.n, [task], axes=len(task.arm.axis_names))
-    compiled = machine_code(kernel, record[0], *arrays)
+def _each(function: Callable[..., None], task: Task, threads: int | None, q: Array, *results: Array) -> Array:
+    """Let threads call a compiled function for joint positions and rows of results; return the positions."""
+    worlds = new_worlds(1, task.arm.n, len(task.arm.axis_names))
+    task.write(worlds[0])
+    # A writable copy in order: for an array of another type, the function would be compiled again.
+    q = np.array(q, np.float64, order="C")
 
-    def share(first: int) -> None:
-        # as bytes: numpy copies a record field by field
-        own = record.view(np.uint8).copy().view(record.dtype)
-        compiled(own[0], *(array[first : first + SHARE] for array in arrays))
+    def examine_some(part: slice) -> None:
+        function(copied(worlds), q[part], *(result[part] for result in results))
 
-    if len(arrays[0]) <= SHARE:  # starting threads would take longer
-        share(0)
-        return
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        list(pool.map(share, range(0, len(arrays[0]), SHARE)))
+    work_in_shares(examine_some, len(q), SHARE, threads)
+    return q
 
 
-@long_entry
-def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
-    """Write pose (N, 7) and singular values (N, k) at joint positions (N, n).
+# Compiled ---------------------------------------------------------------------------------------
+
+
+@compiled
+def locate(worlds: Record, q: Array, pose: Array, J: Array) -> None:
+    """Write poses (N, 7) and Jacobians (N, 6, n) at joint positions (N, n).
 
     Args:
-        world: A task's record; its measurement and memory are overwritten.
+        worlds: A task's record, (1,): numba takes an array faster than a record.
+        q: Read.
+        pose: Written.
+        J: Written.
+    """
+    world = worlds[0]
+    for i in range(len(q)):
+        follow_chain(world, q[i])
+        geometric_jacobian(world)
+        for c in range(7):
+            pose[i, c] = world.state.pose[c]
+        for r in range(6):
+            for j in range(world.n):
+                J[i, r, j] = world.state.J[r, j]
+
+
+@compiled
+def examine(worlds: Record, q: Array, pose: Array, sigma: Array) -> None:
+    """Write poses (N, 7) and singular values, unsorted, (N, k), at joint positions (N, n).
+
+    Args:
+        worlds: A task's record, (1,).
         q: Read.
         pose: Written.
         sigma: Written.
     """
-    k, size = world.k, max(world.m, world.n)
-    long, norm2, scale = np.zeros((k, size, LANES)), np.empty((k, LANES)), np.empty(LANES)
-    rows, row_norm2 = np.empty((k, size)), np.empty(k)
-    for first in range(0, q.shape[0], LANES):
-        count = min(LANES, q.shape[0] - first)
-        for w in range(count):
-            follow_chain(world, q[first + w])
+    world, count = worlds[0], len(q)
+    rows, angle = np.zeros((world.k, max(world.m, world.n), SIDE_BY_SIDE)), np.empty((3, SIDE_BY_SIDE))
+    for first in range(0, count, SIDE_BY_SIDE):
+        for w in range(min(SIDE_BY_SIDE, count - first)):
+            write_matrix(world, q[first + w], rows[:, :, w])
             for c in range(7):
-                pose[first + w, c] = world.pose[c]
-            chain_jacobian(world)
-            if world.frame != WORLD:
-                turn_columns(frame_turn(world.frame, world.frame_quat, world.pose), world.J, world.n)
-            scale_task(world)
-            scale[w] = put_in_lane(world.A, world.m, world.n, rows, row_norm2, long, w)
-        singular_values_of_lanes(long, norm2, k, size)
-        for w in range(count):
-            take_from_lane(norm2, k, w, scale[w], sigma[first + w])
+                pose[first + w, c] = world.state.pose[c]
+        orthogonalize(rows, angle)
+        for w in range(min(SIDE_BY_SIDE, count - first)):
+            for p in range(world.k):
+                sigma[first + w, p] = math.sqrt((rows[p, :, w] ** 2).sum())
 
 
-@long_entry
-def locate(world: Record, q: Array, position: Array, J: Array) -> None:
-    """Write positions (N, 3) and Jacobians (N, 6, n) at joint positions (N, n).
+@compiled
+def write_matrix(world: Record, q: Array, rows: Array) -> None:
+    """Write A or Aᵀ, (k, max(m, n)), at joint positions (n,)."""
+    task, state = world.task, world.state
+    follow_chain(world, q)
+    geometric_jacobian(world)
+    if task.frame != WORLD:
+        turn_columns(frame_turn(task.frame, task.base_quat, state.pose), state.J, world.n)
+    scale_task(world)
+    for i in range(world.m):
+        for j in range(world.n):
+            if world.m <= world.n:
+                rows[i, j] = world.scratch.A[i, j]
+            else:
+                rows[j, i] = world.scratch.A[i, j]
+
+
+@compiled
+def orthogonalize(rows: Array, angle: Array) -> None:
+    """Rotate the rows of some matrices, (k, size, SIDE_BY_SIDE), until they are orthogonal [Hestenes58].
+
+    Their lengths are then the singular values. All matrices go through the same steps.
 
     Args:
-        world: A task's record; its measurement is overwritten.
-        q: Read.
-        position: Written.
-        J: Written.
+        rows: Overwritten.
+        angle: Overwritten, (3, SIDE_BY_SIDE).
     """
-    for i in range(q.shape[0]):
-        follow_chain(world, q[i])
-        for c in range(3):
-            position[i, c] = world.pose[c]
-        chain_jacobian(world)
-        for r in range(6):
-            for j in range(world.n):
-                J[i, r, j] = world.J[r, j]
+    k, size, _ = rows.shape
+    for _ in range(SWEEPS_MAX):
+        largest = 0.0
+        for p in range(k - 1):
+            for q in range(p + 1, k):
+                find_rotations(rows[p], rows[q], size, angle[0], angle[1], angle[2])
+                rotate(rows[p], rows[q], size, angle[0], angle[1])
+                largest = max(largest, angle[2].max())
+        if largest <= SMALL:
+            break
+
+
+@compiled
+def find_rotations(a: Array, b: Array, size: int, c: Array, s: Array, tangent: Array) -> None:
+    """Write cosine, sine and |tangent| of the rotations that make pairs of rows, (size, …), orthogonal."""
+    for w in range(SIDE_BY_SIDE):
+        c[w] = s[w] = 0.0
+    for j in range(size):
+        for w in range(SIDE_BY_SIDE):
+            c[w] += b[j, w] * b[j, w] - a[j, w] * a[j, w]
+            s[w] += 2.0 * a[j, w] * b[j, w]
+    for w in range(SIDE_BY_SIDE):
+        t = s[w] / (c[w] + math.copysign(math.sqrt(c[w] * c[w] + s[w] * s[w]) + TINY, c[w]))
+        c[w] = 1.0 / math.sqrt(1.0 + t * t)
+        s[w], tangent[w] = c[w] * t, abs(t)
+
+
+@compiled
+def rotate(a: Array, b: Array, size: int, c: Array, s: Array) -> None:
+    """Rotate pairs of rows, (size, …), by angles with cosines c and sines s."""
+    for j in range(size):
+        for w in range(SIDE_BY_SIDE):
+            x, y = a[j, w], b[j, w]
+            a[j, w] = c[w] * x - s[w] * y
+            b[j, w] = s[w] * x + c[w] * y

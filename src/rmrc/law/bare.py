@@ -11,32 +11,35 @@
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
-from typing import Any, ClassVar
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from rmrc.law import damping, fit, inverses, nullspace
 from rmrc.law.command import Command
-from rmrc.law.fit import misfits
-from rmrc.law.jit import Array, machine_code
-from rmrc.law.law import TaskLaw, resolve
-from rmrc.law.loop import RATES, Loop, taken
-from rmrc.law.record import ROWS, Field, records, tick_type
-from rmrc.law.sight import Sight
-from rmrc.law.step import JACOBIAN_ALONE, Given
-from rmrc.law.task import BareJoints, BareTask, Task
-from rmrc.scenario import ControlSection, ControlSource, read_controls
-from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, SCHEDULES, Choice, Choices
-from rmrc.support.errors import QuestionError, ScenarioError, did_you_mean
+from rmrc.law.compiling import Array
+from rmrc.law.record import ROWS, capacity, new_worlds
+from rmrc.law.settings import TaskLaw, link, schedule_of
+from rmrc.law.sight import JACOBIAN_ALONE
+from rmrc.law.step import RATES, TWIST, resolve_alone
+from rmrc.law.stepping import SteppedLaw, UnusableInputError, started
+from rmrc.law.task import BareJoints, BareTask
+from rmrc.scenario import ControlSection, ControlSource, LimitsSection, read_controls
+from rmrc.scenario.choices import INVERSES, OBJECTIVES, SCHEDULES, Choice, Choices
+from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.legible import shortened
-from rmrc.support.problems import Problem
 
-TWIST = int(Given.TWIST)
+# The part of the law that reads each optional argument of a step.
+_READERS = {
+    "error": 'the schedule "error"', "gradient": 'the objective "manipulability"',
+    "qdot0": 'the objective "rates"', "M": 'the metric "inertia"',
+}  # fmt: skip
 
 
-class Law(Loop):
+class Law(SteppedLaw):
     """The law without an arm: it turns a Jacobian and a twist into joint rates within the limits.
 
     It is the same compiled law as in a run. Quantities that depend on the arm are given with each step: the
@@ -92,25 +95,20 @@ class Law(Loop):
             raise QuestionError(
                 f"joints must have {n} names, position_limit lower ends first, and rate_limit nothing below 0"
             )
-        self.n, self.m = n, m
-        self.control = read_controls(control, period).control
-        self._joints = BareJoints(names, limit, rate)
-        task = BareTask(self._joints, m, weights, self.control.joint_weights)
         if weights is not None and (len(weights) != m or min(weights) <= 0.0):
             raise QuestionError(f"weights must be {m} numbers > 0, got {list(weights)}")
-        found = [
-            Problem(tuple(key.split(".")), text) for key, text in _misfits(self.control, m, self._joints)
-        ]
-        if found:
-            raise ScenarioError(found)
-        self._task = task
-        follows_q = self.control.nullspace.objective in ("posture", "joint_limits")
-        self._needs_q = bool(np.isfinite(limit).any() and self.control.limits.position) or follows_q
-        self._reads = dict(_read_of(self.control))
-        self._unit: Array | None = None
-        super().__init__(names, m, self.control.period, clock)
+        self.n, self.m, self.control = n, m, read_controls(control, period).control
+        bare = BareJoints(names, limit, rate)
+        fit.refuse(_misfits(self.control, m, bare))
+        self._task = BareTask(bare, m, weights, self.control.joint_weights)
+        inverse, objective = self.control.inverse, self.control.nullspace.objective
+        is_limited = bool(np.isfinite(limit).any() and self.control.limits.position)
+        self._needs_q = is_limited or objective in ("posture", "joint_limits")
+        follows_error = INVERSES[inverse.method].is_scheduled and inverse.damping.schedule == "error"
+        self._reads = {"error": follows_error, "gradient": objective == "manipulability"}
+        self._reads |= {"qdot0": objective == "rates", "M": inverse.metric == "inertia"}
+        super().__init__(names, self.control.period, watchdog, clock)
         self.reset()
-        self.watchdog = watchdog
 
     def reset(self, q: ArrayLike | None = None, *, worlds: int | None = None) -> None:
         """Forget all steps: the next one is the first, from rest.
@@ -124,20 +122,28 @@ class Law(Loop):
         Raises:
             QuestionError: q has another shape, or is not finite.
         """
-        shape = (self.n,) if worlds is None else (worlds, self.n)
-        self._unit = None
+        n, m = self.n, self.m
+        self._unit: Array | None = None
         if q is None and worlds is None and hasattr(self, "_worlds"):
             self._forget()
             return
-        starts = started("q", np.zeros(shape) if q is None else q, self.n)
-        laws = [TaskLaw(self._task, self.control, start) for start in starts.reshape(-1, self.n)]
-        self._renew([[self._task, law, Sight()] for law in laws], self.n, starts.ndim == 1)
-        if self.control.nullspace.objective == "manipulability":  # the gradient is given as rates
-            self._worlds[OBJECTIVES.field] = OBJECTIVES.code("rates")
-        J = self._worlds["J"][:, : self.m, : self.n]
-        self._J = J[0] if self._is_one else J
+        starts = started(np.zeros(n if worlds is None else (worlds, n)) if q is None else q, n)
+        laws = [TaskLaw(self._task, self.control, start) for start in starts.reshape(-1, n)]
+        self._renew(laws, n, starts.ndim == 1)
+        records = self._worlds
+        records["input"]["sites"], self._methods["control"] = JACOBIAN_ALONE, resolve_alone
+        rates = records["law"]["nullspace_rates"][:, :n]
+        if self._reads["gradient"]:  # it is given as rates
+            records["law"][OBJECTIVES.field] = OBJECTIVES.code("rates")
+            self._methods["objective"] = nullspace.rates
+        for name, place in (
+            ("J", records["state"]["J"][:, :m, :n]), ("twist", records["tick"]["twist_ref"][:, :m]),
+            ("error", records["scratch"]["error"]), ("M", records["links"]["metric"][:, :n, :n]),
+            ("gradient", rates), ("qdot0", rates),
+        ):  # fmt: skip
+            self._place(name, place)
         if q is not None:
-            self._worlds["q"][:, : self.n] = self._worlds["q_cmd"][:, : self.n] = starts
+            records["state"]["q"][:, :n] = records["input"]["q_cmd"][:, :n] = starts
 
     def step(
         self,
@@ -171,121 +177,48 @@ class Law(Loop):
         Returns:
             Views that the next step overwrites. Unusable input brakes the joints: see `Command.problem`.
         """
-        given = TWIST
         try:
-            if J.shape != self._J.shape:  # type: ignore[union-attr]
-                raise ValueError
-            self._J[...] = J
-            self._twist[:] = twist
+            self._take("J", J)
+            self._take("twist", twist)
             if q is not None:
-                self._q[:] = q
+                self._take("q", q)
+            elif self._needs_q:
+                raise UnusableInputError("q is needed: position limits or the null space depend on it")
             if qdot is not None:
-                self._qdot[:] = qdot
-                given |= RATES
-        except Exception:
-            return self._step_with_care(J, twist, q, qdot, error, gradient, qdot0, M)
-        if q is None and self._needs_q:
-            return self._refuse(_NEEDS_Q)
-        if self._reads or not (error is gradient is qdot0 is M is None):
-            wrong = self._take_more(error=error, gradient=gradient, qdot0=qdot0, M=M)
-            if wrong:
-                return self._refuse(wrong)
-        return self._finish(given)
+                self._take("qdot", qdot)
+            for name, values in (("error", error), ("gradient", gradient), ("qdot0", qdot0), ("M", M)):
+                if values is not None or self._reads[name]:
+                    self._take_more(name, values)
+        except UnusableInputError as unusable:
+            is_batch = self._is_single and getattr(J, "ndim", 0) == 3
+            return self._refuse(f"{unusable}; reset(worlds=...) makes a batch" if is_batch else str(unusable))
+        return self._finish(TWIST if qdot is None else TWIST | RATES)
 
-    def _take_more(self, **given: ArrayLike | None) -> str:
-        """Write the optional arguments into the records; return an error text, "" if there is none."""
-        n, w, wrong = self.n, len(self._worlds), ""
-        for name, one in given.items():
-            key = self._reads.get(name, "")
-            values = self.control.nullspace.rates if one is None and name == "qdot0" and key else one
-            if wrong or (values is None and not key):
-                continue
-            if not key:
-                return f"{name} is given, and {_READERS[name]} is not chosen"
-            if values is None:
-                return f"{name} is needed: {key} reads it"
-            each = {"error": (), "M": (n, n)}.get(name, (n,))
-            found = np.empty((w, *each))
-            wrong = taken(name, values, _Whole(found), [each] if self._is_one else [(w, *each), each])
-            if not wrong:
-                with np.errstate(all="ignore"):  # the caller reports non-finite results
-                    wrong = self._put_more(name, found)
-        return f"{wrong}; reset made a batch of {w}" if wrong and not self._is_one else wrong
+    def _take_more(self, name: str, values: ArrayLike | None) -> None:
+        """Write an optional argument where the law reads it.
 
-    def _put_more(self, name: str, values: Array) -> str:
-        """Write one optional argument, (w, ...), into the records; return an error text, "" if none."""
-        n, worlds = self.n, self._worlds
-        if name == "M":
-            unit: Any = self._unit
-            if unit is None:
-                mean = np.trace(values, axis1=1, axis2=2) / n
-                if not (np.isfinite(mean) & (mean > 0.0)).all():
-                    return "M is not positive definite, or not finite"
-                unit = self._unit = mean[:, None, None]
-            worlds["metric"][:, :n, :n] = values / unit
-            return ""
-        if not np.isfinite(values).all() or (name == "error" and (values < 0.0).any()):
-            return f"{name} is not finite{', or below 0' if name == 'error' else ''}"
-        if name == "error":
-            worlds["error"] = values
-            return ""
-        if name == "gradient":
-            values = self.control.nullspace.gain * worlds["joint_scale"][:, :n] ** 2 * values
-        worlds["nullspace_rates"][:, :n] = values
-        return ""
-
-    def _step_with_care(
-        self,
-        J: ArrayLike,
-        twist: ArrayLike,
-        q: ArrayLike | None,
-        qdot: ArrayLike | None,
-        *more: ArrayLike | None,
-    ) -> Command:
-        """Convert input that is not a 64-bit array of the right shape, or refuse it with a reason."""
-        n, w = self.n, len(self._worlds)
-        rows, twists = ([(n,)], [(self.m,)]) if self._is_one else ([(w, n), (n,)], [(w, self.m), (self.m,)])
-        wrong = taken("J", J, self._J, [self._J.shape]) or taken("twist", twist, self._twist, twists)
-        for name, values in (("q", q), ("qdot", qdot)):
-            wrong = wrong or (taken(name, values, self._put[name], rows) if values is not None else "")
-        if not wrong and q is None and self._needs_q:
-            wrong = _NEEDS_Q
-        wrong = wrong or self._take_more(**dict(zip(_READERS, more, strict=True)))
-        if wrong and not self._is_one and "batch" not in wrong:
-            wrong += f"; reset made a batch of {w}"
-        elif wrong and getattr(J, "ndim", 0) == 3:
-            wrong += "; reset(worlds=...) makes a batch"
-        return self._refuse(wrong) if wrong else self._finish(TWIST | (RATES if qdot is not None else 0))
-
-
-class _Whole:
-    """Lets `taken` assign an array for all worlds, or one row that all worlds share."""
-
-    def __init__(self, values: Array) -> None:
-        self._values = values
-
-    def __setitem__(self, all_of_it: slice, given: Array) -> None:
-        self._values[...] = given
-
-
-_NEEDS_Q = "q is needed: position limits or the null space depend on it"
-# The part of the law that reads each optional argument of a step.
-_READERS = {
-    "error": 'the schedule "error"', "gradient": 'the objective "manipulability"',
-    "qdot0": 'the objective "rates"', "M": 'the metric "inertia"',
-}  # fmt: skip
-
-
-def _read_of(control: ControlSection) -> Iterator[tuple[str, str]]:
-    """Yield each optional argument that a law reads, with the part of the law that reads it."""
-    inverse, objective = control.inverse, control.nullspace.objective
-    if INVERSES[inverse.method].is_scheduled and inverse.damping.schedule == "error":
-        yield "error", _READERS["error"]
-    if objective in ("manipulability", "rates"):
-        name = "gradient" if objective == "manipulability" else "qdot0"
-        yield name, _READERS[name]
-    if inverse.metric == "inertia":
-        yield "M", _READERS["M"]
+        Raises:
+            UnusableInputError: It is missing, not read, or not usable.
+        """
+        if not self._reads[name]:
+            raise self._unusable(f"{name} is given, and {_READERS[name]} is not chosen")
+        if values is None and name == "qdot0":
+            values = self.control.nullspace.rates
+        if values is None:
+            raise self._unusable(f"{name} is needed: {_READERS[name]} reads it")
+        place = self._take(name, values)
+        with np.errstate(all="ignore"):  # the law reports results that are not finite
+            if name == "M":
+                if self._unit is None:
+                    unit = np.trace(place, axis1=1, axis2=2) / self.n
+                    if not (np.isfinite(unit) & (unit > 0.0)).all():
+                        raise self._unusable("M is not positive definite, or not finite")
+                    self._unit = unit[:, None, None]
+                place /= self._unit
+            elif not np.isfinite(place).all() or (name == "error" and (place < 0.0).any()):
+                raise self._unusable(f"{name} is not finite{', or below 0' if name == 'error' else ''}")
+            elif name == "gradient":
+                place *= self.control.nullspace.gain * self._worlds["task"]["joint_scale"][:, : self.n] ** 2
 
 
 def _limits(name: str, given: ArrayLike | None, shape: tuple[int, ...], nothing: Any) -> Array:
@@ -300,36 +233,20 @@ def _limits(name: str, given: ArrayLike | None, shape: tuple[int, ...], nothing:
     return values
 
 
-def started(name: str, q: ArrayLike, n: int) -> Array:
-    """Return the initial joint positions, (n,) or (w, n).
-
-    Raises:
-        QuestionError: They have another shape, or are not finite.
-    """
-    try:
-        values = np.array(q, np.float64)
-    except (TypeError, ValueError):
-        raise QuestionError(f"{name} must be numbers, got {shortened(repr(q))}") from None
-    if values.ndim not in (1, 2) or values.shape[-1] != n or not values.size:
-        raise QuestionError(f"{name} must be ({n},) or (w, {n}), got {values.shape}")
-    if not np.isfinite(values).all():
-        raise QuestionError(f"{name} must be finite, got {shortened(str(values.tolist()))}")
-    return values
-
-
 def _misfits(control: ControlSection, m: int, joints: BareJoints) -> list[tuple[str, str]]:
-    found = list(misfits(control, m, joints))
+    """Return the keys that do not fit, and why."""
+    problems = list(fit.misfits(control, m, joints))
     needs = "needs the arm's kinematics, which a Jacobian alone does not give; use rmrc.Controller"
     objective, policy = control.nullspace.objective, control.at_singularity
     if objective == "secondary":
         text = f'"secondary" {needs}, or "rates", and give qdot0 with each step'
-        found.append(("control.nullspace.objective", text))
+        problems.append(("control.nullspace.objective", text))
     if objective == "joint_limits" and not np.isfinite(joints.position_limit).all():
-        found.append(("control.nullspace.objective", '"joint_limits" needs position_limit of all joints'))
-    if policy in ("stop", "singularity_consistent", "keep_out"):  # replaces the findings about the same key
-        found = [one for one in found if one[0] != "control.at_singularity"]
-        found.append(("control.at_singularity", f'"{policy}" {needs}'))
-    return found
+        problems.append(("control.nullspace.objective", '"joint_limits" needs position_limit of all joints'))
+    if policy in ("stop", "singularity_consistent", "keep_out"):  # replaces other problems of the same key
+        problems = [problem for problem in problems if problem[0] != "control.at_singularity"]
+        problems.append(("control.at_singularity", f'"{policy}" {needs}'))
+    return problems
 
 
 # One inverse ---------------------------------------------------------------------------------------
@@ -385,91 +302,46 @@ def resolve_rates(
     """
     J, twist = np.asarray(J, np.float64), np.asarray(twist, np.float64)
     J = J if J.ndim > 1 else J[None]
-    numbers = (
-        damping_maximum, damping_below, manipulability_below, error_gain, tolerance, cutoff, gamma, rate_bound
-    )  # fmt: skip
-    key = J.shape, method, schedule, numbers, *others.items()
-    known: dict[Any, _Resolved] = _known.__dict__
-    one = known.get(key)
-    if one is None:
-        if J.ndim != 2 or not 0 < len(J) <= ROWS or not J.shape[1] or twist.shape != J.shape[:1]:
-            raise ValueError(_shapes(J, twist))
-        while len(known) >= MOST_KNOWN:
-            del known[next(iter(known))]
-        given = dict(zip(_NAMES, numbers, strict=True)) | others
-        one = known[key] = _Resolved(J.shape, method, schedule, given)
-    return one(J, twist, error)
+    if J.ndim != 2 or not 0 < len(J) <= ROWS or not J.shape[1] or twist.shape != J.shape[:1]:
+        raise ValueError(f"J must be (m, n) with m <= {ROWS} and twist (m,), got {J.shape}, {twist.shape}")
+    if not (np.isfinite(J).all() and np.isfinite(twist).all()):
+        raise ValueError("J and twist must be finite")
+    numbers = {
+        "damping_maximum": damping_maximum, "damping_below": damping_below,
+        "damping_manipulability_below": manipulability_below, "damping_error_gain": error_gain,
+        "tolerance": tolerance, "cutoff": cutoff, "gamma": gamma, "rate_bound": rate_bound, **others,
+    }  # fmt: skip
+    (m, n), thread = J.shape, threading.get_ident()  # each thread has its own records
+    worlds, resolve = _inverse(thread, m, n, method, schedule, *numbers.items())
+    worlds["state"]["J"][0, :m, :n], worlds["scratch"]["twist_cmd"][0, :m] = J, twist
+    worlds["scratch"]["error"], worlds["first"]["age"] = error, 0
+    resolve(worlds.ctypes.data)
+    return np.array(worlds["tick"]["qdot_cmd"][0, :n])
 
 
-# The parameters above, by their keys below `control.inverse`.
-_NAMES = (
-    "damping_maximum", "damping_below", "damping_manipulability_below", "damping_error_gain", "tolerance",
-    "cutoff", "gamma", "rate_bound",
-)  # fmt: skip
-MOST_KNOWN = 64
-_known = threading.local()
-
-
-class _Resolved:
-    """One inverse for Jacobians of one shape. One thread uses its records, which are made once."""
-
-    def __init__(
-        self, shape: tuple[int, ...], method: str, schedule: str, parameters: Mapping[str, float]
-    ) -> None:
-        m, n = shape
-        codes = {INVERSES.field: _code("method", method, INVERSES)}
-        codes[SCHEDULES.field] = _code("schedule", schedule, SCHEDULES)
-        if INVERSES[method].needs_square and m != n:
-            raise ValueError(f"method '{method}' needs a square J, got {shape}")
-        known = {
-            one.field.removeprefix("inverse_"): one for one in (*INVERSES.parameters, *SCHEDULES.parameters)
-        }
-        for name in parameters:
-            if name not in known:
-                raise ValueError(f'no inverse has a parameter "{name}"{did_you_mean(name, known)}')
-        defaults = {name: one.null if one.default is None else one.default for name, one in known.items()}
-        chosen = {one.field: (defaults | dict(parameters))[name] for name, one in known.items()}
-        self._worlds, self._ticks = records(n, [_Inverse(m, n, chosen | codes)]), np.zeros(1, tick_type(n))
-        (world,), (tick,) = self._worlds, self._ticks
-        self._J, self._twist, self._error = world["J"][:m, :n], world["twist_cmd"][:m], self._worlds["error"]
-        self._rates, self._age = tick["qdot_cmd"][:n], self._worlds["age"]
-        self._nothing = np.zeros(shape)
-        arguments: Any = (self._worlds, self._ticks)
-        self._resolve = partial(machine_code(resolve, *arguments), *arguments)
-
-    def __call__(self, J: Array, twist: Array, error: float) -> Array:
-        if twist.shape != self._twist.shape:
-            raise ValueError(_shapes(J, twist))
-        if (
-            np.vdot(J, self._nothing) != 0.0 or np.vdot(twist, self._nothing[:, 0]) != 0.0
-        ):  # 0 times a non-finite number
-            raise ValueError("J and twist must be finite")
-        self._J[...], self._twist[...], self._error[0], self._age[0] = J, twist, error, 0
-        self._resolve()
-        rates: Array = self._rates.copy()
-        return rates
-
-
-class _Inverse:
-    """A task without an arm, and a law that only inverts it."""
-
-    fields: ClassVar[tuple[Field, ...]] = (*Task.fields, *TaskLaw.fields, *Sight.fields)
-
-    def __init__(self, m: int, n: int, chosen: Mapping[str, Any]) -> None:
-        joints = BareJoints(("",) * n, np.zeros((n, 2)), np.zeros(n))
-        self._task, self._chosen = BareTask(joints, m), chosen
-
-    def write(self, world: np.void) -> None:
-        self._task.write(world)
-        world["sites"] = JACOBIAN_ALONE
-        for choices, nothing in ((OBJECTIVES, "none"), (LIMITS, "none"), (POLICIES, "damp")):
-            world[choices.field] = choices.code(nothing)
-        for field, value in self._chosen.items():
-            world[field] = value
-
-
-def _shapes(J: Array, twist: Array) -> str:
-    return f"J must be (m, n) with m <= {ROWS} and twist (m,), got {J.shape}, {twist.shape}"
+@lru_cache(maxsize=64)
+def _inverse(
+    _thread: int, m: int, n: int, method: str, schedule: str, *numbers: tuple[str, float]
+) -> tuple[NDArray[np.void], Callable[[int], None]]:
+    """Return the record of one inverse for Jacobians of one shape, (1,), and a call that resolves it."""
+    codes = {"method": _code("method", method, INVERSES)}
+    codes["damping_schedule"] = _code("schedule", schedule, SCHEDULES)
+    if INVERSES[method].needs_square and m != n:
+        raise ValueError(f"method '{method}' needs a square J, got {(m, n)}")
+    known = [one.field.removeprefix("inverse_") for one in (*INVERSES.parameters, *SCHEDULES.parameters)]
+    for name, _ in numbers:
+        if name not in known:
+            raise ValueError(f'no inverse has a parameter "{name}"{did_you_mean(name, known)}')
+    joints = BareJoints(("",) * n, np.tile([-math.inf, math.inf], (n, 1)), np.full(n, math.inf))
+    plain = ControlSection(limits=LimitsSection(on_excess="none"))
+    law, worlds = TaskLaw(BareTask(joints, m), plain, np.zeros(n)), new_worlds(1, n)
+    law.write(worlds[0])
+    for name, value in (*codes.items(), *numbers):
+        worlds["law"][f"inverse_{name}"] = value
+    gains, schedules = getattr(inverses, method), getattr(damping, schedule_of(method, schedule))
+    methods = law.methods | {"control": resolve_alone, "gains": gains, "damping": schedules}
+    link(worlds, methods, late=())
+    return worlds, resolve_alone.entry(capacity(n))
 
 
 def _code(key: str, name: str, choices: Choices[Choice]) -> int:

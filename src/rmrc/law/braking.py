@@ -12,7 +12,7 @@ because v_i = Σ_{k>i} m_k, and Σ_i v_i, with the rate of this tick, is Σ k m_
 
 import math
 
-from rmrc.law.jit import compiled
+from rmrc.law.compiling import compiled
 
 # This many halvings reduce any bracket to rounding; Newton's method and the false position need a tenth.
 ENOUGH = 60

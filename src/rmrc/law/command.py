@@ -6,13 +6,24 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.step import LARGEST, Refused
+from rmrc.law import step
+from rmrc.law.step import LARGEST
 from rmrc.scenario.choices import Status
 
 Array: TypeAlias = NDArray[np.float64]
 
 # A joint is at a limit when it uses all of it, up to rounding.
 AT_LIMIT = 1.0 - 1e-9
+
+
+def _number(group: str, name: str, meaning: str) -> property:
+    """Return a property that reads a number of the records; for a batch it is an array."""
+
+    def read(command: "Command") -> Any:
+        values = command._worlds[group][name]
+        return values.item() if command._is_single else values
+
+    return property(read, doc=meaning)
 
 
 class Command:
@@ -37,64 +48,41 @@ class Command:
     """
 
     def __init__(
-        self,
-        worlds: NDArray[np.void],
-        ticks: NDArray[np.void],
-        joints: Sequence[str],
-        is_one: bool,
-        problem: str = "",
+        self, worlds: NDArray[np.void], joints: Sequence[str], is_single: bool, refusal: str = ""
     ) -> None:
-        """Make views of the records of worlds and of their ticks, (w,)."""
-        n, k = len(joints), int(worlds["k"][0])
-        self._worlds, self._ticks, self._joints, self._is_one = worlds, ticks, tuple(joints), is_one
-        self.refusal = problem  # about the call as a whole; the caller of the law sets it
-
-        def seen(values: Array, size: int) -> Array:
-            rows: Array = values[:, :size]
-            return rows[0] if is_one else rows
-
-        self.qdot_cmd, self.q_cmd = seen(ticks["qdot_cmd"], n), seen(worlds["q_cmd"], n)
-        self.qdot_plain = seen(ticks["qdot_plain"], n)
-        self.sigma, self.gain = seen(ticks["sigma"], k), seen(ticks["gain"], k)
-        self.lost_direction, self.lost_motion = seen(ticks["u_min"], 6), seen(ticks["v_min"], n)
-        self.pose, self.pose_error = seen(ticks["pose"], 7), seen(ticks["pose_error"], 6)
-        self._status: NDArray[np.int64] = ticks["status"]
-        self._numbers = {
-            name: ticks[name] for name in ("damping", "path_rate", "manipulability", "condition")
-        }
+        """Make views of the records of worlds, (w,)."""
+        self._worlds, self._joints, self._is_single = worlds, tuple(joints), is_single
+        self.refusal = refusal  # about the call as a whole; the caller of the law sets it
+        n, k, records = len(joints), int(worlds["k"][0]), worlds[0] if is_single else worlds
+        tick, first = records["tick"], records["first"]
+        self.qdot_cmd: Array = tick["qdot_cmd"][..., :n]
+        self.q_cmd: Array = records["input"]["q_cmd"][..., :n]
+        self.qdot_plain: Array = tick["qdot_plain"][..., :n]
+        self.sigma: Array = first["sigma"][..., :k]
+        self.gain: Array = first["gain"][..., :k]
+        self.lost_direction: Array = tick["u_min"]
+        self.lost_motion: Array = tick["v_min"][..., :n]
+        self.pose: Array = tick["pose"]
+        self.pose_error: Array = tick["pose_error"]
 
     def copy(self) -> "Command":
         """Return a copy that no step overwrites."""
-        return Command(self._worlds.copy(), self._ticks.copy(), self._joints, self._is_one, self.refusal)
+        worlds = self._worlds.view(np.uint8).copy()  # as bytes: numpy copies a record field by field
+        return Command(worlds.view(self._worlds.dtype), self._joints, self._is_single, self.refusal)
+
+    damping = _number("first", "damping", "Damping λ, in the units of σ.")
+    path_rate = _number(
+        "tick", "path_rate",
+        "Number of periods by which to advance the reference: 1, less where it is slowed, 0 to wait.",
+    )  # fmt: skip
+    manipulability = _number("tick", "manipulability", "Product of the singular values.")
+    condition = _number("tick", "condition", "Ratio of the largest to the smallest singular value.")
+    _status = _number("tick", "status", "Its number.")
 
     @property
     def status(self) -> Any:
         """The `Status` flags; for a batch their numbers, (w,)."""
-        return Status(self._status.item()) if self._is_one else self._status
-
-    @property
-    def damping(self) -> Any:
-        """Damping λ, in the units of σ."""
-        return self._number("damping")
-
-    @property
-    def path_rate(self) -> Any:
-        """Number of periods by which to advance the reference: 1, less where it is slowed, 0 to wait."""
-        return self._number("path_rate")
-
-    @property
-    def manipulability(self) -> Any:
-        """Product of the singular values."""
-        return self._number("manipulability")
-
-    @property
-    def condition(self) -> Any:
-        """Ratio of the largest to the smallest singular value."""
-        return self._number("condition")
-
-    def _number(self, name: str) -> Any:
-        values = self._numbers[name]
-        return values.item() if self._is_one else values
+        return Status(self._status) if self._is_single else self._status
 
     @property
     def limited_by(self) -> Any:
@@ -102,70 +90,64 @@ class Command:
 
         The limits are `rate`, `acceleration`, `jerk` and `position`.
         """
-        found = [self._limits(world, tick) for world, tick in zip(self._worlds, self._ticks, strict=True)]
-        return found[0] if self._is_one else found
+        limits = [self._limits(world) for world in self._worlds]
+        return limits[0] if self._is_single else limits
 
     @property
     def problem(self) -> Any:
         """Why the input is not usable, in words, "" if it is; for a batch one text per world."""
-        found = [self._refused(world) for world in self._worlds]
-        return found[0] if self._is_one else found
+        problems = [self._refused(world) for world in self._worlds]
+        return problems[0] if self._is_single else problems
 
     def __repr__(self) -> str:
         """Return rates and status."""
         return f"Command(qdot_cmd={self.qdot_cmd}, status={self.status!r})"
 
-    def _limits(self, world: np.void, tick: np.void) -> dict[str, tuple[str, ...]]:
-        n, status = len(self._joints), Status(int(tick["status"]))
-        rate, change = tick["qdot_cmd"][:n], world["change_last"][:n]
-        upper, lower = world["rest_upper"][:n], world["rest_lower"][:n]
-        q, ends, limit = world["q"][:n], world["position_limit"][:, :n], world["rate_limit"][:n]
-        room = np.where(rate > 0.0, ends[1] - q, q - ends[0])
+    def _limits(self, world: np.void) -> dict[str, tuple[str, ...]]:
+        n, status = len(self._joints), Status(int(world["tick"]["status"]))
+        limits, memory, bounds, input_ = world["limits"], world["memory"], world["bounds"], world["input"]
+        rate, change, q = world["tick"]["qdot_cmd"][:n], memory["change"][:n], world["state"]["q"][:n]
+        upper, lower, limit = bounds["stop_upper"][:n], bounds["stop_lower"][:n], limits["rate"][:n]
+        least, most = limits["position"][:, :n]
+        room = np.maximum(np.where(rate > 0.0, most - q, q - least), 0.0)
         slack = 1e-9 * np.abs(rate)
-        returning = world["returning"][:n] != 0.0
         at_stop = ((rate >= upper - slack) & (upper < limit)) | ((rate <= lower + slack) & (lower > -limit))
-        jerk = np.abs(change - world["change_before"][:n]) / world["jerk_step"][:n]
-        near = {
+        returning = input_["returning"][:n] != 0.0
+        jerk = np.abs(change - input_["change_before"][:n]) / limits["jerk_step"][:n]
+        stopping = returning if returning.any() else np.where(at_stop, 1.0, 0.5 / (1.0 + room))
+        accelerating = Status.ACCELERATION_LIMITED | Status.ACCELERATION_EXCEEDED
+        jerking = Status.JERK_LIMITED | Status.JERK_EXCEEDED
+        shares = {  # the share of each limit that each joint uses
             "rate": (Status.RATE_LIMITED, np.abs(rate) / limit),
-            "acceleration": (
-                Status.ACCELERATION_LIMITED | Status.ACCELERATION_EXCEEDED,
-                np.abs(change) / world["change_limit"][:n],
-            ),
-            "jerk": (
-                Status.JERK_LIMITED | Status.JERK_EXCEEDED, np.maximum(jerk, np.abs(world["lag"][:n]) > 0.0),
-            ),
-            "position": (
-                Status.POSITION_LIMITED,
-                returning if returning.any() else np.where(at_stop, 1.0, 0.5 / (1.0 + np.maximum(room, 0.0))),
-            ),
-        }  # fmt: skip
+            "acceleration": (accelerating, np.abs(change) / limits["change"][:n]),
+            "jerk": (jerking, np.maximum(jerk, np.abs(memory["lag"][:n]) > 0.0)),
+            "position": (Status.POSITION_LIMITED, stopping),
+        }
         return {
             name: tuple(self._joints[j] for j in np.flatnonzero(share >= min(AT_LIMIT, share.max())))
-            for name, (bits, share) in near.items()
+            for name, (bits, share) in shares.items()
             if status & bits
         }
 
     def _refused(self, world: np.void) -> str:
-        refused, n = Refused(int(world["refused"])), len(self._joints)
-        if Refused.CALL in refused:
+        refused, input_, state, texts = int(world["input"]["refused"]), world["input"], world["state"], []
+        if refused & step.BAD_CALL:
             return self.refusal
-        told = []
         for bit, name, values in (
-            (Refused.POSITIONS, "q", world["q"][:n]), (Refused.RATES, "qdot", world["qdot"][:n]),
-            (Refused.TARGET, "q_target", world["q_target"][:n]),
-            (Refused.TARGET, "qdot_target", world["qdot_target"][:n]),
+            (step.BAD_POSITIONS, "q", state["q"]), (step.BAD_RATES, "qdot", state["qdot"]),
+            (step.BAD_TARGET, "q_target", input_["q_target"]),
+            (step.BAD_TARGET, "qdot_target", input_["qdot_target"]),
         ):  # fmt: skip
-            bad = [j for j, one in zip(self._joints, values, strict=True) if not abs(one) <= LARGEST]
-            if bit in refused and bad:
-                told.append(f"{name} of {', '.join(bad)} is {_UNUSABLE}")
-        told += [text for bit, text in _WORDS.items() if bit in refused]
-        return "; ".join(told)
+            bad = [j for j, value in zip(self._joints, values, strict=False) if not abs(value) <= LARGEST]
+            if bit & refused and bad:
+                texts.append(f"{name} of {', '.join(bad)} is {_UNUSABLE}")
+        return "; ".join([*texts, *(text for bit, text in _WORDS.items() if bit & refused)])
 
 
 _UNUSABLE = f"not finite, or beyond {LARGEST:g}"
 _WORDS = {
-    Refused.KINEMATICS: f"the Jacobian, or the pose of the site, is {_UNUSABLE}",
-    Refused.POSE: f"pose is {_UNUSABLE}, or its orientation is no rotation",
-    Refused.TWIST: f"twist is {_UNUSABLE}",
-    Refused.METRIC: f"M is not positive definite, or {_UNUSABLE}",
+    step.BAD_KINEMATICS: f"the Jacobian, or the pose of the site, is {_UNUSABLE}",
+    step.BAD_POSE: f"pose is {_UNUSABLE}, or its orientation is no rotation",
+    step.BAD_TWIST: f"twist is {_UNUSABLE}",
+    step.BAD_METRIC: f"M is not positive definite, or {_UNUSABLE}",
 }

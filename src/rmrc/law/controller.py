@@ -11,9 +11,11 @@ while True:
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from operator import is_
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -21,26 +23,20 @@ from rmrc import arm as arms
 from rmrc.arm import Arm
 from rmrc.arm.freshness import Freshness
 from rmrc.law import fit
-from rmrc.law.bare import started
 from rmrc.law.command import Command
+from rmrc.law.compiling import Array
+from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET
 from rmrc.law.kinematics import FRAMES
-from rmrc.law.law import TaskLaw
-from rmrc.law.loop import NOTHING, RATES, REFUSED, Loop, taken
-from rmrc.law.sight import Sight
-from rmrc.law.step import CHAIN_ALONE, FRAME, Given
+from rmrc.law.settings import TaskLaw
+from rmrc.law.sight import CHAIN_ALONE, look_at
+from rmrc.law.step import FRAME, POSE, RATES, TWIST
+from rmrc.law.stepping import SteppedLaw, UnusableInputError, started
 from rmrc.law.task import Task, choose
 from rmrc.scenario import ArmSection, ControlSource, TaskSection, read_controls, read_task
 from rmrc.support import shipped
-from rmrc.support.errors import ModelError, QuestionError, ScenarioError
+from rmrc.support.errors import ModelError, QuestionError
 from rmrc.support.legible import shortened
-from rmrc.support.problems import Problem
-from rmrc.support.spatial import AXES
-
-if TYPE_CHECKING:
-    import mujoco
-
-TWIST, QUATERNION, MATRIX, ROTVEC = map(int, (Given.TWIST, Given.QUATERNION, Given.MATRIX, Given.ROTVEC))
-POSITION_TARGET, RATE_TARGET = int(Given.POSITION_TARGET), int(Given.RATE_TARGET)
+from rmrc.support.spatial import exp_rotation
 
 ControlledModel: TypeAlias = "str | os.PathLike[str] | Arm | mujoco.MjModel | mujoco.MjSpec"
 """An MJCF or URDF file, the name of a shipped model, an Arm, or a loaded model."""
@@ -49,12 +45,14 @@ STALE = (
     "the kinematics of data do not belong to its qpos: call mj_fwdPosition, or mj_kinematics, after the last "
     "change"
 )
-FRAME_CODES = {name: code * FRAME for code, name in enumerate(FRAMES)}
-# The representation of an orientation in a pose, by the size of its last axis.
-POSES = {7: QUATERNION, 6: ROTVEC, 4: MATRIX}
+# The bits of the parts of a target.
+TARGETS = {"pose": POSE, "twist": TWIST, "q_target": POSITION_TARGET, "qdot_target": RATE_TARGET}
+# A matrix that differs more from that of its quaternion is no rotation.
+SKEWEST = 5e-4
+LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 
 
-class Controller(Loop):
+class Controller(SteppedLaw):
     """The law for one arm, or for a batch of arms, stepped once per control period.
 
     `step` raises nothing. Input that is not finite, has a wrong shape, is no rotation or comes too late
@@ -104,32 +102,29 @@ class Controller(Loop):
             ScenarioError: `control` or `task` has an unusable value, or does not fit the arm.
             QuestionError: The period or the watchdog is not a positive time.
         """
-        told = read_controls(control, period)
-        self.control = told.control
-        self.arm = _arm(model, site, body, joints, told.arm)
+        sections = read_controls(control, period)
+        self.control = sections.control
+        self.arm = _arm(model, site, body, joints, sections.arm)
         self.arm.require_open()
-        self.task = self._task(told.task if task is None else task)
-        found = list(fit.misfits(self.control, len(self.task.rows), self.arm))
-        found += fit.second_task_misfits(self.control, self.arm)
-        found += fit.scale_misfits("task.length", (self.task.length,), is_list=False)
-        found += fit.scale_misfits("task.weights", tuple(self.task.weights or ()))
-        if found:
-            raise ScenarioError([Problem(tuple(key.split(".")), text) for key, text in found])
-        super().__init__(self.arm.joints, 6, self.control.period, clock)
-        self._data: list[mujoco.MjData] = []
+        self.task = self._task(sections.task if task is None else task)
+        fit.refuse([
+            *fit.misfits(self.control, len(self.task.rows), self.arm),
+            *fit.second_task_misfits(self.control, self.arm),
+            *fit.scale_misfits("task.length", (self.task.length,), is_list=False),
+            *fit.scale_misfits("task.weights", tuple(self.task.weights or ())),
+        ])  # fmt: skip
+        super().__init__(self.arm.joints, self.control.period, watchdog, clock)
         self.reset()
-        self.watchdog = watchdog
 
     def _task(self, task: Task | TaskSection | Mapping[str, Any] | None) -> Task:
         weights = self.control.joint_weights
         if isinstance(task, Task):
             return task
         if task is None:
-            chosen = choose(self.arm)
-            return Task(self.arm, chosen.rows, chosen.length, None, weights)
+            return replace(choose(self.arm), joint_weights=weights)
         section = read_task(task)
-        rows = np.array([AXES.index(axis) for axis in section.axes])
-        return Task(self.arm, rows, section.length, section.weights, weights, section.frame)
+        chosen = choose(self.arm, section.axes, section.length, section.frame)
+        return replace(chosen, weights=section.weights, joint_weights=weights)
 
     @property
     def actuators(self) -> NDArray[np.int64]:
@@ -160,85 +155,61 @@ class Controller(Loop):
             self._forget()
             return
         n, home = self.arm.n, self.arm.configuration("home")[self.arm.wiring.qpos]
-        starts = started("q", home if q is None else q, n)
-        self._laws = [TaskLaw(self.task, self.control, start) for start in starts.reshape(-1, n)]
-        writers = [(self.task, law, Sight(self.arm, law.second)) for law in self._laws]
-        self._renew(writers, self.arm.n + len(self.arm.followers), starts.ndim == 1)
-        self._pose, self._vector = self._put["pose"], self._put["vector"]
-        self._data, self._stale, self._unseen = [], list[int](), self._idle()
+        starts = started(home if q is None else q, n)
+        laws = [TaskLaw(self.task, self.control, start) for start in starts.reshape(-1, n)]
+        self._renew(laws, len(self.arm.axis_names), starts.ndim == 1)
+        self._worlds["input"]["base"] = self.arm.base_pose
+        self._place("pose", self._worlds["tick"]["pose_ref"])
+        self._place("twist", self._worlds["tick"]["twist_ref"])
+        self._second, self._data, self._are_fresh = laws[0].second, list[Any](), list[Freshness]()
         if q is not None:
-            self._worlds["q_cmd"][:, :n] = starts
+            self._worlds["input"]["q_cmd"][:, :n] = starts
+        idle = self.arm.idle or (self.arm.idle_before(self._second.site) if self._second else ())
+        self._unseen = ""  # why the chain alone does not determine the poses of the sites
+        if idle:
+            self._unseen = (
+                f'joint "{idle[0]}" moves the site and is not actuated: step_data reads its position'
+            )
 
     # Kinematics -----------------------------------------------------------------------------------
 
-    def _idle(self) -> str:
-        """Return why the chain alone does not determine the poses of the sites, "" if it does."""
-        second = self._laws[0].second
-        idle = self.arm.idle or (self.arm.idle_before(second.site) if second else ())
-        if idle:
-            return f'joint "{idle[0]}" moves the site and is not actuated: step_data reads its position'
-        return ""
-
     def _follow_chain(self) -> None:
         """Have steps compute the kinematics from the arm's own chain."""
-        self._data, self._stale = [], []
-        self._worlds["sites"] = CHAIN_ALONE
-        self._point_at(NOTHING)
+        self._data = []
+        self._worlds["input"]["sites"] = CHAIN_ALONE
 
     def _look_at(self, data: "mujoco.MjData | Sequence[mujoco.MjData]") -> None:
         """Have steps read state and kinematics from MuJoCo's data, one object per world.
 
         Raises:
-            ModelError: The model of the data lacks a part of the arm.
-            QuestionError: Their number differs from that of the worlds, or one is no MjData.
+            UnusableInputError: The model of the data lacks a part of the arm, their number differs from that
+                of the worlds, or one is no MjData.
         """
-        self._data = []
-        found: list[Any] = [data] if self._is_one else list(data) if isinstance(data, Sequence) else []
-        if len(found) != len(self._worlds):
-            given = len(found) if isinstance(data, Sequence) else type(data).__name__
-            raise QuestionError(
-                f"reset made a batch of {len(self._worlds)}: step_data reads a list of as many "
-                f"mujoco.MjData, got {given}"
-            )
-        self._seen, places = list[_Seen](), []
-        for world, one in zip(self._worlds, found, strict=True):
+        self._follow_chain()  # not the data that were read before
+        seen: list[Any] = [data] if self._is_single else list(data) if isinstance(data, Sequence) else []
+        if len(seen) != len(self._worlds):
+            count = len(seen) if isinstance(data, Sequence) else type(data).__name__
+            text = f"reset made a batch of {len(self._worlds)}: step_data reads a list of as many"
+            raise UnusableInputError(f"{text} mujoco.MjData, got {count}")
+        self._are_fresh, scratch = [], dict[int, mujoco.MjData]()  # one for each model
+        for world, one in zip(self._worlds, seen, strict=True):
+            if not isinstance(one, mujoco.MjData):
+                raise UnusableInputError(f"step_data reads an mujoco.MjData, got {type(one).__name__}")
             try:
-                model, arrays = one.model, (one.xquat, one.xanchor, one.xaxis)
-            except AttributeError:
-                raise QuestionError(f"step_data reads an mujoco.MjData, got {type(one).__name__}") from None
-            try:
-                sight = Sight(self.arm, self._laws[0].second, model)
-                alike = [seen.is_fresh.scratch for seen in self._seen if seen.model is model]
-                self._seen.append(_Seen(world, one, self.joints, sight, *alike[:1]))
+                bodies = look_at(world, one, self.arm, self._second)
             except KeyError as error:
-                told = " ".join(str(error).strip("'\"").split())
-                raise ModelError(f"the model of the data lacks a part of {self.arm.path}: {told}") from None
-            sight.write(world)
-            places.append((one.xpos if sight.is_beside else one.site_xpos, *arrays))
-        self._point_at(*places)
-        self._data = found
+                text = " ".join(str(error).strip("'\"").split())
+                text = f"the model of the data lacks a part of {self.arm.path}: {text}"
+                raise UnusableInputError(text) from None
+            self._are_fresh.append(Freshness(one, bodies, scratch.get(id(one.model))))
+            scratch[id(one.model)] = self._are_fresh[-1].scratch
+        self._data = seen
 
     def _sees(self, data: Any) -> bool:
         """Return whether steps already read these data."""
-        if self._is_one:
-            return bool(self._data) and data is self._data[0]
-        is_list = bool(self._data) and isinstance(data, Sequence)
-        return is_list and len(data) == len(self._data) and all(map(is_, data, self._data))
-
-    def _finish_seen(self, given: int) -> Command:
-        """Call the law; worlds with stale kinematics brake."""
-        if not self._stale:
-            return self._finish(given)
-        self.command.refusal = STALE
-        self._codes[:], self._given = given, given
-        self._codes[self._stale] = REFUSED
-        out, self._given = self._finish(given), -1
-        return out
-
-    def _read_data(self) -> int:
-        """Read the states and find the worlds with stale kinematics; return the bits of `Given`."""
-        self._stale = [w for w, seen in enumerate(self._seen) if not seen.read()]
-        return RATES
+        seen = [data] if self._is_single else data
+        is_alike = isinstance(seen, Sequence) and bool(seen) and len(seen) == len(self._data)
+        return is_alike and all(map(is_, seen, self._data))
 
     # Steps ----------------------------------------------------------------------------------------
 
@@ -279,15 +250,20 @@ class Controller(Loop):
         try:
             if self._data:
                 self._follow_chain()
-            given = FRAME_CODES[frame]
-            self._q[:] = q
+            if self._unseen:
+                raise UnusableInputError(self._unseen)
+            if q is None:
+                raise self._unusable(f"q must be ({self.arm.n},), got None")
+            self._take("q", q)
+            given = self._take_target(
+                frame, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target
+            )
             if qdot is not None:
-                self._qdot[:] = qdot
+                self._take("qdot", qdot)
                 given |= RATES
-            given |= self._take(pose, twist, q_target, qdot_target)
-        except Exception:
-            return self._step_with_care(q, qdot, pose, twist, frame, q_target, qdot_target)
-        return self._refuse(self._unseen) if self._unseen else self._finish(given)
+        except UnusableInputError as unusable:
+            return self._refuse(str(unusable))
+        return self._finish(given)
 
     def step_data(
         self,
@@ -317,134 +293,63 @@ class Controller(Loop):
         try:
             if not self._sees(data):
                 self._look_at(data)
-            given = FRAME_CODES[frame] | self._read_data()
-            given |= self._take(pose, twist, q_target, qdot_target)
-        except Exception as error:
-            if not self._data:
-                self._follow_chain()  # not the data that were read before
-                return self._refuse(str(error))
-            state = (self._worlds[name][:, : self.arm.n] for name in ("q", "qdot"))
-            q, qdot = (rows[0] if self._is_one else rows for rows in state)
-            return self._step_with_care(q, qdot, pose, twist, frame, q_target, qdot_target)
-        return self._finish_seen(given)
+            given = RATES | self._take_target(
+                frame, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target
+            )
+        except UnusableInputError as unusable:
+            if not self._data:  # some of which may have been read
+                self._follow_chain()
+            return self._refuse(str(unusable))
+        stale = [w for w, is_fresh in enumerate(self._are_fresh) if not is_fresh()]
+        return self._finish(given, stale, STALE)
 
-    def _take(
-        self,
-        pose: ArrayLike | None,
-        twist: ArrayLike | None,
-        q_target: ArrayLike | None,
-        qdot_target: ArrayLike | None,
-    ) -> int:
-        """Write the target where the law reads it; let the error of an array that does not fit pass."""
+    def _take_target(self, frame: str, **target: ArrayLike | None) -> int:
+        """Write the target where the law reads it; return its bits.
+
+        Raises:
+            UnusableInputError: A part has another form.
+        """
+        if not isinstance(frame, str) or frame not in FRAMES:
+            text = f"frame must be one of {', '.join(FRAMES)}, got {shortened(repr(frame))}"
+            raise self._unusable(text)
         given = 0
-        if pose is not None:
-            size = pose.shape[-1]  # type: ignore[union-attr]
-            given = POSES[size]
-            if size == 7:
-                self._pose[:] = pose
-            elif size == 6:
-                self._vector[:] = pose
-            else:
-                self._matrix[:] = pose
-        if twist is not None:
-            self._twist[:] = twist
-            given |= TWIST
-        if q_target is None and qdot_target is None:
-            return given
-        if given:
-            raise ValueError
-        if q_target is not None:
-            self._put["q_target"][:] = q_target
-            given |= POSITION_TARGET
-        if qdot_target is not None:
-            self._put["qdot_target"][:] = qdot_target
-            given |= RATE_TARGET
-        return given
+        for name, values in target.items():
+            if values is not None:
+                self._take(name, values)
+                given |= TARGETS[name]
+        if given & (POSE | TWIST) and given & (POSITION_TARGET | RATE_TARGET):
+            raise self._unusable("give pose and twist, or q_target and qdot_target, not both")
+        return given + FRAMES.index(frame) * FRAME
 
-    def _step_with_care(
-        self,
-        q: ArrayLike,
-        qdot: ArrayLike | None,
-        pose: ArrayLike | None,
-        twist: ArrayLike | None,
-        frame: str,
-        q_target: ArrayLike | None,
-        qdot_target: ArrayLike | None,
-    ) -> Command:
-        """Convert input that is not a 64-bit array of the right shape, or refuse it with a reason."""
-        given, wrong = 0, "" if self._data else self._unseen
-        if q is None:
-            wrong = wrong or f"q must be ({self.arm.n},), got None"
-        if frame in FRAME_CODES if isinstance(frame, str) else False:
-            given = FRAME_CODES[frame]
-        else:
-            wrong = wrong or f"frame must be one of {', '.join(FRAMES)}, got {shortened(repr(frame))}"
-        if (pose is not None or twist is not None) and (q_target is not None or qdot_target is not None):
-            wrong = wrong or "give pose and twist, or q_target and qdot_target, not both"
+    def _take(self, name: str, values: ArrayLike) -> Array:
+        """Write an argument of a step; a pose may be in any of its forms."""
+        if name != "pose":
+            return super()._take(name, values)
+        got = ""
         try:
-            sizes = np.shape(pose)[-1:]  # type: ignore[arg-type]
-        except ValueError:  # lists of different lengths
-            sizes = ()
-        kind = POSES.get(sizes[0] if sizes else 0, QUATERNION)
-        named = {QUATERNION: "pose", ROTVEC: "vector", MATRIX: "matrix"}[kind]
-        for name, values, bit, where in (
-            ("q", q, 0, "q"), ("qdot", qdot, RATES, "qdot"),
-            ("pose", pose, kind, named), ("twist", twist, TWIST, "twist"),
-            ("q_target", q_target, POSITION_TARGET, "q_target"),
-            ("qdot_target", qdot_target, RATE_TARGET, "qdot_target"),
-        ):  # fmt: skip
-            if wrong or values is None:
-                continue
-            wrong = self._taken(name, values, where)
-            given |= bit
-        return self._refuse(wrong) if wrong else self._finish_seen(given)
-
-    def _taken(self, name: str, values: ArrayLike, where: str) -> str:
-        n, w = self.arm.n, len(self._worlds)
-        size = {
-            "q": n,
-            "qdot": n,
-            "q_target": n,
-            "qdot_target": n,
-            "pose": 7,
-            "vector": 6,
-            "matrix": 4,
-            "twist": 6,
-        }[where]
-        shape = (size, size) if where == "matrix" else (size,)
-        wrong = taken(name, values, self._put[where], [shape] if self._is_one else [(w, *shape), shape])
-        if wrong and name == "pose":
-            many, got = "" if self._is_one else f", or {w} of them", wrong.rpartition(", got ")[2]
-            return f"pose must be (7,), (6,) or (4, 4){many}, got {got}"
-        return f"{wrong}; reset made a batch of {w}" if wrong and not self._is_one else wrong
+            numbers = self._numbers(name, values)
+            got = str(numbers.shape)
+            return super()._take(name, numbers if numbers.shape[-1:] == (7,) else _quaternion_pose(numbers))
+        except UnusableInputError as unusable:
+            got = got or str(unusable).partition(", got ")[2]
+            raise self._unusable(f"pose must be (7,), (6,) or (4, 4), got {got}") from None
 
 
-class _Seen:
-    """Views of the state and kinematics in one world's data."""
-
-    def __init__(
-        self, world: Any, data: Any, joints: Sequence[str], sight: Sight, scratch: Any = None
-    ) -> None:
-        """Find the joints in the data; raise KeyError where one is missing."""
-        self.model, n = data.model, len(joints)
-        wiring = [self.model.joint(name) for name in joints]
-        self._qpos, self._qvel, self._q, self._qdot = data.qpos, data.qvel, world["q"][:n], world["qdot"][:n]
-        self._at_q = _address([joint.qposadr[0] for joint in wiring])
-        self._at_qdot = _address([joint.dofadr[0] for joint in wiring])
-        self.is_fresh = Freshness(data, [*self.model.jnt_bodyid[sight.joint], *sight.bodies], scratch)
-
-    def read(self) -> bool:
-        """Read the state; return whether the kinematics belong to it."""
-        self._q[:], self._qdot[:] = self._qpos[self._at_q], self._qvel[self._at_qdot]
-        return self.is_fresh()
-
-
-def _address(numbers: Sequence[int]) -> Any:
-    """Return an index of these numbers: a slice if they are consecutive, which copies nothing."""
-    first = int(numbers[0])
-    if list(numbers) == list(range(first, first + len(numbers))):
-        return slice(first, first + len(numbers))
-    return np.array(numbers, np.int64)
+@np.errstate(all="ignore")  # the law reports numbers that are not finite
+def _quaternion_pose(pose: Array) -> Array:
+    """Return poses as [p, quat w x y z], (..., 7), from any of their forms; NaN for what is no rotation."""
+    if pose.shape[-1:] == (6,):
+        return np.concatenate([pose[..., :3], exp_rotation(pose[..., 3:])], axis=-1)
+    if pose.shape[-2:] != (4, 4):
+        return pose
+    poses = np.empty((*pose.shape[:-2], 7))
+    for T, row in zip(pose.reshape(-1, 4, 4), poses.reshape(-1, 7), strict=True):
+        row[:3], R, back = T[:3, 3], T[:3, :3].ravel(), np.empty(9)
+        mujoco.mju_mat2Quat(row[3:], R)
+        mujoco.mju_quat2Mat(back, row[3:])
+        if not np.abs([*(back - R), *(T[3] - LAST_ROW)]).max() <= SKEWEST:
+            row[3:] = np.nan
+    return poses
 
 
 def _arm(
@@ -452,7 +357,7 @@ def _arm(
     site: str | None,
     body: str | None,
     joints: Sequence[str] | None,
-    told: ArmSection | None,
+    section: ArmSection | None,
 ) -> Arm:
     """Return the arm of a model.
 
@@ -467,10 +372,10 @@ def _arm(
             raise QuestionError("an Arm has its site and joints; load it with those that you want")
         return model
     tool = None
-    if told is not None:
+    if section is not None:
         if site is None and body is None:
-            site, body, tool = told.site, told.body, told.tool
-        joints = told.joints if joints is None else joints
+            site, body, tool = section.site, section.body, section.tool
+        joints = section.joints if joints is None else joints
     if isinstance(model, str) and model.lstrip().startswith("<"):
         raise QuestionError("model is the text of a model: give a file, or mujoco.MjSpec.from_string(text)")
     if isinstance(model, str | os.PathLike):

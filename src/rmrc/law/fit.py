@@ -1,17 +1,18 @@
 """Whether a law fits the joints of an arm: the checks that a section alone cannot make."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from rmrc.law.law import rate_limit
+from rmrc.law.settings import rate_limit
 from rmrc.law.task import Joints
 from rmrc.scenario import ControlSection
 from rmrc.scenario.choices import INVERSES, POLICIES
 from rmrc.scenario.profile import load_profile
-from rmrc.support.errors import did_you_mean
+from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.legible import listed
+from rmrc.support.problems import Problem
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
@@ -30,6 +31,13 @@ def misfits(control: ControlSection, m: int, arm: Joints) -> Misfits:
     yield from scale_misfits("control.joint_weights", control.joint_weights or ())
     yield from method_misfits(control, m, arm)
     yield from slow_misfits(control, arm, "the arm")
+
+
+def refuse(misfits: Iterable[tuple[str, str]]) -> None:
+    """Raise a ScenarioError with all misfits, if there are any."""
+    problems = [Problem(tuple(key.split(".")), text) for key, text in misfits]
+    if problems:
+        raise ScenarioError(problems)
 
 
 def profile_misfits(key: str, name: str | None, arm: Joints) -> Misfits:
@@ -72,29 +80,18 @@ def scale_misfits(key: str, values: tuple[float, ...], is_list: bool = True) -> 
 
 def method_misfits(control: ControlSection, m: int, arm: Joints) -> Misfits:
     """Yield a misfit if an inverse needs a square Jacobian, or the metric of the joints."""
-    method = control.inverse.method
+    method, on_excess, key = control.inverse.method, control.limits.on_excess, "control.inverse.metric"
     if INVERSES[method].needs_square and m != arm.n:
-        yield (
-            "control.inverse.method",
-            (
-                f'"{method}" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
-                'choose other task.axes, or "pseudoinverse" or "damped"'
-            ),
+        text = (
+            f'"{method}" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
+            'choose other task.axes, or "pseudoinverse" or "damped"'
         )
-    if control.inverse.metric != "inertia":
-        return
-    if method == "selectively_damped":
-        yield (
-            "control.inverse.metric",
-            f'"{method}" clamps joint by joint, so it needs the metric "joints", got "inertia"; choose '
-            'another method, such as "damped"',
-        )
-    if control.limits.on_excess in ("optimal", "sns"):
-        yield (
-            "control.inverse.metric",
-            f'on_excess "{control.limits.on_excess}" measures joint by joint, so it needs the metric '
-            '"joints", got "inertia"; choose "scale" or "redistribute"',
-        )
+        yield "control.inverse.method", text
+    needs = 'so it needs the metric "joints", got "inertia"; choose'
+    if control.inverse.metric == "inertia" and method == "selectively_damped":
+        yield key, f'"{method}" clamps joint by joint, {needs} another method, such as "damped"'
+    if control.inverse.metric == "inertia" and on_excess in ("optimal", "sns"):
+        yield key, f'on_excess "{on_excess}" measures joint by joint, {needs} "scale" or "redistribute"'
 
 
 def second_task_misfits(control: ControlSection, arm: "Arm") -> Misfits:
@@ -107,33 +104,20 @@ def second_task_misfits(control: ControlSection, arm: "Arm") -> Misfits:
         known, hint = listed(arm.sites), did_you_mean(site, arm.sites)
         yield key, f'{arm.path}: has no site "{site}"{hint}; its sites: {known}'
     elif not arm.moves(site).any():
-        yield (
-            key,
-            (
-                f'must be a site that the arm moves, but none of its joints moves "{site}"; '
-                f"its sites: {listed(name for name in arm.sites if arm.moves(name).any())}"
-            ),
-        )
+        moved = listed(name for name in arm.sites if arm.moves(name).any())
+        text = f'must be a site that the arm moves, but none of its joints moves "{site}"; its sites: {moved}'
+        yield key, text
 
 
 def slow_misfits(control: ControlSection, arm: Joints, called: object) -> Misfits:
     """Yield the needs of a policy that slows the path: a feed-forward to scale, and limits to keep."""
-    name = control.at_singularity
+    name, key, rate = control.at_singularity, "control.at_singularity", control.limits.rate
     if not POLICIES[name].slows:
         return
     if not control.feedforward:
-        yield (
-            "control.at_singularity",
-            (f'"{name}" scales the feed-forward, so it needs control.feedforward: true, got false'),
-        )
-    rate = control.limits.rate
+        yield key, f'"{name}" scales the feed-forward, so it needs control.feedforward: true, got false'
     if isinstance(rate, tuple) and len(rate) != arm.n:  # reported already
         return
     if not np.isfinite(rate_limit(arm, control.limits)).all():
-        yield (
-            "control.at_singularity",
-            (
-                f'"{name}" keeps rates within their limits, and {called} has none for every joint; '
-                "give control.limits.rate"
-            ),
-        )
+        text = f'"{name}" keeps rates within their limits, and {called} has none for every joint'
+        yield key, f"{text}; give control.limits.rate"

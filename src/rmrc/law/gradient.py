@@ -1,7 +1,7 @@
 """Derivatives of the singular values by the joints, from the derivative of J, without differences."""
 
+from rmrc.law.compiling import Array, Record, compiled
 from rmrc.law.inertia import add_energy_gradient
-from rmrc.law.jit import Array, Record, compiled
 from rmrc.law.kinematics import SITE
 from rmrc.law.metric import INERTIA, backward, scale_joints
 from rmrc.law.svd import dot
@@ -24,46 +24,45 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
         i: Index of the singular value.
         gradient: Written, (n,) [1/rad or 1/m].
     """
+    chain, scratch = world.chain, world.scratch
     for j in range(world.n):
-        world.shape[j] = world.v[i, j]
-    scale_joints(world, world.shape)
-    # J and columns may have two types, which one variable cannot have
-    if world.axes == world.n:
-        gradient_of(world, i, world.J, gradient)
-    else:
-        gradient_of(world, i, world.columns, gradient)
-    if world.inverse_metric == INERTIA:
+        scratch.shape[j] = world.first.v[i, j]
+    scale_joints(world, scratch.shape)
+    columns = world.state.J if chain.axes == world.n else chain.columns
+    gradient_of(world, i, columns, gradient)
+    if world.law.inverse_metric == INERTIA:
         add_metric_gradient(world, i, gradient)
 
 
 @compiled
 def add_metric_gradient(world: Record, i: int, gradient: Array) -> None:
     """Add the change of σ_i that the change of the joint inertia causes: −σ_i ∂T/∂q at the rates of v_i."""
+    links, scratch, first = world.links, world.scratch, world.first
     n, sigma = world.n, 0.0
     for j in range(n):
-        world.shape[j] = world.v[i, j]
-    backward(world.root, world.shape, n)
+        scratch.shape[j] = first.v[i, j]
+    backward(links.root, scratch.shape, n)
     for r in range(world.m):
-        sigma += world.u[i, r] * dot(world.A[r], world.shape, n)
+        sigma += first.u[i, r] * dot(scratch.A[r], scratch.shape, n)
     for j in range(n):
-        world.shape[j] *= world.metric_scale[j]
-    add_energy_gradient(world, world.shape, -sigma, gradient)
+        scratch.shape[j] *= links.scale[j]
+    add_energy_gradient(world, scratch.shape, -sigma, gradient)
 
 
 @compiled
 def gradient_of(world: Record, i: int, J: Array, gradient: Array) -> None:
     """Write the gradient for `sigma_gradient` from the contributions of the axes, (6, ℓ)."""
-    n, turns = world.axes, world.frame == SITE
+    n, turns = world.chain.axes, world.task.frame == SITE
     fx, fy, fz, mx, my, mz = expanded(world, i)
     for a in range(n):
-        leader = world.leader[a]
-        world.axis_rate[a] = world.ratio[a] * world.shape[leader]
+        leader = world.chain.leader[a]
+        world.chain.rate[a] = world.chain.ratio[a] * world.scratch.shape[leader]
     for j in range(world.n):
         gradient[j] = 0.0
     for j in range(n):
         ax = ay = az = bx = by = bz = 0.0
         for l in range(n):  # noqa: E741  the index of the slopes (15) of docs/theory.md
-            x = world.axis_rate[l]
+            x = world.chain.rate[l]
             ox, oy, oz = x * J[3, l], x * J[4, l], x * J[5, l]
             if l <= j:  # the axes of a chain are in this order
                 bx, by, bz = bx + ox, by + oy, bz + oz
@@ -74,7 +73,7 @@ def gradient_of(world: Record, i: int, J: Array, gradient: Array) -> None:
                 az += vx * fy - vy * fx + ox * my - oy * mx
         if turns:
             ax, ay, az = -ax, -ay, -az
-        gradient[world.leader[j]] += world.ratio[j] * (
+        gradient[world.chain.leader[j]] += world.chain.ratio[j] * (
             J[3, j] * ax + J[4, j] * ay + J[5, j] * az
             + J[0, j] * (fy * bz - fz * by) + J[1, j] * (fz * bx - fx * bz) + J[2, j] * (fx * by - fy * bx)
         )  # fmt: skip
@@ -83,9 +82,10 @@ def gradient_of(world: Record, i: int, J: Array, gradient: Array) -> None:
 @compiled
 def expanded(world: Record, i: int) -> tuple[float, float, float, float, float, float]:
     """Return S_x u_i as six rows, 0 for rows that do not count."""
+    task = world.task
     fx = fy = fz = mx = my = mz = 0.0
     for r in range(world.m):
-        row, value = world.row[r], world.row_scale[r] * world.u[i, r]
+        row, value = task.row[r], task.row_scale[r] * world.first.u[i, r]
         fx += value if row == 0 else 0.0
         fy += value if row == 1 else 0.0
         fz += value if row == 2 else 0.0

@@ -7,14 +7,13 @@ link. As everywhere, the joint positions are those that the law takes the arm to
 """
 
 import math
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from rmrc.law.jit import Array, Record, apart, compiled
+from rmrc.law.compiling import Array, Method, Record, compiled
 from rmrc.law.kinematics import quat_product, turned
-from rmrc.law.metric import INERTIA, factor
-from rmrc.law.record import CHAIN, JOINTS, Field
+from rmrc.law.metric import factor
 from rmrc.law.svd import dot
 
 if TYPE_CHECKING:  # a law without an arm does not load MuJoCo
@@ -24,16 +23,7 @@ Twist: TypeAlias = tuple[float, float, float, float, float, float]
 
 
 class Inertia:
-    """The metric of a law: it owns the fields of a world's record that describe the moving masses."""
-
-    fields: ClassVar[tuple[Field, ...]] = (
-        Field("links", np.int64), Field("link_parent", np.int64, (CHAIN,)),
-        Field("link_leader", np.int64, (CHAIN,)), Field("link_ratio", size=(CHAIN,)),
-        Field("link_slides", np.int64, (CHAIN,)), Field("link_axis", size=(CHAIN, 3)),
-        Field("link_step", size=(CHAIN, 3)), Field("link_mass", size=(CHAIN,)),
-        Field("link_moment", size=(CHAIN, 3)), Field("link_inertia", size=(CHAIN, 3, 3)),
-        Field("armature", size=(JOINTS,)), Field("metric_scale", size=(JOINTS,)),
-    )  # fmt: skip
+    """The metric of a law: it writes the moving masses into a world's record."""
 
     def __init__(self, arm: "Arm", length: float) -> None:
         """Bind it to an arm.
@@ -47,83 +37,84 @@ class Inertia:
         self._scale = lengths / math.sqrt(float(np.mean(lengths**2 * arm.inertia)))
 
     def write(self, world: np.void) -> None:
-        """Write its fields of a world's record."""
-        masses, count = self._masses, len(self._masses.mass)
-        world["links"] = count
+        """Write them into a world's record."""
+        masses, links, n = self._masses, world["links"], len(self._masses.armature)
+        count = links["count"] = len(masses.mass)
         for name, values in (
             ("parent", masses.parent), ("leader", masses.leader), ("ratio", masses.ratio),
-            ("slides", masses.is_slide), ("axis", masses.axis), ("step", masses.step),
+            ("is_slide", masses.is_slide), ("axis_0", masses.axis), ("step_0", masses.step),
             ("mass", masses.mass), ("moment", masses.moment), ("inertia", masses.inertia),
         ):  # fmt: skip
-            world[f"link_{name}"][:count] = values
-        n = len(masses.armature)
-        world["armature"][:n], world["metric_scale"][:n] = masses.armature, self._scale
+            links[name][:count] = values
+        links["armature"][:n], links["scale"][:n] = masses.armature, self._scale
 
 
-@apart("call_metric", inverse_metric=(INERTIA,))
+@Method
 def find_metric(world: Record) -> None:
     """Write the scaled inertia at q into `metric` (n, n), and its Cholesky factor into `root`."""
     n = world.n
     place_links(world)
     for i in range(n):
         for j in range(n):
-            world.metric[i, j] = 0.0
-        world.metric[i, i] = world.armature[i]
-    for a in range(world.links - 1, -1, -1):  # the links that a link carries have been added to it by then
+            world.links.metric[i, j] = 0.0
+        world.links.metric[i, i] = world.links.armature[i]
+    for a in range(world.links.count - 1, -1, -1):  # the links that it carries have been added by then
         carried, b = momentum(world, a, screw(world, a)), a
         while b >= 0:
-            inertia = world.link_ratio[a] * world.link_ratio[b] * paired(carried, screw(world, b))
-            i, j = world.link_leader[a], world.link_leader[b]
-            world.metric[i, j] += inertia
+            inertia = world.links.ratio[a] * world.links.ratio[b] * paired(carried, screw(world, b))
+            i, j = world.links.leader[a], world.links.leader[b]
+            world.links.metric[i, j] += inertia
             if a != b:
-                world.metric[j, i] += inertia
-            b = world.link_parent[b]
-        if world.link_parent[a] >= 0:
-            load_on(world, a, world.link_parent[a])
+                world.links.metric[j, i] += inertia
+            b = world.links.parent[b]
+        if world.links.parent[a] >= 0:
+            load_on(world, a, world.links.parent[a])
     for i in range(n):
         for j in range(n):
-            world.metric[i, j] *= world.metric_scale[i] * world.metric_scale[j]
-            world.root[i, j] = world.metric[i, j]
-    factor(world.root, n)
+            world.links.metric[i, j] *= world.links.scale[i] * world.links.scale[j]
+            world.links.root[i, j] = world.links.metric[i, j]
+    factor(world.links.root, n)
 
 
 @compiled
 def load_on(world: Record, a: int, b: int) -> None:
     """Add the inertia that link a carries, itself included, to the inertia that link b carries."""
-    world.moving_mass[b] += world.moving_mass[a]
+    links = world.links
+    links.carried_mass[b] += links.carried_mass[a]
     for i in range(3):
-        world.moving_moment[b, i] += world.moving_moment[a, i]
+        links.carried_moment[b, i] += links.carried_moment[a, i]
         for c in range(3):
-            world.moving_inertia[b, i, c] += world.moving_inertia[a, i, c]
+            links.carried_inertia[b, i, c] += links.carried_inertia[a, i, c]
 
 
 @compiled
 def place_links(world: Record) -> None:
     """Write the place of each link at q: its axis, its joint, and its mass, moment and inertia."""
-    for a in range(world.links):
-        b, moved = world.link_parent[a], world.link_ratio[a] * world.q[world.link_leader[a]]
+    links, state = world.links, world.state
+    for a in range(links.count):
+        b, moved = links.parent[a], links.ratio[a] * state.q[links.leader[a]]
         x = y = z = 0.0
         turn = (1.0, 0.0, 0.0, 0.0)
         if b >= 0:
-            t = world.turn[b]
+            t = links.turn[b]
             turn = (t[0], t[1], t[2], t[3])
-            x, y, z = world.anchor[b, 0], world.anchor[b, 1], world.anchor[b, 2]
-            if world.link_slides[b]:
-                way = world.link_ratio[b] * world.q[world.link_leader[b]]
-                x += way * world.axis[b, 0]
-                y += way * world.axis[b, 1]
-                z += way * world.axis[b, 2]
-        dx, dy, dz = turned(turn, world.link_step[a])
+            x, y, z = links.anchor[b, 0], links.anchor[b, 1], links.anchor[b, 2]
+            if links.is_slide[b]:
+                way = links.ratio[b] * state.q[links.leader[b]]
+                x += way * links.axis[b, 0]
+                y += way * links.axis[b, 1]
+                z += way * links.axis[b, 2]
+        dx, dy, dz = turned(turn, links.step_0[a])
         x, y, z = x + dx, y + dy, z + dz
-        ax, ay, az = turned(turn, world.link_axis[a])
-        world.anchor[a, 0], world.anchor[a, 1], world.anchor[a, 2] = x, y, z
-        world.axis[a, 0], world.axis[a, 1], world.axis[a, 2] = ax, ay, az
-        if world.link_slides[a]:
+        ax, ay, az = turned(turn, links.axis_0[a])
+        links.anchor[a, 0], links.anchor[a, 1], links.anchor[a, 2] = x, y, z
+        links.axis[a, 0], links.axis[a, 1], links.axis[a, 2] = ax, ay, az
+        if links.is_slide[a]:
             x, y, z = x + moved * ax, y + moved * ay, z + moved * az
         else:
             c, s = math.cos(0.5 * moved), math.sin(0.5 * moved)
             turn = quat_product((c, s * ax, s * ay, s * az), turn)
-        t = world.turn[a]
+        t = links.turn[a]
         t[0], t[1], t[2], t[3] = turn
         move_mass(world, a, x, y, z)
 
@@ -134,20 +125,21 @@ def move_mass(world: Record, a: int, x: float, y: float, z: float) -> None:
 
     I_0 = R I Rᵀ + (2 p·h + m p·p) 1 − p hᵀ − h pᵀ − m p pᵀ,   h the moment about the joint
     """
-    t, m, p, half = world.turn[a], world.link_mass[a], world.point, world.half_turned
-    h, inertia = world.moving_moment[a], world.moving_inertia[a]
+    links = world.links
+    t, m, p, half = links.turn[a], links.mass[a], links.point, links.half_turned
+    h, inertia = links.carried_moment[a], links.carried_inertia[a]
     turn = (t[0], t[1], t[2], t[3])
     p[0], p[1], p[2] = x, y, z
-    h[0], h[1], h[2] = turned(turn, world.link_moment[a])
+    h[0], h[1], h[2] = turned(turn, links.moment[a])
     for c in range(3):
-        half[0, c], half[1, c], half[2, c] = turned(turn, world.link_inertia[a, c])
+        half[0, c], half[1, c], half[2, c] = turned(turn, links.inertia[a, c])
     square = 2.0 * dot(p, h, 3) + m * dot(p, p, 3)
     for i in range(3):
         inertia[i, 0], inertia[i, 1], inertia[i, 2] = turned(turn, half[i])
         inertia[i, i] += square
         for c in range(3):
             inertia[i, c] -= p[i] * h[c] + h[i] * p[c] + m * p[i] * p[c]
-    world.moving_mass[a] = m
+    links.carried_mass[a] = m
     for i in range(3):
         h[i] += m * p[i]
 
@@ -155,18 +147,20 @@ def move_mass(world: Record, a: int, x: float, y: float, z: float) -> None:
 @compiled
 def screw(world: Record, a: int) -> Twist:
     """Return the twist [ω; v at the origin] of a link at unit rate of its joint."""
-    x, y, z = world.axis[a, 0], world.axis[a, 1], world.axis[a, 2]
-    if world.link_slides[a]:
+    links = world.links
+    x, y, z = links.axis[a, 0], links.axis[a, 1], links.axis[a, 2]
+    if links.is_slide[a]:
         return 0.0, 0.0, 0.0, x, y, z
-    px, py, pz = world.anchor[a, 0], world.anchor[a, 1], world.anchor[a, 2]
+    px, py, pz = links.anchor[a, 0], links.anchor[a, 1], links.anchor[a, 2]
     return x, y, z, py * z - pz * y, pz * x - px * z, px * y - py * x
 
 
 @compiled
 def momentum(world: Record, a: int, twist: Twist) -> Twist:
     """Return [angular; linear] momentum about the origin of a link and all that it carries, at a twist."""
+    links = world.links
     wx, wy, wz, vx, vy, vz = twist
-    m, h, inertia = world.moving_mass[a], world.moving_moment[a], world.moving_inertia[a]
+    m, h, inertia = links.carried_mass[a], links.carried_moment[a], links.carried_inertia[a]
     return (
         inertia[0, 0] * wx + inertia[0, 1] * wy + inertia[0, 2] * wz + h[1] * vz - h[2] * vy,
         inertia[1, 0] * wx + inertia[1, 1] * wy + inertia[1, 2] * wz + h[2] * vx - h[0] * vz,
@@ -197,18 +191,19 @@ def add_energy_gradient(world: Record, rates: Array, factor: float, gradient: Ar
         factor: Factor of the gradient.
         gradient: Added to, (n,).
     """
-    for a in range(world.links):
-        b, rate, S = world.link_parent[a], world.link_ratio[a] * rates[world.link_leader[a]], screw(world, a)
+    links = world.links
+    for a in range(links.count):
+        b, rate, S = links.parent[a], links.ratio[a] * rates[links.leader[a]], screw(world, a)
         own = momentum(world, a, S)
         for c in range(6):
-            world.link_twist[a, c] = rate * S[c] + (world.link_twist[b, c] if b >= 0 else 0.0)
-            world.link_momentum[a, c] = rate * own[c]
-    for a in range(world.links - 1, -1, -1):
-        b, S, h, v = world.link_parent[a], screw(world, a), world.link_momentum[a], world.link_twist[a]
+            links.twist[a, c] = rate * S[c] + (links.twist[b, c] if b >= 0 else 0.0)
+            links.momentum[a, c] = rate * own[c]
+    for a in range(links.count - 1, -1, -1):
+        b, S, h, v = links.parent[a], screw(world, a), links.momentum[a], links.twist[a]
         if b >= 0:
             for c in range(6):
-                world.link_momentum[b, c] += h[c]
-            u = world.link_twist[b]
+                links.momentum[b, c] += h[c]
+            u = links.twist[b]
             base = momentum(world, a, (u[0], u[1], u[2], u[3], u[4], u[5]))
             for c in range(6):
                 h[c] += base[c]
@@ -219,4 +214,4 @@ def add_energy_gradient(world: Record, rates: Array, factor: float, gradient: Ar
             S[0] * v[4] - S[1] * v[3] + S[3] * v[1] - S[4] * v[0],
         )  # fmt: skip
         slope = paired((h[0], h[1], h[2], h[3], h[4], h[5]), turns)
-        gradient[world.link_leader[a]] -= factor * world.link_ratio[a] * slope
+        gradient[links.leader[a]] -= factor * links.ratio[a] * slope

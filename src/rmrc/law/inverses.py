@@ -1,72 +1,57 @@
 """Every inverse as a filter g(σ), one function each.
 
-All take the world (parameters, and A), the demand on each direction, Uᵀ S_x twist_cmd (k,), the singular
-values (k,), descending, the right vectors as rows (k, n), and λ of this tick. They write the gains
-g(σ_i), (k,), 0 where σ_i is zero to rounding, so that no result is NaN.
+All take the world (parameters, and A) and a spectrum: the singular values, descending, the right vectors as
+rows, the demand on each direction, Uᵀ S_x twist_cmd, and λ of this tick. They write its gains g(σ_i), 0 where
+σ_i is zero to rounding, so that no result is NaN.
 """
 
 import math
 
-from rmrc.law.damping import fading, scheduled
-from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
+from rmrc.law.compiling import Array, Method, Record, compiled
+from rmrc.law.damping import fading
 from rmrc.law.svd import RANK_FLOOR, combine
 from rmrc.scenario.choices import INVERSES
 
-FILTERED, JPARSE = INVERSES.code("filtered"), INVERSES.code("jparse")
+JPARSE = INVERSES.code("jparse")
 SCHEDULED = INVERSES.codes(lambda one: one.is_scheduled)
 
 # The largest gain: its products with any command stay finite, so that no result is NaN.
 LARGEST_GAIN = 1e150
 
 
-@compiled
-def damping(world: Record, asked: Array, sigma: Array) -> float:
-    """Return λ for this tick, in the units of σ (not λ²); zero for methods without damping.
-
-    For the method `filtered` it is the λ of the smallest σ.
-
-    Args:
-        world: Parameters.
-        asked: Uᵀ S_x twist_cmd, the demand on each direction, (k,).
-        sigma: Singular values, (k,).
-    """
-    if world.inverse_method in SCHEDULED:
-        return scheduled(world, asked, sigma)
-    return fading(world, sigma[world.k - 1]) if world.inverse_method == FILTERED else 0.0
-
-
-@inlined
-def inverse(world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
+@Method
+def inverse(world: Record, spectrum: Record) -> None:
     """Write 1/σ."""
-    invert_above(world, sigma, RANK_FLOOR * sigma[0], gain)
+    invert_above(world, spectrum, RANK_FLOOR * spectrum.sigma[0])
 
 
-@inlined
-def pseudoinverse(world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
+@Method
+def pseudoinverse(world: Record, spectrum: Record) -> None:
     """Write 1/σ for σ > tolerance · σ_1, else 0 [Whitney69]."""
-    invert_above(world, sigma, max(RANK_FLOOR, world.inverse_tolerance) * sigma[0], gain)
+    invert_above(world, spectrum, max(RANK_FLOOR, world.law.inverse_tolerance) * spectrum.sigma[0])
 
 
-@inlined
-def truncated(world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
+@Method
+def truncated(world: Record, spectrum: Record) -> None:
     """Write 1/σ for σ > cutoff, else 0 [Golub13, §5.5]."""
-    invert_above(world, sigma, max(RANK_FLOOR * sigma[0], world.inverse_cutoff), gain)
+    invert_above(world, spectrum, max(RANK_FLOOR * spectrum.sigma[0], world.law.inverse_cutoff))
 
 
 @compiled
-def invert_above(world: Record, sigma: Array, floor: float, gain: Array) -> None:
+def invert_above(world: Record, spectrum: Record, floor: float) -> None:
     """Write 1/σ for σ > floor, else 0."""
     for i in range(world.k):
-        gain[i] = 0.0 if sigma[i] <= floor else min(1.0 / sigma[i], LARGEST_GAIN)
+        sigma = spectrum.sigma[i]
+        spectrum.gain[i] = 0.0 if sigma <= floor else min(1.0 / sigma, LARGEST_GAIN)
 
 
-@inlined
-def transpose(world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
+@Method
+def transpose(world: Record, spectrum: Record) -> None:
     """Write α σ with the α that leaves the smallest task residual [Wolovich84], [Buss05].
 
     All values are relative to σ_1 and to the largest entry, so that no square overflows or underflows.
     """
-    largest = 0.0
+    sigma, asked, gain, largest = spectrum.sigma, spectrum.asked, spectrum.gain, 0.0
     for i in range(world.k):
         gain[i] = asked[i] * (sigma[i] / sigma[0]) if sigma[0] > 0.0 else 0.0
         largest = max(largest, abs(gain[i]))
@@ -82,44 +67,46 @@ def transpose(world: Record, asked: Array, sigma: Array, v: Array, damped: float
         gain[i] = min(gain[i] * alpha, LARGEST_GAIN) if gain[i] > RANK_FLOOR else 0.0
 
 
-@inlined
-def damped(world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
+@Method
+def damped(world: Record, spectrum: Record) -> None:
     """Write σ/(σ² + λ²) [Nakamura86], [Wampler86]."""
+    floor = RANK_FLOOR * spectrum.sigma[0]
     for i in range(world.k):
-        gain[i] = damped_gain(sigma[i], RANK_FLOOR * sigma[0], damped)
+        spectrum.gain[i] = damped_gain(spectrum.sigma[i], floor, spectrum.damping)
 
 
-@inlined
-def filtered(world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
+@Method
+def filtered(world: Record, spectrum: Record) -> None:
     """Write σ/(σ² + λ(σ)²): each direction has its own λ [Maciejewski88]."""
+    floor = RANK_FLOOR * spectrum.sigma[0]
     for i in range(world.k):
-        gain[i] = damped_gain(sigma[i], RANK_FLOOR * sigma[0], fading(world, sigma[i]))
+        sigma = spectrum.sigma[i]
+        spectrum.gain[i] = damped_gain(sigma, floor, fading(world, sigma))
 
 
 @compiled
-def damped_gain(sigma: float, floor: float, damped: float) -> float:
+def damped_gain(sigma: float, floor: float, damping: float) -> float:
     """Return σ/(σ² + λ²) for σ > floor, else 0."""
     if sigma <= floor:
         return 0.0
-    gain = sigma / (sigma * sigma + damped * damped) if damped > 0.0 else 1.0 / sigma
+    gain = sigma / (sigma * sigma + damping * damping) if damping > 0.0 else 1.0 / sigma
     return min(gain, LARGEST_GAIN)
 
 
-@inlined
-def selectively_damped(
-    world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array
-) -> None:
+@Method
+def selectively_damped(world: Record, spectrum: Record) -> None:
     """Write 1/σ, reduced to Buss and Kim's bounds for each direction and for their sum [Buss05].
 
     Where the joint motion of a direction moves the tip by less than the joints would one by one, as in a
     direction that becomes singular, the bound is smaller in proportion.
     """
-    invert_above(world, sigma, RANK_FLOOR * sigma[0], gain)
-    n, bound, scale = world.n, world.inverse_rate_bound, world.work
+    sigma, asked, gain, v = spectrum.sigma, spectrum.asked, spectrum.gain, spectrum.v
+    n, bound, scale, A = world.n, world.law.inverse_rate_bound, world.scratch.work, world.scratch.A
+    invert_above(world, spectrum, RANK_FLOOR * sigma[0])
     for j in range(n):
         total = 0.0
         for r in range(world.m):
-            total += world.A[r, j] * world.A[r, j]
+            total += A[r, j] * A[r, j]
         scale[j] = math.sqrt(total)
     for i in range(world.k):
         peak, alone = 0.0, 0.0
@@ -139,30 +126,29 @@ def selectively_damped(
             gain[i] *= bound / largest
 
 
-@inlined
-def jparse(world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
+@Method
+def jparse(world: Record, spectrum: Record) -> None:
     """Write 1/σ for σ >= γ σ_1, else σ/(γ σ_1)² [Guptasarma25]."""
-    floor, fades_below = RANK_FLOOR * sigma[0], world.inverse_gamma * sigma[0]
+    largest = spectrum.sigma[0]
+    floor, fades_below = RANK_FLOOR * largest, world.law.inverse_gamma * largest
     for i in range(world.k):
-        if sigma[i] <= floor:
-            gain[i] = 0.0
-        elif sigma[i] < fades_below:
-            gain[i] = min(sigma[i] / fades_below / fades_below, LARGEST_GAIN)
+        sigma = spectrum.sigma[i]
+        if sigma <= floor:
+            spectrum.gain[i] = 0.0
+        elif sigma < fades_below:
+            spectrum.gain[i] = min(sigma / fades_below / fades_below, LARGEST_GAIN)
         else:
-            gain[i] = min(1.0 / sigma[i], LARGEST_GAIN)
+            spectrum.gain[i] = min(1.0 / sigma, LARGEST_GAIN)
 
 
 @compiled
 def push_fading(world: Record, u: Array, task: Array, sigma: Array, asked: Array) -> None:
     """Weigh the linear and angular rows in the demand on directions that `jparse` fades: u_iᵀ K t."""
-    linear, angular = world.inverse_push_position, world.inverse_push_rotation
-    if world.inverse_method != JPARSE or (linear == 1.0 and angular == 1.0):
+    linear, angular = world.law.inverse_push_position, world.law.inverse_push_rotation
+    if world.law.inverse_method != JPARSE or (linear == 1.0 and angular == 1.0):
         return
     for i in range(world.k):
-        if sigma[i] < world.inverse_gamma * sigma[0]:
+        if sigma[i] < world.law.inverse_gamma * sigma[0]:
             asked[i] = 0.0
             for r in range(world.m):
-                asked[i] += u[i, r] * task[r] * (linear if world.row[r] < 3 else angular)
-
-
-gains = inlined(dispatch(INVERSES, like=inverse, field="call_gains"))
+                asked[i] += u[i, r] * task[r] * (linear if world.task.row[r] < 3 else angular)

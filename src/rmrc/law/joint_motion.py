@@ -6,10 +6,15 @@ Each joint is limited on its own. Only rate limits scale all joints alike, unles
 import math
 
 from rmrc.law.braking import steady_stop
+from rmrc.law.compiling import Method, Record, call, compiled
 from rmrc.law.jerk import come_to_rest, ease, foresee, is_within_jerk, look_back
-from rmrc.law.jit import Record, compiled
-from rmrc.law.limits import bounds, broken, confine, exceeded, is_within
+from rmrc.law.law import aim, record_measures, scale_task, singular_status
+from rmrc.law.limits import broken, confine, exceeded, find_bounds, is_within
+from rmrc.law.sight import JACOBIAN_ALONE
 from rmrc.scenario.choices import LIMITS, Status
+
+# Bits of `input.given`: what the joints are brought to.
+POSITION_TARGET, RATE_TARGET = 8, 16
 
 NONE, CLAMP = LIMITS.code("none"), LIMITS.code("clamp")
 POSITION_LIMITED, STOPPED = int(Status.POSITION_LIMITED), int(Status.STOPPED)
@@ -25,14 +30,15 @@ RETURN_GAIN, RETURN_RATE = 5.0, 0.5
 @compiled
 def is_outside(world: Record) -> bool:
     """Return whether a joint is on its way back into its range: from MARGIN outside until it is inside."""
+    limits, state, input_ = world.limits, world.state, world.input
     outside = False
-    for j in range(world.n if world.limits_on_excess != NONE else 0):
-        beyond = max(world.q[j] - world.position_limit[1, j], world.position_limit[0, j] - world.q[j])
+    for j in range(world.n if world.law.limits_on_excess != NONE else 0):
+        beyond = max(state.q[j] - limits.position[1, j], limits.position[0, j] - state.q[j])
         if beyond > MARGIN:
-            world.returning[j] = 1.0
+            input_.returning[j] = 1.0
         elif beyond <= 0.0:
-            world.returning[j] = 0.0
-        outside |= world.returning[j] != 0.0
+            input_.returning[j] = 0.0
+        outside |= input_.returning[j] != 0.0
     return outside
 
 
@@ -49,85 +55,122 @@ def approach_rate(world: Record, j: int, way: float, gain: float) -> float:
         way: Distance to the position [rad or m].
         gain: Gain of the position error [1/s].
     """
-    distance, braking, T = abs(way), world.braking[j], world.period
+    limits = world.limits
+    distance, braking, T = abs(way), limits.braking[j], world.period
     rate = gain * distance
     if gain > 0.0 and distance > braking / (gain * gain):
         rate = math.sqrt(2.0 * braking * (distance - 0.5 * braking / (gain * gain)))
-    if world.is_eased:
-        rate = min(rate, steady_stop(distance, braking * T, world.jerk_step[j], T))
-    return math.copysign(min(rate, world.rate_limit[j]), way)
+    if limits.is_eased:
+        rate = min(rate, steady_stop(distance, braking * T, limits.jerk_step[j], T))
+    return math.copysign(min(rate, limits.rate[j]), way)
 
 
-@compiled
-def follow_joints(world: Record, tick: Record, to_positions: bool, to_rates: bool) -> int:
-    """Write the rates that bring the joints to their targets; return the status.
-
-    Args:
-        world: q, q_target and qdot_target, and limits.
-        tick: qdot_cmd is written.
-        to_positions: Whether there are target positions.
-        to_rates: Whether there are target rates.
-    """
+@Method
+def move_joints(world: Record) -> None:
+    """Write the rates of a motion of the joints: back into their range, or to their targets."""
+    tick, first = world.tick, world.first
+    if world.input.sites != JACOBIAN_ALONE:
+        aim(world)
+    scale_task(world)
+    call(world.methods.decompose, world, first)
+    for i in range(world.k):
+        first.gain[i] = math.nan
     for j in range(world.n):
-        tick.qdot_cmd[j] = world.qdot_target[j] if to_rates else 0.0
-        if to_positions:
-            tick.qdot_cmd[j] += approach_rate(world, j, world.q_target[j] - world.q[j], world.feedback)
-    tick.path_rate = 1.0
-    return limit_joints(world, tick)
+        tick.qdot_plain[j] = math.nan
+    first.damping = tick.secondary_error = tick.secondary_sigma = math.nan
+    status = singular_status(world)
+    tick.status = status | (come_back(world) if is_outside(world) else follow_joints(world))
+    record_measures(world)
 
 
 @compiled
-def come_back(world: Record, tick: Record) -> int:
+def follow_joints(world: Record) -> int:
+    """Write the rates that bring the joints to their targets; return the status."""
+    tick, input_ = world.tick, world.input
+    to_positions, to_rates = input_.given & POSITION_TARGET != 0, input_.given & RATE_TARGET != 0
+    for j in range(world.n):
+        tick.qdot_cmd[j] = input_.qdot_target[j] if to_rates else 0.0
+        if to_positions:
+            tick.qdot_cmd[j] += approach_rate(
+                world, j, input_.q_target[j] - world.state.q[j], world.task.feedback
+            )
+    tick.path_rate = 1.0
+    return limit_joints(world)
+
+
+@compiled
+def come_back(world: Record) -> int:
     """Write the rates that bring joints back into range while the others come to rest; return the status."""
+    state, scratch, tick, input_ = world.state, world.scratch, world.tick, world.input
     tick.path_rate, status = 0.0, POSITION_LIMITED | STOPPED
     for j in range(world.n):
-        lower, upper, last = world.position_limit[0, j], world.position_limit[1, j], world.qdot_cmd_last[j]
-        inside, change, wish = min(MARGIN, 0.5 * (upper - lower)), world.braking[j] * world.period, 0.0
-        if world.returning[j] != 0.0:
-            aim = min(max(world.q[j], lower + inside), upper - inside)
-            wish = approach_rate(world, j, aim - world.q[j], RETURN_GAIN)
+        lower, upper, last = (
+            world.limits.position[0, j],
+            world.limits.position[1, j],
+            world.memory.qdot_cmd[j],
+        )
+        inside, change, wish = min(MARGIN, 0.5 * (upper - lower)), world.limits.braking[j] * world.period, 0.0
+        if input_.returning[j] != 0.0:
+            goal = min(max(state.q[j], lower + inside), upper - inside)
+            wish = approach_rate(world, j, goal - state.q[j], RETURN_GAIN)
             wish = min(max(wish, -RETURN_RATE), RETURN_RATE)
-        tick.qdot_cmd[j] = wish if world.is_eased else min(max(wish, last - change), last + change)
-        world.part_a[j], world.part_b[j] = lower, upper
-        if world.returning[j] != 0.0:  # its limits would stop it at once, however fast it moves
-            world.position_limit[0, j], world.position_limit[1, j] = -math.inf, math.inf
-    status |= limit_joints(world, tick)
+        tick.qdot_cmd[j] = wish if world.limits.is_eased else min(max(wish, last - change), last + change)
+        scratch.part_a[j], scratch.part_b[j] = lower, upper
+        if input_.returning[j] != 0.0:  # its limits would stop it at once, however fast it moves
+            world.limits.position[0, j], world.limits.position[1, j] = -math.inf, math.inf
+    status |= limit_joints(world)
     for j in range(world.n):
-        world.position_limit[0, j], world.position_limit[1, j] = world.part_a[j], world.part_b[j]
+        world.limits.position[0, j], world.limits.position[1, j] = scratch.part_a[j], scratch.part_b[j]
     return status
 
 
 @compiled
-def limit_joints(world: Record, tick: Record) -> int:
+def limit_joints(world: Record) -> int:
     """Bring the rates within the bounds of every joint; return the status bits of the limits that act."""
-    rates, choice = tick.qdot_cmd, world.limits_on_excess
-    if choice == NONE:
+    rates = world.tick.qdot_cmd
+    if world.law.limits_on_excess == NONE:
         return 0
-    if world.is_eased:
-        foresee(world)
-    if is_within_jerk(world, rates) if world.is_eased else is_within(world, rates):
-        if world.is_eased:
-            look_back(world, rates, rates)
-        return 0
-    bounds(world)
-    bits, factor = exceeded(world, rates), 1.0
-    for j in range(world.n if choice != CLAMP else 0):
-        if abs(rates[j]) > world.rate_limit[j]:
-            factor = min(factor, world.rate_limit[j] / abs(rates[j]))
-    for j in range(world.n):
-        rates[j] *= factor
-    confine(world, rates)
-    if world.is_eased:
-        bits |= ease(world, rates, True)  # each joint has its own factors
-        look_back(world, world.wish, rates)
-    return bits | broken(world, rates)
+    if world.limits.is_eased:
+        call(world.methods.ease_joints, world)
+        return int(world.bounds.acting)
+    return 0 if is_within(world, rates) else limit_each(world) | broken(world, rates)
+
+
+@Method
+def ease_joints(world: Record) -> None:
+    """Do the same where jerk is limited as well; each joint has its own factors."""
+    rates, bounds = world.tick.qdot_cmd, world.bounds
+    foresee(world)
+    if is_within_jerk(world, rates):
+        look_back(world, rates, rates)
+        bounds.acting = 0
+        return
+    bits = limit_each(world) | ease(world, rates, True)
+    look_back(world, bounds.wish, rates)
+    bounds.acting = bits | broken(world, rates)
 
 
 @compiled
-def brake_blindly(world: Record, tick: Record) -> None:
+def limit_each(world: Record) -> int:
+    """Bring each rate within its bounds, after all are scaled to the rate limits; return status bits."""
+    rates, limits = world.tick.qdot_cmd, world.limits
+    find_bounds(world)
+    bits, factor = exceeded(world, rates), 1.0
+    for j in range(world.n if world.law.limits_on_excess != CLAMP else 0):
+        if abs(rates[j]) > limits.rate[j]:
+            factor = min(factor, limits.rate[j] / abs(rates[j]))
+    for j in range(world.n):
+        rates[j] *= factor
+    confine(world, rates)
+    return bits
+
+
+@compiled
+def brake_blindly(world: Record) -> None:
     """Bring each joint nearer to rest from its last command, where nothing is known of the arm."""
-    if world.is_eased:
+    limits, tick = world.limits, world.tick
+    if limits.is_eased:
         come_to_rest(world, tick.qdot_cmd)
-    for j in range(0 if world.is_eased else world.n):
-        last = world.qdot_cmd_last[j]
-        tick.qdot_cmd[j] = math.copysign(max(0.0, abs(last) - world.braking[j] * world.period), last)
+    for j in range(0 if limits.is_eased else world.n):
+        last = world.memory.qdot_cmd[j]
+        tick.qdot_cmd[j] = math.copysign(max(0.0, abs(last) - limits.braking[j] * world.period), last)

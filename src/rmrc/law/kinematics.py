@@ -3,8 +3,7 @@
 import math
 from typing import TypeAlias
 
-from rmrc.law.jit import Array, Record, compiled, inlined
-from rmrc.law.outward import GROUP, HERE, LANES, contribute, follow_first, follow_on, follow_short
+from rmrc.law.compiling import Array, Record, compiled
 
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
@@ -17,52 +16,29 @@ SERIES_BELOW = 2.0**-10
 
 
 @compiled
-def geometric_jacobian(world: Record, anchors: Array, axes: Array) -> None:
-    """Write J (6, n), rows [v; ω], along world axes, for the site at `world.pose`.
+def geometric_jacobian(world: Record) -> None:
+    """Write J (6, n), rows [v; ω], along world axes, for the site at `state.pose`, from the axes found last.
 
-    The axes come from MuJoCo's up-to-date kinematics, so nothing is differentiated.
-
-    Args:
-        world: Read: ids, kinds, pitches and ratios of the axes, and the site's pose. Written: `outward`, J,
-            and the columns of the axes where some joints follow others.
-        anchors: A point on each of MuJoCo's joint axes, (njnt, 3) [m].
-        axes: Unit vector of each joint axis, (njnt, 3).
+    Where some joints follow others, the contributions of all axes are `chain.columns`.
     """
-    for a in range(world.axes):
-        joint = world.joint[a]
-        for i in range(3):
-            world.outward[i, a], world.outward[3 + i, a] = axes[joint, i], anchors[joint, i]
-    chain_jacobian(world)
-
-
-@compiled
-def chain_jacobian(world: Record) -> None:
-    """Write J like `geometric_jacobian`, with the axes that were found last."""
-    if world.axes == world.n:
-        write_columns(world, world.pose, world.J)
+    chain, state = world.chain, world.state
+    if chain.axes == world.n:
+        write_columns(world, state.pose, state.J)
     else:
-        write_columns(world, world.pose, world.columns)
-        gather(world, world.columns, world.J)
+        write_columns(world, state.pose, chain.columns)
+        gather(world, chain.columns, state.J)
 
 
 @compiled
 def second_jacobian(world: Record) -> None:
     """Write J_2 of the second task's site, after J; joints behind that site do not move it."""
-    if world.axes == world.n:
-        write_moving(world, world.J_2)
-    else:
-        write_moving(world, world.columns_2)
-        gather(world, world.columns_2, world.J_2)
-
-
-@compiled
-def write_moving(world: Record, columns: Array) -> None:
-    """Write the contribution of each axis to the twist of the second task's site, (6, ℓ)."""
-    write_columns(world, world.pose_2, columns)
-    for a in range(world.axes):
-        if not world.moves_2[a]:
+    second = world.second
+    write_columns(world, second.pose, second.columns)
+    for a in range(world.chain.axes):
+        if not second.moves[a]:
             for i in range(6):
-                columns[i, a] = 0.0
+                second.columns[i, a] = 0.0
+    gather(world, second.columns, second.J)
 
 
 @compiled
@@ -72,18 +48,27 @@ def write_columns(world: Record, point: Array, columns: Array) -> None:
     A revolute joint with axis z through o contributes [z × (p − o); z], a prismatic one [z; 0]
     [Whitney72], and a helical one of pitch h [z × (p − o) + h z; z] [Selig92].
     """
-    for first in range(0, world.axes, LANES):
-        contribute(world.chain, world.outward, point, columns, first)
+    chain = world.chain
+    for a in range(chain.axes):
+        turns, advance = chain.turns[a], chain.advance[a]
+        x, y, z = chain.axis[a, 0], chain.axis[a, 1], chain.axis[a, 2]
+        rx, ry = point[0] - chain.anchor[a, 0], point[1] - chain.anchor[a, 1]
+        rz = point[2] - chain.anchor[a, 2]
+        columns[0, a] = turns * (y * rz - z * ry) + advance * x
+        columns[1, a] = turns * (z * rx - x * rz) + advance * y
+        columns[2, a] = turns * (x * ry - y * rx) + advance * z
+        columns[3, a], columns[4, a], columns[5, a] = turns * x, turns * y, turns * z
 
 
 @compiled
 def gather(world: Record, columns: Array, J: Array) -> None:
     """Write J (6, n) from the columns of the axes, (6, ℓ): the followers of each joint move with it."""
+    chain = world.chain
     for i in range(6):
         for j in range(world.n):
             J[i, j] = 0.0
-        for a in range(world.axes):
-            J[i, world.leader[a]] += world.ratio[a] * columns[i, a]
+        for a in range(chain.axes):
+            J[i, chain.leader[a]] += chain.ratio[a] * columns[i, a]
 
 
 @compiled
@@ -91,44 +76,52 @@ def follow_chain(world: Record, q: Array) -> None:
     """Write the axes, their anchors and the site at joint positions q, by the product of exponentials.
 
     T(q) = exp(S_1 q_1) … exp(S_n q_n) T(0) [Brockett84], carried outward as a rotation and a point on the
-    next axis. It serves where there are too many configurations for MuJoCo's own kinematics. The axes of
-    followers are among them, and move with their leaders.
+    next axis. The axes of followers are among them, and move with their leaders. MuJoCo is not called.
 
     Args:
-        world: Read: the arm's geometry at 0. Written: `outward` and `pose`.
+        world: Read: the arm's geometry at 0. Written: `chain.axis`, `chain.anchor` and `state.pose`.
         q: Joint positions, (n,).
     """
-    if world.axes <= GROUP:
-        place = follow_short(world.chain, world.leader, q, world.outward)
-    else:
-        place = follow_first(world.chain, world.leader, q, world.outward, 0, world.axes, HERE)
-    for first in range(LANES, world.axes, LANES):
-        place = follow_on(world.chain, world.leader, q, world.outward, first, world.axes - first, place)
-    turn, tip = (place[0], place[1], place[2], place[3]), world.tip_quat
-    dx, dy, dz = turned(turn, world.tip_step)
-    world.pose[0], world.pose[1], world.pose[2] = place[4] + dx, place[5] + dy, place[6] + dz
-    world.pose[3], world.pose[4], world.pose[5], world.pose[6] = quat_product(
-        turn, (tip[0], tip[1], tip[2], tip[3])
-    )
+    chain = world.chain
+    turn, x, y, z = (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+    for a in range(chain.axes):
+        dx, dy, dz = turned(turn, chain.step_0[a])
+        x, y, z = x + dx, y + dy, z + dz
+        ax, ay, az = turned(turn, chain.axis_0[a])
+        chain.axis[a, 0], chain.axis[a, 1], chain.axis[a, 2] = ax, ay, az
+        chain.anchor[a, 0], chain.anchor[a, 1], chain.anchor[a, 2] = x, y, z
+        moved = chain.ratio[a] * q[chain.leader[a]]
+        way = chain.advance[a] * moved
+        x, y, z = x + way * ax, y + way * ay, z + way * az
+        if chain.turns[a] != 0.0:
+            c, s = math.cos(0.5 * moved), math.sin(0.5 * moved)
+            turn = quat_product((c, s * ax, s * ay, s * az), turn)
+    place_tip(turn, x, y, z, chain.tip_step, chain.tip_quat, world.state.pose)
+
+
+@compiled
+def place_tip(turn: Quaternion, x: float, y: float, z: float, step: Array, quat: Array, pose: Array) -> None:
+    """Write the pose of a site behind an axis, from its step (3,) and orientation (4,) at q = 0."""
+    dx, dy, dz = turned(turn, step)
+    pose[0], pose[1], pose[2] = x + dx, y + dy, z + dz
+    pose[3], pose[4], pose[5], pose[6] = quat_product(turn, (quat[0], quat[1], quat[2], quat[3]))
 
 
 @compiled
 def follow_second(world: Record, q: Array) -> None:
     """Write pose and Jacobian of the second task's site, at the same q as the last `follow_chain`."""
-    turn, last = (1.0, 0.0, 0.0, 0.0), world.last_2
+    second, chain = world.second, world.chain
+    turn, last = (1.0, 0.0, 0.0, 0.0), second.last_axis
     for a in range(last + 1):
-        if not world.is_slide[a]:
-            moved = 0.5 * world.ratio[a] * q[world.leader[a]]
-            c, s, axis = math.cos(moved), math.sin(moved), world.outward[:3]
-            turn = quat_product((c, s * axis[0, a], s * axis[1, a], s * axis[2, a]), turn)
-    moved = world.ratio[last] * q[world.leader[last]]
-    way = moved if world.is_slide[last] else world.pitch[last] * moved
-    step, tip = turned(turn, world.tip_step_2), world.tip_quat_2
-    for i in range(3):
-        world.pose_2[i] = world.outward[3 + i, last] + way * world.outward[i, last] + step[i]
-    world.pose_2[3], world.pose_2[4], world.pose_2[5], world.pose_2[6] = quat_product(
-        turn, (tip[0], tip[1], tip[2], tip[3])
-    )
+        if chain.turns[a] != 0.0:
+            half = 0.5 * chain.ratio[a] * q[chain.leader[a]]
+            c, s = math.cos(half), math.sin(half)
+            turn = quat_product((c, s * chain.axis[a, 0], s * chain.axis[a, 1], s * chain.axis[a, 2]), turn)
+    way = chain.advance[last] * chain.ratio[last] * q[chain.leader[last]]
+    x = chain.anchor[last, 0] + way * chain.axis[last, 0]
+    y = chain.anchor[last, 1] + way * chain.axis[last, 1]
+    z = chain.anchor[last, 2] + way * chain.axis[last, 2]
+    place_tip(turn, x, y, z, second.tip_step, second.tip_quat, second.pose)
     second_jacobian(world)
 
 
@@ -155,7 +148,7 @@ def quat_product(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
-@inlined
+@compiled
 def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
     """Write [p_ref − p; log(R_ref Rᵀ)], (6,) [m, rad], along world axes.
 
@@ -213,7 +206,7 @@ def turn_columns(turn: Quaternion, J: Array, n: int) -> None:
             J[half, j], J[half + 1, j], J[half + 2, j] = x, y, z
 
 
-@inlined
+@compiled
 def framed_error(frame: int, base: Array, free: int, pose: Array, pose_ref: Array, error: Array) -> None:
     """Write `pose_error` along the axes of a frame; the arguments are those of `frame_error`."""
     pose_error(pose, pose_ref, error)

@@ -10,45 +10,15 @@ record are along them. The characteristic length L divides linear rows and multi
 """
 
 import math
-from typing import ClassVar
 
-import numpy as np
-
-from rmrc.law.inertia import Inertia, find_metric
-from rmrc.law.inverses import damping, gains, invert_above, push_fading
-from rmrc.law.jit import Array, Record, apart, compiled, entry, inlined
-from rmrc.law.kinematics import (
-    BASE,
-    SITE,
-    WORLD,
-    frame_error,
-    frame_turn,
-    pose_error,
-    turn_columns,
-    turn_twist,
-)
+from rmrc.law.compiling import Method, Record, call, compiled
+from rmrc.law.inverses import invert_above, push_fading
+from rmrc.law.kinematics import frame_error, frame_turn, pose_error, turn_columns, turn_twist
 from rmrc.law.limits import limit
-from rmrc.law.metric import INERTIA, backward, scale_joints, weigh_columns
-from rmrc.law.nullspace import NONE, move_in_null_space
-from rmrc.law.policies import KEEP_OUT, hold_off, near_singularity
-from rmrc.law.record import JOINTS, LAST, Field
-from rmrc.law.registers import FEWEST, sharpen
-from rmrc.law.standstill import stuck
-from rmrc.law.svd import (
-    RANK_FLOOR,
-    combine,
-    continue_row,
-    dot,
-    orthonormalize,
-    product,
-    project,
-    set_identity,
-    svd,
-)
-from rmrc.law.task import BareTask, Joints, SecondTask, Task
-from rmrc.scenario import ControlSection, LimitsSection
-from rmrc.scenario.choices import Status, record_fields, write_choices
-from rmrc.scenario.profile import load_profile
+from rmrc.law.metric import INERTIA, backward, scale_joints
+from rmrc.law.standstill import watch_standstill
+from rmrc.law.svd import RANK_FLOOR, combine, dot, product, project
+from rmrc.scenario.choices import Status
 
 # Flags become plain integers in compiled code.
 DAMPED, SINGULAR = int(Status.DAMPED), int(Status.SINGULAR)
@@ -59,275 +29,133 @@ SINGULAR_BELOW = 0.01
 # A direction counts as damped when it gets less than its demand by more than rounding explains.
 GETS_ALL = 1.0 - 1e-9
 
-# Rotations accumulate rounding in the warm start; after this many ticks it is made orthonormal again. In 64
-# ticks of some 30 rotations it loses at most 1e-13.
-REFRESH = 64
 
-# Between these, quotients and cubes of rates over steps of jerk are finite. Beyond them, a joint may not
-# change its rate at all, or may change it without limit [rad/s or m/s].
-JERK_STEPS = 1e-30, 1e30
-
-
-class TaskLaw:
-    """The law of a scenario for the joints of a task: it owns the law's parameters in a world's record.
-
-    Attributes:
-        task: The task of the site.
-        second: The second task, if any.
-        rate_limit: Largest rates, from the model where the scenario has none, (n,); infinite for none.
-        acceleration_limit: Largest accelerations, (n,); infinite for none.
-        jerk_limit: Largest jerks, (n,); infinite for none.
-        braking: Decelerations before position limits, (n,).
-        position_limit: Lower and upper, (2, n); infinite where they are not enforced.
-        posture: Posture of the objective with this name, (n,).
-    """
-
-    fields: ClassVar[tuple[Field, ...]] = (
-        *(
-            Field(name, np.int64 if kind is int else np.float64, (JOINTS,) if is_each else ())
-            for name, kind, is_each in record_fields()
-        ),
-        Field("rank", np.int64), Field("feedback"), Field("feedforward"),
-        Field("position_range", size=(2, JOINTS)), *SecondTask.fields,
-        Field("rate_limit", size=(JOINTS,)), Field("acceleration_limit", size=(JOINTS,)),
-        Field("change_limit", size=(JOINTS,), start=math.inf),
-        Field("jerk_step", size=(JOINTS,), start=math.inf), Field("is_eased", np.int64),
-        Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
-        Field("keep_direction", np.int64), Field("feedback_2"), *Inertia.fields, Field(LAST),
-    )  # fmt: skip
-
-    def __init__(self, task: Task | BareTask, control: ControlSection, start: Array) -> None:
-        """Bind parameters to joints.
-
-        Args:
-            task: The task of the site.
-            control: The control section; its lists over joints fit the arm.
-            start: Start configuration, (n,).
-        """
-        arm, limits, nullspace = task.arm, control.limits, control.nullspace
-        self.task, self._control = task, control
-        self.rate_limit = rate_limit(arm, limits)
-        self.acceleration_limit = np.full(
-            arm.n, math.inf if limits.acceleration is None else limits.acceleration
-        )
-        self.jerk_limit = np.full(arm.n, math.inf if limits.jerk is None else limits.jerk)
-        self.braking = np.minimum(limits.braking, self.acceleration_limit)
-        nowhere = np.array([arm.n * [-math.inf], arm.n * [math.inf]])
-        self.position_limit = arm.position_limit.T if limits.position else nowhere
-        if limits.profile and limits.position:
-            lower, upper = load_profile(limits.profile).stops
-            own = self.position_limit
-            self.position_limit = np.array([np.maximum(own[0], lower), np.minimum(own[1], upper)])
-        self.posture = start if nullspace.posture is None else np.array(nullspace.posture)
-        is_second = nullspace.objective == "secondary"
-        self.second: SecondTask | None = None
-        if is_second and isinstance(task, Task):
-            self.second = SecondTask(task, nullspace.secondary, start)
-        self._inertia: Inertia | None = None
-        if control.inverse.metric == "inertia" and isinstance(task, Task):
-            self._inertia = Inertia(task.arm, task.length)
-
-    def write(self, world: np.void) -> None:
-        """Write its fields of a world's record."""
-        control, n = self._control, self.task.arm.n
-        world["rank"], world["period"] = self.task.rank, control.period
-        world["feedback"], world["feedforward"] = control.feedback, control.feedforward
-        world["position_range"][:, :n] = self.task.arm.position_limit.T
-        is_eased = bool(np.isfinite(self.jerk_limit).any())
-        world["rate_limit"][:n], world["is_eased"] = self.rate_limit, is_eased
-        # The limits on changes also keep them within the acceleration limit.
-        world["acceleration_limit"][:n] = math.inf if is_eased else self.acceleration_limit
-        world["change_limit"][:n] = self.acceleration_limit * control.period
-        if is_eased:
-            world["jerk_step"][:n] = np.clip(self.jerk_limit * control.period**2, *JERK_STEPS)
-        world["braking"][:n], world["position_limit"][:, :n] = self.braking, self.position_limit
-        world["keep_direction"] = control.limits.keep_direction
-        if self.second is not None:
-            self.second.write(world)
-        world["feedback_2"] = control.nullspace.secondary.feedback
-        if self._inertia is not None:
-            self._inertia.write(world)
-        write_choices(world, control)
-        world["nullspace_posture"][:n] = self.posture
-
-
-def rate_limit(arm: Joints, limits: LimitsSection) -> Array:
-    """Return the largest rates of an arm's joints, (n,), from the model where the limits give none."""
-    return arm.rate_limit if limits.rate is None else np.full(arm.n, limits.rate)
-
-
-@inlined
-def control(world: Record, tick: Record) -> None:
+@Method
+def control(world: Record) -> None:
     """Turn the measured state and the reference of one tick into `tick.qdot_cmd`.
 
     Args:
-        world: Parameters, measurement (q, pose, J) and memory; scratch is overwritten, and J is turned into
-            the frame of the task.
-        tick: Read: pose_ref and twist_ref at full pace. Written: every column from pose_error to status
-            except tau.
+        world: Read: parameters, memory, `state` (q, pose, J), and `tick.pose_ref` and `tick.twist_ref` at
+            full pace. Written: the columns of the law. J is turned into the frame of the task.
     """
-    aim(world, tick)
-    resolve_twist(world, tick)
-
-
-@inlined
-def aim(world: Record, tick: Record) -> None:
-    """Write the commanded twist along the axes of the task's frame; turn J into that frame."""
-    take_error(world, tick.pose_ref, world.pose, tick.pose_error)
-    for i in range(6):
-        world.twist_task[i] = tick.twist_ref[i]
-    if world.frame != WORLD:
-        turn_task(world)
-    feedforward = world.feedforward * world.pace
-    for i in range(6):
-        world.twist_cmd[i] = feedforward * world.twist_task[i] + world.feedback * tick.pose_error[i]
-    world.error = scaled_error(world, tick.pose_error)
-    if world.inverse_metric == INERTIA:
-        find_metric(world)
-
-
-@inlined
-def take_error(world: Record, pose_ref: Array, pose: Array, error: Array) -> None:
-    """Write the error to a pose of the site, (6,) [m, rad], along the axes of the task's frame."""
-    pose_error(pose, pose_ref, error)
-    if world.frame != WORLD:
-        turn_error(world, pose, pose_ref, error)
-
-
-@apart("call_frame_error", frame=(BASE, SITE))
-def turn_error(world: Record, pose: Array, pose_ref: Array, pose_error: Array) -> None:
-    """Turn an error, (6,), from world axes into the frame of the task."""
-    frame_error(world.frame, world.frame_quat, world.free, pose, pose_ref, pose_error)
-
-
-@apart("call_frame", frame=(BASE, SITE))
-def turn_task(world: Record) -> None:
-    """Turn the wanted twist and J from world axes into the frame of the task."""
-    turn = frame_turn(world.frame, world.frame_quat, world.pose)
-    turn_twist(turn, world.twist_task)
-    turn_columns(turn, world.J, world.n)
-    if world.axes > world.n:  # the slopes are those of its axes
-        turn_columns(turn, world.columns, world.axes)
-
-
-@entry
-def resolve(worlds: Record, ticks: Record) -> None:
-    """Resolve one `twist_cmd`: the law without its reference, for Python.
-
-    Python takes ten times as long to pass a single record as an array of one.
-    """
-    resolve_twist(worlds[0], ticks[0])
-
-
-@inlined
-def resolve_twist(world: Record, tick: Record) -> None:
-    """Resolve `world.twist_cmd`: decompose, filter, project, slow or stop, limit, judge, and record."""
-    scale_task(world)
-    decompose(world, tick.sigma)
-    project(world.u, world.task, world.k, world.m, world.asked)
-    ask_plainly(world, tick)
-    push_fading(world, world.u, world.task, tick.sigma, world.asked)
-    tick.damping = damping(world, world.asked, tick.sigma)
-    gains(world, world.asked, tick.sigma, world.v, tick.damping, tick.gain)
-    combine(tick.gain, world.asked, world.v, world.k, world.n, tick.qdot_cmd)
-    scale_joints(world, tick.qdot_cmd)
-    tick.secondary_error = tick.secondary_sigma = math.nan
-    for j in range(world.n):
-        world.qdot0[j] = 0.0
-    if world.nullspace_objective != NONE:
-        move_in_null_space(world, tick)
-    tick.path_rate = 1.0
-    status = singular_status(world, tick) | near_singularity(world, tick)
-    status |= limit(world, tick)
-    if world.at_singularity == KEEP_OUT:
-        status |= hold_off(world, tick)
-    tick.status = status | stuck(world, tick, status)
-    record_measures(world, tick)
+    aim(world)
+    resolve(world)
 
 
 @compiled
-def scaled_error(world: Record, error: Array) -> float:
-    """Return ‖S_x pose_error‖ over the rows that count."""
-    total = 0.0
+def aim(world: Record) -> None:
+    """Write the commanded twist along the axes of the task's frame; turn J into that frame."""
+    task, state, scratch, tick = world.task, world.state, world.scratch, world.tick
+    pose_error(state.pose, tick.pose_ref, tick.pose_error)
+    for i in range(6):
+        scratch.twist_ref[i] = tick.twist_ref[i]
+    if world.methods.turn != 0:
+        call(world.methods.turn, world)
+    feedforward, squares = task.feedforward * world.memory.pace, 0.0
+    for i in range(6):
+        scratch.twist_cmd[i] = feedforward * scratch.twist_ref[i] + task.feedback * tick.pose_error[i]
     for i in range(world.m):
-        scaled = world.row_scale[i] * error[world.row[i]]
-        total += scaled * scaled
-    return math.sqrt(total)
+        scaled = task.row_scale[i] * tick.pose_error[task.row[i]]
+        squares += scaled * scaled
+    scratch.error = math.sqrt(squares)
+    if world.methods.metric != 0:
+        call(world.methods.metric, world)
+
+
+@Method
+def turn(world: Record) -> None:
+    """Turn the error, the wanted twist and J from world axes into the frame of the task."""
+    task, state, tick = world.task, world.state, world.tick
+    frame_error(task.frame, task.base_quat, task.free, state.pose, tick.pose_ref, tick.pose_error)
+    rotation = frame_turn(task.frame, task.base_quat, state.pose)
+    turn_twist(rotation, world.scratch.twist_ref)
+    turn_columns(rotation, state.J, world.n)
+    if world.chain.axes > world.n:  # the slopes are those of its axes
+        turn_columns(rotation, world.chain.columns, world.chain.axes)
+
+
+@compiled
+def resolve(world: Record) -> None:
+    """Resolve `scratch.twist_cmd`: decompose, filter, project, slow or stop, limit, judge, and record."""
+    scratch, tick, first, methods = world.scratch, world.tick, world.first, world.methods
+    scale_task(world)
+    call(methods.decompose, world, first)
+    project(first.u, first.task, world.k, world.m, first.asked)
+    ask_plainly(world)
+    push_fading(world, first.u, first.task, first.sigma, first.asked)
+    call(methods.damping, world, first)
+    call(methods.gains, world, first)
+    combine(first.gain, first.asked, first.v, world.k, world.n, tick.qdot_cmd)
+    scale_joints(world, tick.qdot_cmd)
+    tick.secondary_error = tick.secondary_sigma = math.nan
+    for j in range(world.n):
+        scratch.qdot0[j] = 0.0
+    if methods.null_space != 0:
+        call(methods.null_space, world)
+    tick.path_rate = 1.0
+    tick.status = singular_status(world)
+    if methods.policy != 0:
+        call(methods.policy, world)
+    limit(world)
+    if methods.hold_off != 0:
+        call(methods.hold_off, world)
+    watch_standstill(world)
+    record_measures(world)
 
 
 @compiled
 def scale_task(world: Record) -> None:
     """Write A = S_x J S_q and S_x twist_cmd over the rows that count."""
+    task, scratch, first = world.task, world.scratch, world.first
     for i in range(world.m):
-        row, scale = world.row[i], world.row_scale[i]
-        world.task[i] = scale * world.twist_cmd[row]
+        row, scale = task.row[i], task.row_scale[i]
+        first.task[i] = scale * scratch.twist_cmd[row]
         for j in range(world.n):
-            world.A[i, j] = scale * world.J[row, j] * world.joint_scale[j]
-
-
-@inlined
-def decompose(world: Record, sigma: Array) -> None:
-    """A = Σ σ_i u_i v_iᵀ, warm-started from the vectors of the last tick.
-
-    Exactly at a singularity v_k is rounding. The v_k of the last tick replaces it, as it would hold slightly
-    away from the singularity.
-    """
-    basis = world.u if world.m <= world.n else world.v
-    if world.age == 0:
-        set_identity(basis, world.k)
-    elif world.age % REFRESH == 0:
-        orthonormalize(basis, world.k)
-    world.age += 1
-    matrix = world.A
-    if world.inverse_metric == INERTIA:
-        matrix = world.B
-        weigh_columns(world.root, world.A, world.m, world.n, matrix)
-    if world.k < FEWEST or not sharpen(world, matrix, sigma):
-        svd(matrix, world.m, world.n, world.u, sigma, world.v)
-    last = world.k - 1
-    if sigma[last] <= RANK_FLOOR * sigma[0] and world.m <= world.n and world.age > 1:
-        continue_row(world.v, last, world.v_last, world.n)
-    for j in range(world.n):
-        world.v_last[j] = world.v[last, j]
+            scratch.A[i, j] = first.matrix[i, j] = scale * world.state.J[row, j] * task.joint_scale[j]
+    if world.methods.weigh != 0:
+        call(world.methods.weigh, world)
 
 
 @compiled
-def ask_plainly(world: Record, tick: Record) -> None:
+def ask_plainly(world: Record) -> None:
     """Write the command of the plain inverse or pseudoinverse: 1/σ of every σ above rounding.
 
     Nothing is damped, weighted, limited or added. The gains are overwritten.
     """
-    invert_above(world, tick.sigma, RANK_FLOOR * tick.sigma[0], tick.gain)
-    combine(tick.gain, world.asked, world.v, world.k, world.n, tick.qdot_plain)
+    tick, first = world.tick, world.first
+    invert_above(world, first, RANK_FLOOR * first.sigma[0])
+    combine(first.gain, first.asked, first.v, world.k, world.n, tick.qdot_plain)
     scale_joints(world, tick.qdot_plain)
 
 
 @compiled
-def singular_status(world: Record, tick: Record) -> int:
+def singular_status(world: Record) -> int:
     """Return DAMPED if any direction gets less than its demand, and SINGULAR if one is nearly lost."""
-    status, floor = DAMPED if tick.damping > 0.0 else 0, RANK_FLOOR * tick.sigma[0]
+    first = world.first
+    status, floor = DAMPED if first.damping > 0.0 else 0, RANK_FLOOR * first.sigma[0]
     for i in range(world.k):
-        if tick.sigma[i] > floor and tick.sigma[i] * tick.gain[i] < GETS_ALL:
+        if first.sigma[i] > floor and first.sigma[i] * first.gain[i] < GETS_ALL:
             status |= DAMPED
-    if tick.sigma[world.k - 1] <= SINGULAR_BELOW * tick.sigma[0]:
+    if first.sigma[world.k - 1] <= SINGULAR_BELOW * first.sigma[0]:
         status |= SINGULAR
     return status
 
 
 @compiled
-def record_measures(world: Record, tick: Record) -> None:
+def record_measures(world: Record) -> None:
     """Record w = ∏σ, κ = σ_1/σ_k, the lost task direction u_min and its joint motion v_min."""
+    tick, first = world.tick, world.first
     last = world.k - 1
-    tick.manipulability = product(tick.sigma, world.k)
-    tick.condition = tick.sigma[0] / tick.sigma[last] if tick.sigma[last] > 0.0 else math.inf
+    tick.manipulability = product(first.sigma, world.k)
+    tick.condition = first.sigma[0] / first.sigma[last] if first.sigma[last] > 0.0 else math.inf
     for i in range(6):
         tick.u_min[i] = 0.0
     for i in range(world.m):
-        tick.u_min[world.row[i]] = world.u[last, i]
+        tick.u_min[world.task.row[i]] = first.u[last, i]
     for j in range(world.n):
-        tick.v_min[j] = world.v[last, j]
-    if world.inverse_metric == INERTIA:  # in coordinates of the joints, with length 1
-        backward(world.root, tick.v_min, world.n)
+        tick.v_min[j] = first.v[last, j]
+    if world.law.inverse_metric == INERTIA:  # in coordinates of the joints, with length 1
+        backward(world.links.root, tick.v_min, world.n)
         size = math.sqrt(dot(tick.v_min, tick.v_min, world.n))
         for j in range(world.n):
             tick.v_min[j] /= size

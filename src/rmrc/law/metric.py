@@ -8,7 +8,7 @@ Rates over W_q^-½ · L are called scaled. The columns of A = S_x J W_q^-½ L ar
 
 import math
 
-from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.compiling import Array, Method, Record, compiled
 from rmrc.law.svd import dot
 from rmrc.scenario.choices import METRICS
 
@@ -65,94 +65,104 @@ def weigh_columns(root: Array, A: Array, m: int, n: int, B: Array) -> None:
         forward(root, B[r], n)
 
 
+@Method
+def weigh(world: Record) -> None:
+    """Weigh the columns of the matrix that is decomposed, A R⁻ᵀ."""
+    weigh_columns(world.links.root, world.scratch.A, world.m, world.n, world.first.matrix)
+
+
 @compiled
 def scale_joints(world: Record, rates: Array) -> None:
     """Turn coordinates into joint rates: multiply by S_q."""
-    if world.inverse_metric == INERTIA:
-        backward(world.root, rates, world.n)
+    if world.law.inverse_metric == INERTIA:
+        backward(world.links.root, rates, world.n)
     for j in range(world.n):
-        rates[j] *= world.joint_scale[j]
+        rates[j] *= world.task.joint_scale[j]
 
 
 @compiled
 def unscale_joints(world: Record, rates: Array) -> None:
     """Turn joint rates into coordinates: multiply by S_q⁻¹."""
     for j in range(world.n):
-        rates[j] /= world.joint_scale[j]
-    if world.inverse_metric == INERTIA:
-        times_transposed(world.root, rates, world.n)
+        rates[j] /= world.task.joint_scale[j]
+    if world.law.inverse_metric == INERTIA:
+        times_transposed(world.links.root, rates, world.n)
 
 
 @compiled
 def scale_gradient(world: Record, gradient: Array) -> None:
     """Turn a gradient with respect to the joints into one with respect to coordinates: multiply by S_qᵀ."""
     for j in range(world.n):
-        gradient[j] *= world.joint_scale[j]
-    if world.inverse_metric == INERTIA:
-        forward(world.root, gradient, world.n)
+        gradient[j] *= world.task.joint_scale[j]
+    if world.law.inverse_metric == INERTIA:
+        forward(world.links.root, gradient, world.n)
 
 
 @compiled
 def weigh_wish(world: Record, wish: Array) -> None:
     """Turn joint rates S² ∇H, with S = W_q^-½ L, into S_q S_qᵀ ∇H."""
     for j in range(world.n):
-        wish[j] /= world.joint_scale[j]
-    forward(world.root, wish, world.n)
+        wish[j] /= world.task.joint_scale[j]
+    forward(world.links.root, wish, world.n)
     scale_joints(world, wish)
 
 
 @compiled
 def keep_free(world: Record, fade: Array) -> None:
-    """Write the factor of F M F + 1 − F² into `root_B`, where F is 1 if a joint is free and else 0."""
+    """Write the factor of F M F + 1 − F² into `root_b`, where F is 1 if a joint is free and else 0."""
+    scratch = world.scratch
     for i in range(world.n):
         for j in range(i + 1):
-            world.root_B[i, j] = fade[i] * world.metric[i, j] * fade[j]
-        world.root_B[i, i] += 1.0 - fade[i] * fade[i]
-    factor(world.root_B, world.n)
+            scratch.root_b[i, j] = fade[i] * world.links.metric[i, j] * fade[j]
+        scratch.root_b[i, i] += 1.0 - fade[i] * fade[i]
+    factor(scratch.root_b, world.n)
 
 
 @compiled
 def weigh_faded(world: Record) -> None:
-    """Weigh the columns of fading joints in B, so that its singular values are those in their metric."""
-    if world.inverse_metric == INERTIA:
-        keep_free(world, world.fade)
-        weigh_columns(world.root_B, world.B, world.m, world.n, world.B)
+    """Weigh the columns of fading joints in `rest.matrix`, so that σ is in their metric."""
+    rest, scratch = world.rest, world.scratch
+    if world.law.inverse_metric == INERTIA:
+        keep_free(world, world.bounds.fade)
+        weigh_columns(scratch.root_b, rest.matrix, world.m, world.n, rest.matrix)
 
 
 @compiled
 def weigh_free(world: Record, rates: Array, sign: float) -> None:
-    """Weigh the columns of the free joints in B, and let these joints move along with the held ones.
+    """Weigh the columns of the free joints in `rest.matrix`; let them move along with the held ones.
 
     They move by −M_FF⁻¹ M_FH (rates − drift)_H, scaled, the motion of the free joints with the least energy.
-    It is left in `sway`, and its effect on the task, times a sign, is added to `task_B`.
+    It is left in `sway`, and its effect on the task, times a sign, is added to `rest.task`.
 
     Args:
         world: Read: M, the held joints and the drift; in the metric of the joints nothing moves along.
         rates: Rates of the held joints, (n,).
         sign: Sign of the addition.
     """
-    n, sway, held = world.n, world.sway, world.held
-    if world.inverse_metric != INERTIA:
+    rest, scratch, bounds = world.rest, world.scratch, world.bounds
+    n, sway, held = world.n, scratch.sway, bounds.held
+    if world.law.inverse_metric != INERTIA:
         return
     for j in range(n):
-        world.shape[j] = 1.0 if held[j] == 0.0 else 0.0
-    keep_free(world, world.shape)
+        scratch.shape[j] = 1.0 if held[j] == 0.0 else 0.0
+    keep_free(world, scratch.shape)
     for i in range(n):
         sway[i] = 0.0
         for j in range(n if held[i] == 0.0 else 0):
             if held[j] != 0.0:
-                sway[i] -= world.metric[i, j] * (rates[j] - world.drift[j]) / world.joint_scale[j]
-    forward(world.root_B, sway, n)
-    backward(world.root_B, sway, n)
+                sway[i] -= world.links.metric[i, j] * (rates[j] - bounds.drift[j]) / world.task.joint_scale[j]
+    forward(scratch.root_b, sway, n)
+    backward(scratch.root_b, sway, n)
     for r in range(world.m):
-        world.task_B[r] += sign * dot(world.A[r], sway, n)
-    weigh_columns(world.root_B, world.B, world.m, n, world.B)
+        rest.task[r] += sign * dot(scratch.A[r], sway, n)
+    weigh_columns(scratch.root_b, rest.matrix, world.m, n, rest.matrix)
 
 
 @compiled
 def take_along(world: Record, rates: Array, sign: float) -> None:
     """Turn coordinates of the free joints into scaled rates, and add `sway` times a sign."""
-    if world.inverse_metric == INERTIA:
-        backward(world.root_B, rates, world.n)
+    scratch = world.scratch
+    if world.law.inverse_metric == INERTIA:
+        backward(scratch.root_b, rates, world.n)
         for j in range(world.n):
-            rates[j] += sign * world.sway[j]
+            rates[j] += sign * scratch.sway[j]

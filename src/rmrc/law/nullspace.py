@@ -1,45 +1,44 @@
-"""Objectives that propose joint rates qdot0, and the projector that keeps them out of the task."""
+"""Objectives that propose joint rates, in `scratch.qdot0`, and the projector beside the task."""
 
 import math
 
+from rmrc.law.compiling import Array, Method, Record, call, compiled
 from rmrc.law.gradient import sigma_gradient
-from rmrc.law.jit import Array, Record, apart, compiled, dispatch, inlined
 from rmrc.law.metric import INERTIA, backward, times_transposed, weigh_wish
-from rmrc.law.priority import secondary  # noqa: F401 - one of the objectives
+from rmrc.law.priority import second_task
 from rmrc.law.svd import dot
-from rmrc.scenario.choices import OBJECTIVES
-
-NONE = OBJECTIVES.code("none")
 
 
-@inlined
-def posture(world: Record, tick: Record, qdot0: Array) -> None:
+@Method
+def posture(world: Record) -> None:
     """Write gain · (posture − q) [Liegeois77]."""
+    law, qdot0 = world.law, world.scratch.qdot0
     for j in range(world.n):
-        qdot0[j] = world.nullspace_gain * (world.nullspace_posture[j] - world.q[j])
+        qdot0[j] = law.nullspace_gain * (law.nullspace_posture[j] - world.state.q[j])
 
 
-@inlined
-def joint_limits(world: Record, tick: Record, qdot0: Array) -> None:
+@Method
+def joint_limits(world: Record) -> None:
     """Write −gain · S_q² ∇H [Liegeois77], H = 1/(2n) Σ ((q − middle)/range)².
 
     A joint without limits gets no rate.
     """
-    n = world.n
+    task, law, limits, qdot0, n = world.task, world.law, world.limits, world.scratch.qdot0, world.n
     for j in range(n):
-        lower, upper = world.position_range[0, j], world.position_range[1, j]
+        lower, upper = limits.range[0, j], limits.range[1, j]
         slope = 0.0
         if upper - lower < math.inf:
-            slope = (world.q[j] - 0.5 * (lower + upper)) / ((upper - lower) * (upper - lower) * n)
-        qdot0[j] = -world.nullspace_gain * world.joint_scale[j] * world.joint_scale[j] * slope
-    if world.inverse_metric == INERTIA:
+            slope = (world.state.q[j] - 0.5 * (lower + upper)) / ((upper - lower) * (upper - lower) * n)
+        qdot0[j] = -law.nullspace_gain * task.joint_scale[j] * task.joint_scale[j] * slope
+    if law.inverse_metric == INERTIA:
         weigh_wish(world, qdot0)
 
 
-@inlined
-def manipulability(world: Record, tick: Record, qdot0: Array) -> None:
+@Method
+def manipulability(world: Record) -> None:
     """Write gain · S_q² ∇w [Yoshikawa85], with ∇w = Σ_i (Π_{l≠i} σ_l) ∇σ_i, which needs no division by σ."""
-    n, sigma = world.n, tick.sigma
+    task, law, scratch = world.task, world.law, world.scratch
+    n, sigma, qdot0 = world.n, world.first.sigma, scratch.qdot0
     for j in range(n):
         qdot0[j] = 0.0
     for i in range(world.k):
@@ -49,31 +48,27 @@ def manipulability(world: Record, tick: Record, qdot0: Array) -> None:
                 others *= sigma[p]
         if others == 0.0:
             continue
-        sigma_gradient(world, i, world.work)
+        sigma_gradient(world, i, scratch.work)
         for j in range(n):
-            qdot0[j] += others * world.work[j]
+            qdot0[j] += others * scratch.work[j]
     for j in range(n):
-        qdot0[j] *= world.nullspace_gain * world.joint_scale[j] * world.joint_scale[j]
-    if world.inverse_metric == INERTIA:
+        qdot0[j] *= law.nullspace_gain * task.joint_scale[j] * task.joint_scale[j]
+    if law.inverse_metric == INERTIA:
         weigh_wish(world, qdot0)
 
 
-@inlined
-def rates(world: Record, tick: Record, qdot0: Array) -> None:
+@Method
+def rates(world: Record) -> None:
     """Write the rates that the user gives."""
     for j in range(world.n):
-        qdot0[j] = world.nullspace_rates[j]
+        world.scratch.qdot0[j] = world.law.nullspace_rates[j]
 
 
-# Writes qdot0, the rates that the objective would choose without a task.
-wished_rates = inlined(dispatch(OBJECTIVES, like=posture, field="call_objective"))
-
-
-@apart("call_null_space", nullspace_objective=OBJECTIVES.codes(lambda one: one.acts))
-def move_in_null_space(world: Record, tick: Record) -> None:
+@Method
+def move_in_null_space(world: Record) -> None:
     """Add to the rates the objective's rates without their part in the task."""
-    wished_rates(world, tick, world.qdot0)
-    add_projected(world, world.qdot0, tick.qdot_cmd)
+    call(world.methods.objective, world)
+    add_projected(world, world.scratch.qdot0, world.tick.qdot_cmd)
 
 
 @compiled
@@ -84,13 +79,14 @@ def add_projected(world: Record, qdot0: Array, rates: Array) -> None:
     removes as many directions at a singularity as elsewhere: N changes continuously, and the objective does
     not get a direction that becomes singular, whatever the inverse does to it.
     """
-    n, scale = world.n, world.joint_scale
+    links = world.links
+    n, scale = world.n, world.task.joint_scale
     for j in range(n):
         qdot0[j] /= scale[j]
-    if world.inverse_metric == INERTIA:
-        times_transposed(world.root, qdot0, n)
+    if world.law.inverse_metric == INERTIA:
+        times_transposed(links.root, qdot0, n)
         remove_task(world, qdot0)
-        backward(world.root, qdot0, n)
+        backward(links.root, qdot0, n)
     else:
         remove_task(world, qdot0)
     for j in range(n):
@@ -101,7 +97,19 @@ def add_projected(world: Record, qdot0: Array, rates: Array) -> None:
 @compiled
 def remove_task(world: Record, rates: Array) -> None:
     """Remove the task's directions from scaled rates: (I − Σ_{i<r} v_i v_iᵀ) rates."""
+    first = world.first
     for i in range(world.rank):
-        along = dot(world.v[i], rates, world.n)
+        along = dot(first.v[i], rates, world.n)
         for j in range(world.n):
-            rates[j] -= along * world.v[i, j]
+            rates[j] -= along * first.v[i, j]
+
+
+@Method
+def secondary(world: Record) -> None:
+    """Write the rates that a second task asks for; `add_projected` passes the part that the first allows.
+
+    P = I − Σ v_i v_iᵀ. Where both tasks are possible but not together, A_2 P loses rank: an algorithmic
+    singularity. Its smallest singular value is recorded whatever the priority.
+    """
+    world.tick.secondary_error = second_task(world)
+    call(world.methods.priority, world)

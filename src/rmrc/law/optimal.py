@@ -7,13 +7,11 @@ Where λ is 0, or so small that it has no effect, the second part decides among 
 
 import math
 
+from rmrc.law.compiling import Array, Record, compiled
 from rmrc.law.inverses import damped_gain
-from rmrc.law.jit import Array, Record, apart, compiled
-from rmrc.law.metric import backward, factor, forward
-from rmrc.law.redistribution import ROUNDING
-from rmrc.law.rest import decompose_rest_from_scratch
+from rmrc.law.remainder import decompose_afresh
 from rmrc.law.stops import first_blocked, is_beyond
-from rmrc.law.svd import RANK_FLOOR, combine, dot, project
+from rmrc.law.svd import RANK_FLOOR, ROUNDING, combine, dot, project
 from rmrc.scenario.choices import LIMITS
 
 OPTIMAL = LIMITS.code("optimal")
@@ -26,14 +24,11 @@ STEPS_EACH, STEPS_MORE = 4, 8
 FACES = 20
 # The rest of a task is rounding below this share of its terms.
 LEFT = 1e-14
-# A Cholesky factor serves if its squared pivots, and λ² if positive, are above this share of the largest
-# entry: a step of refinement then leaves rounding.
-WELL = 1e-8
 
 
-@apart("call_best", limits_on_excess=(OPTIMAL, LIMITS.code("sns")))
-def best_within(world: Record, tick: Record, task: Array, share: float, damped: float) -> None:
-    """Replace the rates by the best within `world.lower` and `world.upper`; joints at a bound are `held`.
+@compiled
+def best_within(world: Record, task: Array, share: float, damping: float) -> None:
+    """Replace the rates by the best within the bounds `lower` and `upper`; joints at a bound are `held`.
 
     From rates within the bounds the method goes towards the optimum of the free joints alone, until a joint
     meets its bound and is held. Where none does, the held joint that the slope draws inwards most is released
@@ -42,54 +37,54 @@ def best_within(world: Record, tick: Record, task: Array, share: float, damped: 
 
     Args:
         world: Bounds, A, scales, drift, and the set of the last tick.
-        tick: qdot_cmd: the initial rates of the free joints, and the result.
         task: Scaled rows, (m,).
         share: Share of the task to do.
-        damped: λ.
+        damping: λ.
     """
-    n = world.n
+    memory, scratch, bounds, tick, n = world.memory, world.scratch, world.bounds, world.tick, world.n
     begin_within(world, tick.qdot_cmd)
     for _ in range(STEPS_EACH * n + STEPS_MORE):
-        resolve_rest(world, tick.sigma[0], task, share, damped)
-        blocked, step = first_blocked(world, world.lower, world.upper)
+        resolve_rest(world, task, share, damping)
+        blocked, step = first_blocked(world, bounds.lower, bounds.upper)
         for j in range(n):
-            if world.held[j] == 0.0:
-                world.best[j] += step * (world.part_b[j] - world.best[j])
+            if bounds.held[j] == 0.0:
+                bounds.best[j] += step * (scratch.part_b[j] - bounds.best[j])
         if blocked >= 0:
-            above = world.part_b[blocked] > world.best[blocked]
-            world.best[blocked] = world.upper[blocked] if above else world.lower[blocked]
-            world.held[blocked] = 1.0 if above else -1.0
+            above = scratch.part_b[blocked] > bounds.best[blocked]
+            bounds.best[blocked] = bounds.upper[blocked] if above else bounds.lower[blocked]
+            bounds.held[blocked] = 1.0 if above else -1.0
             continue
-        freed = most_inwards(world, damped)
+        freed = most_inwards(world, damping)
         if freed < 0:
             break
-        world.held[freed] = 0.0
+        bounds.held[freed] = 0.0
     for j in range(n):
-        tick.qdot_cmd[j] = min(max(world.best[j], world.lower[j]), world.upper[j])
-        world.active[j] = world.held[j]
-    world.active_age = world.age
+        tick.qdot_cmd[j] = min(max(bounds.best[j], bounds.lower[j]), bounds.upper[j])
+        memory.active[j] = bounds.held[j]
+    memory.active_age = world.first.age
 
 
 @compiled
 def begin_within(world: Record, rates: Array) -> None:
     """Hold the joints that the last tick held or that are beyond a bound; others stay near their rates."""
+    memory, bounds = world.memory, world.bounds
     n, goes_on = world.n, False
     for j in range(n):
-        goes_on |= world.active[j] != 0.0 and world.active_age >= world.age - 1
+        goes_on |= memory.active[j] != 0.0 and memory.active_age >= world.first.age - 1
     for j in range(n):
-        lower, upper, rate, side = world.lower[j], world.upper[j], rates[j], 0.0
+        lower, upper, rate, side = bounds.lower[j], bounds.upper[j], rates[j], 0.0
         if goes_on:
-            side = world.active[j]
+            side = memory.active[j]
         elif is_beyond(rate, lower, upper):
             side = math.copysign(1.0, rate - upper)
         bound = upper if side > 0.0 else lower
         is_held = side != 0.0 and math.isfinite(bound)
-        world.held[j] = side if is_held else 0.0
-        world.best[j] = bound if is_held else min(max(rate, lower), upper)
+        bounds.held[j] = side if is_held else 0.0
+        bounds.best[j] = bound if is_held else min(max(rate, lower), upper)
 
 
 @compiled
-def resolve_rest(world: Record, largest: float, task: Array, share: float, damped: float) -> None:
+def resolve_rest(world: Record, task: Array, share: float, damping: float) -> None:
     """Write into part_b the best rates of the free joints without bounds, and find the slopes there.
 
     With r, the task without the contribution of the held joints, and A of the free joints, the slope of the
@@ -97,170 +92,77 @@ def resolve_rest(world: Record, largest: float, task: Array, share: float, dampe
     the part that no free joint can do, and `pull` the factor of λ². Both keep their accuracy however small λ
     is.
     """
-    n, m = world.n, world.m
+    rest, scratch, bounds, n, m = world.rest, world.scratch, world.bounds, world.n, world.m
     for r in range(m):
         wanted = share * task[r]
         size = abs(wanted)
         for j in range(n):
-            is_free = world.held[j] == 0.0
-            given = world.A[r, j] * (world.drift[j] if is_free else world.best[j]) / world.joint_scale[j]
+            is_free = bounds.held[j] == 0.0
+            rate = bounds.drift[j] if is_free else bounds.best[j]
+            given = scratch.A[r, j] * rate / world.task.joint_scale[j]
             wanted -= given
             size += abs(given)
-            world.B[r, j] = world.A[r, j] if is_free else 0.0
-        world.task_B[r], world.magnitude[r] = wanted, size
-    if not resolve_by_factor(world, damped):
-        resolve_by_decomposition(world, largest, damped)
+            rest.matrix[r, j] = scratch.A[r, j] if is_free else 0.0
+        rest.task[r], bounds.magnitude[r] = wanted, size
+    solve_free(world, damping)
     for j in range(n):
-        if world.held[j] == 0.0:
-            world.part_b[j] = world.drift[j] + world.joint_scale[j] * world.part_b[j]
+        if bounds.held[j] == 0.0:
+            scratch.part_b[j] = bounds.drift[j] + world.task.joint_scale[j] * scratch.part_b[j]
 
 
 @compiled
-def resolve_by_factor(world: Record, damped: float) -> bool:
-    """Solve for the free joints by a Cholesky factor, a tenth of the work; return whether it serves.
-
-    The factor is that of the smaller of A Aᵀ + λ² and AᵀA + λ², with A of the free joints.
-    """
-    n, m, root, free = world.n, world.m, world.root_B, 0
-    for j in range(n):
-        free += world.held[j] == 0.0
-    is_wide = free >= m
-    size = m if is_wide else n
-    largest = gram(world, size, is_wide, damped)
-    if 0.0 < damped * damped < WELL * largest:
-        return False
-    for i in range(0 if is_wide else n):
-        if world.held[i] != 0.0:
-            root[i, i] = largest if largest > 0.0 else 1.0
-    factor(root, size)
-    for i in range(size):
-        if not root[i, i] * root[i, i] > WELL * largest:
-            return False
-    if is_wide:
-        solve_wide(world, damped)
-    else:
-        solve_tall(world, damped)
-    return True
-
-
-@compiled
-def gram(world: Record, size: int, is_wide: bool, damped: float) -> float:
-    """Write the lower half of A Aᵀ + λ² or AᵀA + λ² into `root_B`; return the largest entry."""
-    largest = 0.0
-    for i in range(size):
-        for c in range(i + 1):
-            total = dot(world.B[i], world.B[c], world.n) if is_wide else 0.0
-            for r in range(0 if is_wide else world.m):
-                total += world.B[r, i] * world.B[r, c]
-            world.root_B[i, c] = total
-        world.root_B[i, i] += damped * damped
-        largest = max(largest, world.root_B[i, i])
-    return largest
-
-
-@compiled
-def solve_wide(world: Record, damped: float) -> None:
-    """Write y = Aᵀ w, (A Aᵀ + λ²) w = r, for at least as many free joints as rows: nothing is missing.
-
-    Where w is large and y is not, y is summed from the steps of w: a new product Aᵀ w would round.
-    """
-    n, m, w, y, rest = world.n, world.m, world.pull, world.part_b, world.missing
-    for j in range(n):
-        y[j] = 0.0
-    for r in range(m):
-        w[r], rest[r] = 0.0, world.task_B[r]
-    for _ in range(2):
-        forward(world.root_B, rest, m)
-        backward(world.root_B, rest, m)
-        for r in range(m):
-            w[r] += rest[r]
-            for j in range(n):
-                y[j] += world.B[r, j] * rest[r]
-        for r in range(m):
-            rest[r] = world.task_B[r] - dot(world.B[r], y, n) - damped * damped * w[r]
-    for r in range(m):
-        rest[r] = 0.0
-
-
-@compiled
-def solve_tall(world: Record, damped: float) -> None:
-    """Write y, (AᵀA + λ²) y = Aᵀ r, for fewer free joints than rows, and the missing part of r."""
-    n, m, y, rest = world.n, world.m, world.part_b, world.shape
-    for j in range(n):
-        y[j] = 0.0
-    for _ in range(2):
-        for r in range(m):
-            world.missing[r] = world.task_B[r] - dot(world.B[r], y, n)
-        for j in range(n):
-            rest[j] = -damped * damped * y[j]
-            for r in range(m):
-                rest[j] += world.B[r, j] * world.missing[r]
-        forward(world.root_B, rest, n)
-        backward(world.root_B, rest, n)
-        for j in range(n):
-            y[j] += rest[j]
-    for j in range(n):
-        rest[j] = y[j]
-    forward(world.root_B, rest, n)
-    backward(world.root_B, rest, n)
-    for r in range(m):
-        world.missing[r] = world.task_B[r] - dot(world.B[r], y, n)
-        # with damping `missing` holds all of it
-        world.pull[r] = 0.0 if damped > 0.0 else dot(world.B[r], rest, n)
-
-
-@compiled
-def resolve_by_decomposition(world: Record, largest: float, damped: float) -> None:
+def solve_free(world: Record, damping: float) -> None:
     """Solve for the free joints by their singular vectors, also where these lose the rank of the task.
 
     With r = Σ_i asked_i u_i + missing, w = Σ_i asked_i/(σ_i² + λ²) u_i is `pull`.
     """
-    n, m, k = world.n, world.m, world.k
-    decompose_rest_from_scratch(world, m, n)
-    project(world.u_B, world.task_B, k, m, world.asked_B)
+    scratch, bounds, rest, n, m, k = world.scratch, world.bounds, world.rest, world.n, world.m, world.k
+    decompose_afresh(world, m)
+    project(rest.u, rest.task, k, m, rest.asked)
     for r in range(m):
-        world.missing[r], world.pull[r] = world.task_B[r] if m > n else 0.0, 0.0
+        bounds.missing[r], bounds.pull[r] = rest.task[r] if m > n else 0.0, 0.0
     for i in range(k):
-        sigma, floor = world.sigma_B[i], RANK_FLOOR * largest
-        world.gain_B[i] = damped_gain(sigma, floor, damped)
-        of_pull, of_missing = 0.0, 0.0 if m > n else world.asked_B[i]
+        sigma, floor = rest.sigma[i], RANK_FLOOR * world.first.sigma[0]
+        rest.gain[i] = damped_gain(sigma, floor, damping)
+        of_pull, of_missing = 0.0, 0.0 if m > n else rest.asked[i]
         if sigma > floor:
-            of_pull = world.asked_B[i] / (sigma * sigma + damped * damped)
-            of_missing -= world.asked_B[i]
+            of_pull = rest.asked[i] / (sigma * sigma + damping * damping)
+            of_missing -= rest.asked[i]
         for r in range(m):
-            world.pull[r] += of_pull * world.u_B[i, r]
-            world.missing[r] += of_missing * world.u_B[i, r]
-    combine(world.gain_B, world.asked_B, world.v_B, k, n, world.part_b)
+            bounds.pull[r] += of_pull * rest.u[i, r]
+            bounds.missing[r] += of_missing * rest.u[i, r]
+    combine(rest.gain, rest.asked, rest.v, k, n, scratch.part_b)
 
 
 @compiled
-def most_inwards(world: Record, damped: float) -> int:
+def most_inwards(world: Record, damping: float) -> int:
     """Return the held joint that the slope draws inwards most, or -1.
 
     Where `missing` is not zero, its slope is by far the steeper. With λ > 0 it is divided by λ² and added to
     the other part; with λ = 0 it alone decides, and the other part comes after it.
     """
+    bounds = world.bounds
     chosen, most, by_missing = -1, 0.0, False
     for j in range(world.n):
-        side = world.held[j]
-        if side == 0.0 or world.lower[j] >= world.upper[j]:
+        side = bounds.held[j]
+        if side == 0.0 or bounds.lower[j] >= bounds.upper[j]:
             continue
         missing, size, pull, of_pull = 0.0, 0.0, 0.0, 0.0
         for r in range(world.m):
-            a = world.A[r, j]
-            missing += a * world.missing[r]
-            size += abs(a) * world.magnitude[r]
-            pull += a * world.pull[r]
-            of_pull += abs(a * world.pull[r])
-        moved = (world.best[j] - world.drift[j]) / world.joint_scale[j]
+            a = world.scratch.A[r, j]
+            missing += a * bounds.missing[r]
+            size += abs(a) * bounds.magnitude[r]
+            pull += a * bounds.pull[r]
+            of_pull += abs(a * bounds.pull[r])
+        moved = (bounds.best[j] - bounds.drift[j]) / world.task.joint_scale[j]
         pull, of_pull = pull - moved, of_pull + abs(moved)
         if abs(missing) <= LEFT * size:
             missing = 0.0
-        decides = missing != 0.0 and damped == 0.0
+        decides = missing != 0.0 and damping == 0.0
         inwards, slack = -side * (missing if decides else pull), ROUNDING * (size if decides else of_pull)
-        if damped > 0.0:
-            inwards -= side * missing / (damped * damped)
-            slack += LEFT * size / (damped * damped) if missing != 0.0 else 0.0
+        if damping > 0.0:
+            inwards -= side * missing / (damping * damping)
+            slack += LEFT * size / (damping * damping) if missing != 0.0 else 0.0
         if inwards <= slack or (by_missing and not decides):
             continue
         if inwards > most or (decides and not by_missing):
@@ -269,7 +171,7 @@ def most_inwards(world: Record, damped: float) -> int:
 
 
 @compiled
-def largest_share(world: Record, tick: Record) -> float:
+def largest_share(world: Record) -> float:
     """Replace the rates by the smallest that do the largest share of the same task, within the bounds.
 
     Return that share, in [0, 1]. Return -1, with the rates unchanged, if the bounds allow none of the task,
@@ -277,26 +179,27 @@ def largest_share(world: Record, tick: Record) -> float:
     feasible task rates, and the share on that face is the next one. It is never too small, and the largest
     after a few faces.
     """
+    bounds, tick = world.bounds, world.tick
     n, m, share = world.n, world.m, 1.0
     for r in range(m):
-        world.direction[r] = 0.0
+        bounds.direction[r] = 0.0
         for j in range(n):
-            world.direction[r] += world.A[r, j] * tick.qdot_cmd[j] / world.joint_scale[j]
+            bounds.direction[r] += world.scratch.A[r, j] * tick.qdot_cmd[j] / world.task.joint_scale[j]
     for j in range(n):
-        world.wish[j] = tick.qdot_cmd[j]
+        bounds.wish[j] = tick.qdot_cmd[j]
     for _ in range(FACES):
-        best_within(world, tick, world.direction, share, 0.0)
+        best_within(world, bounds.direction, share, 0.0)
         missing2, size2 = 0.0, 0.0
         for r in range(m):
-            missing2 += world.missing[r] * world.missing[r]
-            size2 += world.magnitude[r] * world.magnitude[r]
+            missing2 += bounds.missing[r] * bounds.missing[r]
+            size2 += bounds.magnitude[r] * bounds.magnitude[r]
         if missing2 <= ROUNDING * ROUNDING * size2:
             return share
-        along = dot(world.missing, world.direction, m)
+        along = dot(bounds.missing, bounds.direction, m)
         share = share - missing2 / along if along > 0.0 else -1.0
         if share < -ROUNDING:
             break
         share = max(0.0, share)
     for j in range(n):
-        tick.qdot_cmd[j] = world.wish[j]
+        tick.qdot_cmd[j] = bounds.wish[j]
     return -1.0

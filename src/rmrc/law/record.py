@@ -1,182 +1,34 @@
-"""The data that the compiled law reads and writes: one record per world, one record per tick.
+"""The record of a world: all that compiled code reads and writes, in named groups.
 
-Both are numpy structured types: a world's parameters have names in compiled code, and the law of all worlds
-takes one argument instead of fifty. Vectors over joints are padded to a capacity: arms of up to eight joints
-share one compiled law.
-
-A world's record consists of the fields of its Writers and of the fields that the law measures, remembers and
-computes. Each Writer owns some fields and fills them before the first tick. Worlds of runs and of controllers
-begin alike, with the fields that the law uses. The record is flat: with nested records the law takes up to
-1.8 times as long.
+A record is one element of a numpy structured array. Arrays over joints have room for a capacity of 8, 16 or
+more joints, and loops run to `n`: arms of the same capacity share all machine code. Runs, `Controller` and
+`Law` use the same record, so that they share the law.
 """
 
 import math
-from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.scenario.choices import record_fields
+
 ROWS = 6  # a twist has six rows; a task, and so sigma, has at most as many
-JOINTS = -1  # in the size of a field: the number of joints that the record holds
-CHAIN = -2  # the number of axes of the chain: more than joints, where some follow others
-# Rows of a chain, per axis: half its angle and its way along itself, per position of its joint; the axis, and
-# the step from the one before, at 0; 1 if it turns or 0; its way per radian, or 1 if it slides.
-HALF, ALONG, AXIS, STEP, TURNS, ADVANCE, ROWS_OF_CHAIN = 0, 1, 2, 5, 8, 9, 10
 CAPACITY = 8  # joints of the smallest record; larger arms get the next power of two
-# The last field of the Writer of a law. MEASUREMENT to ADDRESSES follow, and then what not all laws have.
-LAST = "period"
 
-
-class Field(NamedTuple):
-    """A field of a world's record, as its owner declares it.
-
-    Attributes:
-        name: Name in compiled code.
-        kind: `np.float64` or `np.int64`: every field takes whole words, so that none is misaligned.
-        size: Its shape, made of numbers, ROWS, JOINTS and CHAIN; () of a single value.
-        start: Its initial value.
-
-    >>> Field("position_limit", size=(2, JOINTS))
-    Field(name='position_limit', kind=<class 'numpy.float64'>, size=(2, -1), start=0.0)
-    """
-
-    name: str
-    kind: type[np.float64 | np.int64] = np.float64
-    size: tuple[int, ...] = ()
-    start: float = 0.0
-
-
-class Writer(Protocol):
-    """An owner of fields of a world's record: nothing else writes them before the first tick."""
-
-    @property
-    def fields(self) -> tuple[Field, ...]:
-        """All fields that `write` writes, the same for every object of its class."""
-        ...
-
-    def write(self, world: np.void) -> None:
-        """Write its own fields of one record, which hold their `start`; entries beyond n joints stay."""
-        ...
-
-
-# The measurement of the arm at a tick: by MuJoCo, by its own chain, or by the caller.
-MEASUREMENT = (
-    Field("q", size=(JOINTS,)), Field("qdot", size=(JOINTS,)),
-    Field("pose", size=(7,)), Field("J", size=(ROWS, JOINTS)),
-    Field("pose_2", size=(7,)), Field("J_2", size=(ROWS, JOINTS)),
-    Field("columns", size=(ROWS, CHAIN)), Field("columns_2", size=(ROWS, CHAIN)),
+# Methods at addresses, 0 where a world has none: the choices of the law, its parts that few worlds need, the
+# plant, and the stages between law and plant.
+METHODS = (
+    "decompose", "complete", "gains", "damping", "null_space", "objective", "priority", "policy", "hold_off",
+    "limit", "stops", "ease", "remember", "give_way", "metric", "weigh", "turn", "control", "second",
+    "move_joints", "ease_joints",
+    "sense", "path", "believe", "readings", "obey", "transmission", "ticks",
 )  # fmt: skip
-
-# Memory from tick to tick: vectors of the decomposition; the last command, its change, and the course from
-# which the next change starts; how far the joint lags behind its wish, and the change of that; its position
-# if it had obeyed since it strayed; sums that give its lag. Then ticks of the path so far, its pace, the
-# fastest pace within the rate limits and its fall, the share of the rates left; how long the site has stood
-# still while it should move; the joints that were held at their bounds, and when.
-MEMORY = (
-    Field("u", size=(ROWS, JOINTS)), Field("v", size=(ROWS, JOINTS)), Field("age", np.int64),
-    Field("v_last", size=(JOINTS,)), Field("qdot_cmd_last", size=(JOINTS,)),
-    Field("change_last", size=(JOINTS,)), Field("course", size=(JOINTS,)), Field("lag", size=(JOINTS,)),
-    Field("slope", size=(JOINTS,)), Field("q_sent", size=(JOINTS,), start=math.nan),
-    Field("behind", size=(4, JOINTS)), Field("path_tick"), Field("pace", start=1.0), Field("fastest"),
-    Field("falling"), Field("waited"), Field("share", start=1.0), Field("still"),
-    Field("active", size=(JOINTS,)), Field("active_age", np.int64),
-)  # fmt: skip
-
-# Scratch of one tick: axes of the arm's own chain, and their anchors; the task, with the twist wanted along
-# the axes of its frame; bounds and parts of the rates; a second decomposition, of the remaining A for a
-# second task, or for the joints that are not saturated.
-SCRATCH = (
-    Field("outward", size=(6, CHAIN)), Field("axis_rate", size=(CHAIN,)),
-    Field("twist_task", size=(6,)), Field("twist_cmd", size=(6,)),
-    Field("task", size=(ROWS,)), Field("asked", size=(ROWS,)), Field("error"),
-    Field("A", size=(ROWS, JOINTS)), Field("angles", size=(ROWS, JOINTS)), Field("qdot0", size=(JOINTS,)),
-    Field("lower", size=(JOINTS,)), Field("upper", size=(JOINTS,)), Field("held", size=(JOINTS,)),
-    Field("rest_lower", size=(JOINTS,)), Field("rest_upper", size=(JOINTS,)), Field("fade", size=(JOINTS,)),
-    Field("drift", size=(JOINTS,)), Field("best", size=(JOINTS,)),
-    Field("part_a", size=(JOINTS,)), Field("part_b", size=(JOINTS,)),
-    Field("wish", size=(JOINTS,)), Field("kept", size=(JOINTS,)), Field("group", np.int64, (JOINTS,)),
-    Field("strayed", np.int64, (JOINTS,)), Field("coast", size=(JOINTS,)),
-    Field("work", size=(JOINTS,)), Field("error_2", size=(6,)),
-    Field("B", size=(ROWS, JOINTS)), Field("task_B", size=(ROWS,)), Field("asked_B", size=(ROWS,)),
-    Field("sigma_B", size=(ROWS,)), Field("gain_B", size=(ROWS,)),
-    Field("u_B", size=(ROWS, JOINTS)), Field("v_B", size=(ROWS, JOINTS)),
-    Field("direction", size=(ROWS,)), Field("missing", size=(ROWS,)), Field("pull", size=(ROWS,)),
-    Field("magnitude", size=(ROWS,)),
-    # the metric of the joints: their axes, poses of their links, the inertias that these carry, its factors
-    Field("axis", size=(CHAIN, 3)), Field("anchor", size=(CHAIN, 3)),
-    Field("turn", size=(CHAIN, 4)), Field("point", size=(3,)), Field("half_turned", size=(3, 3)),
-    Field("moving_mass", size=(CHAIN,)), Field("moving_moment", size=(CHAIN, 3)),
-    Field("moving_inertia", size=(CHAIN, 3, 3)),
-    Field("link_twist", size=(CHAIN, 6)), Field("link_momentum", size=(CHAIN, 6)),
-    Field("metric", size=(JOINTS, JOINTS)), Field("root", size=(JOINTS, JOINTS)),
-    Field("root_B", size=(JOINTS, JOINTS)), Field("shape", size=(JOINTS,)), Field("sway", size=(JOINTS,)),
-    # singular values that must not fall faster: gradients, bounds, shortfalls, and multipliers
-    Field("slopes", size=(ROWS, JOINTS)), Field("barrier", size=(ROWS, JOINTS)),
-    Field("least", size=(ROWS,)), Field("need", size=(ROWS,)), Field("push", size=(ROWS,)),
-)  # fmt: skip
-
-# Addresses in this process of machine code that only some worlds need (`rmrc.law.jit.apart`), or few ticks.
-ADDRESSES = tuple(
-    Field(f"call_{name}", np.int64)
-    for name in (
-        "metric", "damping", "gains", "null_space", "objective", "policy", "hold_off", "limits", "eased",
-        "rest_bounds", "best", "rest", "sharpen", "late", "way", "frame_error",
-        "frame",
-    )
-)  # fmt: skip
-
-TICK = (
-    Field("time"), Field("q", size=(JOINTS,)), Field("q_believed", size=(JOINTS,)),
-    Field("qdot", size=(JOINTS,)), Field("qdot_cmd", size=(JOINTS,)),
-    Field("qdot_arrived", size=(JOINTS,)), Field("qdot_plain", size=(JOINTS,)),
-    Field("pose", size=(7,)), Field("pose_ref", size=(7,)),
-    Field("twist_ref", size=(6,)), Field("pose_error", size=(6,)),
-    Field("sigma", size=(ROWS,)), Field("gain", size=(ROWS,)),
-    Field("damping"), Field("manipulability"), Field("condition"),
-    Field("u_min", size=(6,)), Field("v_min", size=(JOINTS,)),
-    Field("tau", size=(JOINTS,)), Field("tau_gravity", size=(JOINTS,)),
-    Field("path_time"), Field("path_rate"),
-    Field("secondary_error"), Field("secondary_sigma"), Field("status", np.int64),
-    Field("arrival"),  # no column: the arrival of its command, in ticks, where commands take time
-)  # fmt: skip
-
-
-def records(
-    n: int, *worlds: Sequence[Writer], beside: Sequence[Field] = (), axes: int = 0
-) -> NDArray[np.void]:
-    """Return the records of worlds with n joints, (w,), as their Writers fill them.
-
-    Args:
-        n: Number of joints.
-        worlds: The Writers of each world: of the same classes, in the same order.
-        beside: Fields without a Writer: those of all worlds at once, and the memory of plants.
-        axes: Number of axes of the chain, if more than n.
-
-    Raises:
-        ValueError: A field has two owners.
-    """
-    owned = [field for writer in worlds[0] for field in writer.fields]
-    at = next((i for i, field in enumerate(owned, 1) if field.name == LAST), len(owned))
-    fields = (*owned[:at], *MEASUREMENT, *MEMORY, *SCRATCH, *ADDRESSES, *owned[at:], *beside)
-    made = np.zeros(len(worlds), _type(capacity(n), fields, capacity(max(n, axes))))
-    for field in fields:
-        if field.start:
-            made[field.name] = field.start
-    for world, writers in zip(made, worlds, strict=True):
-        for writer in writers:
-            writer.write(world)
-    return made
-
-
-def tick_type(n: int) -> np.dtype[np.void]:
-    """Return the record type of one tick of one world; a run's columns are its fields."""
-    return _type(capacity(n), TICK, 0)
 
 
 def capacity(n: int) -> int:
-    """Return the number of joints that the records of an n-joint arm hold.
+    """Return the number of joints, or axes of a chain, that the records of an arm with n of them hold.
 
     >>> capacity(2), capacity(8), capacity(9)
     (8, 8, 16)
@@ -184,9 +36,225 @@ def capacity(n: int) -> int:
     return max(CAPACITY, 1 << (n - 1).bit_length())
 
 
-# Cached, so that equal types are one object: a call of compiled code compares its arguments' types. With
-# different objects that takes longer than the law.
 @cache
-def _type(joints: int, fields: tuple[Field, ...], axes: int) -> np.dtype[np.void]:
-    sizes = {JOINTS: joints, CHAIN: axes}
-    return np.dtype([(f.name, f.kind, tuple(sizes.get(size, size) for size in f.size)) for f in fields])
+def spectrum_type(joints: int) -> np.dtype[np.void]:
+    """Return the type of a matrix Σ σ_i u_i v_iᵀ with its task t, the demand Uᵀ t, λ and the gains g(σ)."""
+    f = np.float64
+    return np.dtype(
+        [
+            ("rows", np.int64), ("matrix", f, (ROWS, joints)), ("task", f, (ROWS,)),
+            ("sigma", f, (ROWS,)), ("asked", f, (ROWS,)), ("gain", f, (ROWS,)), ("damping", f),
+            ("u", f, (ROWS, joints)), ("v", f, (ROWS, joints)),
+            # ticks since it began, and the last v_k
+            ("age", np.int64), ("v_last", f, (joints,)),
+        ]
+    )  # fmt: skip
+
+
+# Cached, so that equal types are one object, which numba compares fast.
+@cache
+def world_type(joints: int) -> np.dtype[np.void]:
+    """Return the type of a world's record with room for a number of joints."""
+    f, i = np.float64, np.int64
+    J, R = (joints,), (ROWS,)
+    task = [
+        # rows of the twist that count, S_x and S_q; the frame of the rows, the orientation of the base, and
+        # the axis about which the site is free, or -1
+        ("row", i, R), ("row_scale", f, R), ("joint_scale", f, J),
+        ("frame", i), ("base_quat", f, (4,)), ("free", i), ("feedback", f), ("feedforward", f),
+    ]  # fmt: skip
+    second = [  # a second task: its rows, its site, the axes that move it, and its target
+        ("m", i), ("row", i, R), ("row_scale", f, R), ("frame", i), ("base_quat", f, (4,)), ("free", i),
+        ("site", i), ("moves", i, J), ("pose_ref", f, (7,)), ("feedback", f),
+        ("last_axis", i), ("tip_step", f, (3,)), ("tip_quat", f, (4,)),
+        # where it is for the law, and its true error
+        ("pose", f, (7,)), ("J", f, (ROWS, joints)), ("columns", f, (ROWS, joints)), ("error", f, (6,)),
+        ("true_error", f),
+    ]  # fmt: skip
+    chain = [
+        # axes outward: the joint that moves each and its ratio; 1 if it turns, its way along itself per
+        # radian, or 1 if it slides; its direction and the step to it with all joints at 0
+        ("axes", i), ("leader", i, J), ("ratio", f, J), ("turns", f, J), ("advance", f, J),
+        ("axis_0", f, (joints, 3)), ("step_0", f, (joints, 3)), ("tip_step", f, (3,)), ("tip_quat", f, (4,)),
+        # their directions, points on them, and their contributions to the twist of the site
+        ("axis", f, (joints, 3)), ("anchor", f, (joints, 3)), ("columns", f, (ROWS, joints)), ("rate", f, J),
+    ]  # fmt: skip
+    links = [
+        # moving masses: the link before each, the joint that moves it, and its inertia about its joint
+        ("count", i), ("parent", i, J), ("leader", i, J), ("ratio", f, J), ("is_slide", i, J),
+        ("axis_0", f, (joints, 3)), ("step_0", f, (joints, 3)), ("mass", f, J), ("moment", f, (joints, 3)),
+        ("inertia", f, (joints, 3, 3)), ("armature", f, J), ("scale", f, J),
+        # their places, and what each carries
+        ("axis", f, (joints, 3)), ("anchor", f, (joints, 3)), ("turn", f, (joints, 4)), ("point", f, (3,)),
+        ("half_turned", f, (3, 3)), ("carried_mass", f, J), ("carried_moment", f, (joints, 3)),
+        ("carried_inertia", f, (joints, 3, 3)), ("twist", f, (joints, 6)), ("momentum", f, (joints, 6)),
+        # the scaled joint inertia and its Cholesky factor
+        ("metric", f, (joints, joints)), ("root", f, (joints, joints)),
+    ]  # fmt: skip
+    law = [
+        (name, i if kind is int else f, J if is_each else ()) for name, kind, is_each in record_fields()
+    ]  # fmt: skip
+    limits = [
+        ("rate", f, J), ("acceleration", f, J), ("change", f, J), ("jerk_step", f, J), ("is_eased", i),
+        ("braking", f, J), ("position", f, (2, joints)), ("range", f, (2, joints)), ("keep_direction", i),
+        ("torque", f, J),
+    ]  # fmt: skip
+    state = [  # what the law takes the arm to do
+        ("q", f, J), ("qdot", f, J), ("pose", f, (7,)), ("J", f, (ROWS, joints)),
+    ]  # fmt: skip
+    memory = [
+        # from tick to tick: the last command, its change, and the course from which the next change starts
+        ("qdot_cmd", f, J), ("change", f, J), ("course", f, J),
+        # how far the joint lags behind its wish, and the change of that; its position if it had obeyed since
+        # it strayed; sums that give its lag
+        ("lag", f, J), ("slope", f, J), ("q_sent", f, J), ("behind", f, (4, joints)),
+        # ticks of the path, its pace, the fastest pace within the rate limits and its fall, the wait, the
+        # share of the rates that is left, and how long the site has stood still while it should move
+        ("path_tick", f), ("pace", f), ("fastest", f), ("falling", f), ("waited", f),
+        ("share", f), ("still", f),
+        # the joints that were held at their bounds, and when
+        ("active", f, J), ("active_age", i),
+    ]  # fmt: skip
+    scratch = [
+        # the wanted twist along the axes of the task's frame, the commanded one; A; wished rates
+        ("twist_ref", f, (6,)), ("twist_cmd", f, (6,)), ("error", f),
+        ("A", f, (ROWS, joints)), ("qdot0", f, J), ("work", f, J), ("shape", f, J),
+        # parts of the rates, linear in the pace or in the share of the task; a root of an inertia; held
+        # joints
+        ("part_a", f, J), ("part_b", f, J), ("root_b", f, (joints, joints)), ("sway", f, J),
+    ]  # fmt: skip
+    bounds = [
+        # smallest and largest rates, those from position and rate limits alone, and the side at which a
+        # joint is held; the share of its wish that a held joint gets; the null-space motion; the best rates
+        # so far
+        ("lower", f, J), ("upper", f, J), ("stop_lower", f, J), ("stop_upper", f, J), ("held", f, J),
+        ("fade", f, J), ("drift", f, J), ("best", f, J), ("acting", i),
+        # the share of the task, and bounds, that `give_way` takes
+        ("share", f), ("floor", f, J), ("ceiling", f, J),
+        ("direction", f, R), ("missing", f, R), ("pull", f, R), ("magnitude", f, R),
+        # jerk: the wish, the course that can be kept, the joints that share a factor, and those that have
+        # strayed
+        ("wish", f, J), ("kept", f, J), ("group", i, J), ("strayed", i, J), ("coast", f, J),
+    ]  # fmt: skip
+    barrier = [  # singular values that must not fall faster: gradients, bounds, shortfalls, and multipliers
+        ("slope", f, (ROWS, joints)), ("row", f, (ROWS, joints)), ("least", f, R), ("need", f, R),
+        ("push", f, R),
+        ("acts", f, R), ("wanted", f, R), ("gram", f, (ROWS, ROWS)), ("root", f, (ROWS, ROWS)),
+    ]  # fmt: skip
+    tick = [  # the columns of a run that stand nowhere else
+        ("time", f), ("q", f, J), ("q_believed", f, J), ("qdot", f, J), ("qdot_cmd", f, J),
+        ("qdot_arrived", f, J), ("qdot_plain", f, J), ("pose", f, (7,)), ("pose_ref", f, (7,)),
+        ("twist_ref", f, (6,)), ("pose_error", f, (6,)), ("manipulability", f), ("condition", f),
+        ("u_min", f, (6,)), ("v_min", f, J), ("tau", f, J), ("tau_gravity", f, J),
+        ("path_time", f), ("path_rate", f), ("secondary_error", f), ("secondary_sigma", f), ("status", i),
+    ]  # fmt: skip
+    input_ = [
+        # of a step outside a run: the source of kinematics, its parts, the period without a step, and
+        # refusals
+        ("sites", i), ("site_quat", f, (2, 4)), ("is_beside", i), ("site_step", f, (2, 3)),
+        ("given", i), ("called", f), ("refused", i), ("late", i), ("base", f, (7,)),
+        ("q_target", f, J), ("qdot_target", f, J),
+        # memory: the integral of the commands, the joints on their way back, the change before
+        ("q_cmd", f, J), ("returning", f, J), ("change_before", f, J),
+    ]  # fmt: skip
+    plant = [
+        ("qdot_sent", f, J), ("true_error", f, (6,)),
+        # actuators: gains, bandwidth, the external wrench and its lever, joints whose tau lacks gravity
+        # compensation
+        ("kv", f, J), ("bandwidth", f), ("wrench", f, (6,)), ("lever", f, (3,)), ("gravity_apart", f, J),
+        ("substeps", i), ("qddot", f, J), ("sent_before", f, J), ("clamped", i),
+        # resistance that they compensate: damping of q̇, q̇|q̇|, q̇³; dry friction up to a loss, its inertia
+        # and decay
+        ("resists", i, J), ("damping", f, (joints, 3)), ("friction_loss", f, J), ("friction_inertia", f, J),
+        ("friction_decay", f, J),
+        # encoders
+        ("encoder_offset", f, J), ("differentiates", i), ("rate_decay", f),
+        ("encoder_delay", f), ("is_noisy", i), ("encoder_noise", f, J), ("encoder_seed", i),
+        ("encoder_resolution", f, J), ("noise", f, J), ("drawn", i, J), ("q_read", f, J), ("qdot_read", f, J),
+        ("integrates", i), ("q_last", f, J),
+        # transport of commands, in ticks; the command in effect and its number
+        ("is_late", i), ("latency", f), ("jitter", f), ("loss", f), ("span", i), ("transport_seed", i),
+        ("in_effect", f, J), ("arrived", i),
+        # lag, resonance, backlash
+        ("lags", i), ("lag_step", f, J), ("lag_mean", f, J), ("lagging", f, J),
+        ("swings", i), ("swing_step", f, (2, 2)), ("swing_mean", f, (2,)), ("swinging", f, (2, joints)),
+        ("has_play", i), ("half_play", f, J), ("in_play", f, J),
+    ]  # fmt: skip
+    engine = [
+        # of MuJoCo: addresses of its model and data, of functions, and of fields of the data; their sizes
+        ("model", i), ("data", i), ("begin", i), ("advance", i), ("step", i), ("substeps", i),
+        ("known_model", i), ("known_data", i),
+        *((name, i) for name in ENGINE_FIELDS), ("nq", i), ("nv", i), ("nu", i), ("nbody", i), ("njnt", i),
+        ("nsite", i),
+        # of the arm in it: ids of its joints and site, addresses of its degrees of freedom, controls and
+        # forces
+        ("joint", i, J), ("qpos_at", i, J), ("dof", i, J), ("ctrl_at", i, J), ("force_at", i, J),
+        ("site_id", i), ("body", i, (2,)), ("site_at", i, (2,)),
+        ("followers", i), ("follows", i, J), ("follower_ratio", f, J), ("follower_qpos", i, J),
+        ("follower_dof", i, J),
+        # of the run: the next tick, the end of this piece and of the run, the path, rows of columns and of
+        # positions, past ticks, the drives of the model, and a function that is called after the law
+        ("next", i), ("last", i), ("ticks", i), ("path_ticks", i), ("diverged", i), ("diverged_joint", i),
+        ("pieces", i), ("piece_count", i), ("motions", i), ("motion_rows", i), ("piece", i),
+        ("reference", f, (2, 19)), ("record", i), ("record_size", i),
+        ("columns", i), ("sources", i), ("width", i), ("rows", i), ("positions", i), ("past", i),
+        ("past_rows", i), ("drives", i), ("drive_count", i), ("freedoms", i),
+        ("masses", i), ("mass_count", i), ("mass_size", i), ("mass_factors", i), ("free", i),
+        ("free_count", i), ("free_damping", i), ("room", i), ("watch", i),
+    ]  # fmt: skip
+    spectrum = spectrum_type(joints)
+    groups: dict[str, list[Any]] = {
+        "task": task, "second": second, "chain": chain, "links": links, "law": law, "limits": limits,
+        "methods": [(name, i) for name in METHODS], "state": state, "memory": memory, "scratch": scratch,
+        "bounds": bounds, "barrier": barrier, "tick": tick, "input": input_, "plant": plant, "engine": engine,
+    }  # fmt: skip
+    return np.dtype(
+        [
+            ("n", i), ("m", i), ("k", i), ("rank", i), ("period", f),
+            *((name, np.dtype(fields)) for name, fields in groups.items()),
+            ("first", spectrum), ("rest", spectrum),
+        ]
+    )  # fmt: skip
+
+
+# Fields of MjData that compiled code reads or writes, by their names in MuJoCo.
+ENGINE_FIELDS = (
+    "qpos", "qvel", "act", "ctrl", "xfrc_applied", "site_xpos", "site_xquat", "xanchor", "xaxis",
+    "actuator_force", "qfrc_actuator", "qfrc_gravcomp",
+    "actuator_moment", "moment_rowadr", "moment_rownnz", "moment_colind",
+    "warning_info", "warning_count", "known_bias", "known_passive", "known_gravcomp", "known_M",
+    "known_qpos", "known_qvel",
+)  # fmt: skip
+
+
+def new_worlds(count: int, n: int, axes: int = 0) -> NDArray[np.void]:
+    """Return the records of worlds of an arm before anything is written into them, (count,).
+
+    Args:
+        count: Number of worlds.
+        n: Number of joints.
+        axes: Number of axes of the chain, if more than n.
+    """
+    worlds = np.zeros(count, world_type(capacity(max(n, axes))))
+    worlds["n"] = n
+    reset(worlds)
+    worlds["limits"]["change"] = worlds["limits"]["jerk_step"] = math.inf
+    worlds["limits"]["torque"] = math.inf
+    worlds["task"]["free"] = worlds["second"]["free"] = -1
+    worlds["input"]["q_cmd"] = worlds["input"]["called"] = math.nan
+    worlds["engine"]["diverged"] = -1
+    return worlds
+
+
+def reset(worlds: Any) -> None:
+    """Forget all ticks."""
+    memory = worlds["memory"]
+    memory[...] = np.zeros((), memory.dtype)
+    worlds["first"]["age"] = 0
+    memory["q_sent"] = math.nan
+    memory["pace"] = memory["share"] = 1.0
+
+
+def copied(worlds: NDArray[np.void]) -> NDArray[np.void]:
+    """Return a copy of worlds' records, as bytes: numpy would copy field by field, ten times as slow."""
+    return worlds.view(np.uint8).copy().view(worlds.dtype)

@@ -2,82 +2,83 @@
 
 import math
 
-from rmrc.law.inverses import gains, push_fading
-from rmrc.law.jit import Record, compiled, inlined
+from rmrc.law.compiling import Record, call, compiled
+from rmrc.law.inverses import push_fading
 from rmrc.law.metric import take_along, weigh_free
-from rmrc.law.rest import decompose_rest_from_scratch
-from rmrc.law.svd import combine, project
+from rmrc.law.remainder import decompose_afresh
+from rmrc.law.svd import ROUNDING, combine, project
 
-# The relative excess of a bound that is more than rounding.
-ROUNDING = 1e-12
 # The free joints can no longer do the task when the smallest singular value of the remaining A is below this
 # share of the largest of the whole A.
 LOST = 1e-6
 
 
-@inlined
-def saturate(world: Record, tick: Record) -> float:
+@compiled
+def saturate(world: Record) -> float:
     """Fix joints at their bounds, the most critical first, and let the free ones do as much as they can.
 
     With all joints free the rates are the given ones. Where not all of the task fits, the largest share that
     fits decides. Return that share; or -1, with the rates unchanged, if no share fits.
 
     Args:
-        world: Bounds, task, A, its decomposition; qdot0 holds the projected rates of the null space.
-        tick: qdot_cmd is replaced.
+        world: Read: bounds, task, A, its decomposition, and qdot0, the projected rates of the null space.
+            Written: `tick.qdot_cmd`.
     """
+    scratch, bounds = world.scratch, world.bounds
     n, best = world.n, -1.0
     for j in range(n):
-        world.held[j] = 0.0
+        bounds.held[j] = 0.0
     for _ in range(max(0, n - world.m) + 1):  # until fewer joints are free than the task has rows
-        if not free_rates(world, tick):
+        if not free_rates(world):
             break
         share, critical = task_share(world)
         if share > best:
             best = share
             for j in range(n):
-                world.best[j] = share * world.part_a[j] + world.part_b[j]
+                bounds.best[j] = share * scratch.part_a[j] + scratch.part_b[j]
         if share >= 1.0 or critical < 0:
             break
-        world.held[critical] = 1.0
-        total = world.part_a[critical] + world.part_b[critical]
-        is_above = total > world.upper[critical]
-        world.qdot0[critical] = world.upper[critical] if is_above else world.lower[critical]
+        bounds.held[critical] = 1.0
+        total = scratch.part_a[critical] + scratch.part_b[critical]
+        is_above = total > bounds.upper[critical]
+        scratch.qdot0[critical] = bounds.upper[critical] if is_above else bounds.lower[critical]
     if best >= 0.0:
         for j in range(n):
-            tick.qdot_cmd[j] = world.best[j]
+            world.tick.qdot_cmd[j] = bounds.best[j]
     return float(best)
 
 
-@inlined
-def free_rates(world: Record, tick: Record) -> bool:
+@compiled
+def free_rates(world: Record) -> bool:
     """Write qdot(s) = s · part_a + part_b of the free joints; return whether they still span the task.
 
     part_a = S_q A_F^g t,   part_b = q̇_N − S_q A_F^g A S_q⁻¹ q̇_N
     """
+    task, scratch, bounds, first, rest = world.task, world.scratch, world.bounds, world.first, world.rest
     n, m, k = world.n, world.m, world.k
     for r in range(m):
         missing = 0.0
         for j in range(n):
-            missing += world.A[r, j] * world.qdot0[j] / world.joint_scale[j]
-            world.B[r, j] = world.A[r, j] * (1.0 - world.held[j])
-        world.task_B[r] = missing
-    weigh_free(world, world.qdot0, 1.0)
-    decompose_rest_from_scratch(world, m, n)
-    if world.sigma_B[k - 1] <= LOST * tick.sigma[0]:
+            missing += scratch.A[r, j] * scratch.qdot0[j] / task.joint_scale[j]
+            rest.matrix[r, j] = scratch.A[r, j] * (1.0 - bounds.held[j])
+        rest.task[r] = missing
+    weigh_free(world, scratch.qdot0, 1.0)
+    decompose_afresh(world, m)
+    if rest.sigma[k - 1] <= LOST * first.sigma[0]:
         return False
-    project(world.u_B, world.task, k, m, world.asked_B)
-    push_fading(world, world.u_B, world.task, world.sigma_B, world.asked_B)
-    gains(world, world.asked_B, world.sigma_B, world.v_B, tick.damping, world.gain_B)
-    combine(world.gain_B, world.asked_B, world.v_B, k, n, world.part_a)
-    project(world.u_B, world.task_B, k, m, world.asked_B)
-    combine(world.gain_B, world.asked_B, world.v_B, k, n, world.part_b)
-    take_along(world, world.part_a, 0.0)
-    take_along(world, world.part_b, -1.0)
+    project(rest.u, first.task, k, m, rest.asked)
+    push_fading(world, rest.u, first.task, rest.sigma, rest.asked)
+    rest.damping = first.damping
+    call(world.methods.gains, world, rest)
+    combine(rest.gain, rest.asked, rest.v, k, n, scratch.part_a)
+    project(rest.u, rest.task, k, m, rest.asked)
+    combine(rest.gain, rest.asked, rest.v, k, n, scratch.part_b)
+    take_along(world, scratch.part_a, 0.0)
+    take_along(world, scratch.part_b, -1.0)
     for j in range(n):
-        scale = world.joint_scale[j] * (1.0 - world.held[j])
-        world.part_a[j] = scale * world.part_a[j]
-        world.part_b[j] = world.qdot0[j] - scale * world.part_b[j]
+        scale = task.joint_scale[j] * (1.0 - bounds.held[j])
+        scratch.part_a[j] = scale * scratch.part_a[j]
+        scratch.part_b[j] = scratch.qdot0[j] - scale * scratch.part_b[j]
     return True
 
 
@@ -89,11 +90,12 @@ def task_share(world: Record) -> tuple[float, int]:
     whole task takes beyond their bounds, the bounding joint would be the first to leave them as s grows;
     of several, the one that goes farthest.
     """
+    scratch, bounds = world.scratch, world.bounds
     least, most, smallest, farthest, critical = 0.0, 1.0, math.inf, 0.0, -1
     for j in range(world.n):
-        if world.held[j] > 0.0:
+        if bounds.held[j] > 0.0:
             continue
-        a, b, lower, upper = world.part_a[j], world.part_b[j], world.lower[j], world.upper[j]
+        a, b, lower, upper = scratch.part_a[j], scratch.part_b[j], bounds.lower[j], bounds.upper[j]
         first, last = shares(a, b, lower, upper)
         least, most = max(least, first), min(most, last)
         beyond = max(lower - (a + b), a + b - upper)

@@ -1,6 +1,6 @@
 """Whether the site stands still while its reference moves on."""
 
-from rmrc.law.jit import Record, compiled
+from rmrc.law.compiling import Record, compiled
 from rmrc.scenario.choices import Status
 
 STUCK, WAITS = int(Status.STUCK), int(Status.STOPPED | Status.KEPT_OUT)
@@ -18,32 +18,30 @@ PATIENCE = 0.2
 
 
 @compiled
-def stuck(world: Record, tick: Record, status: int) -> int:
-    """Return STUCK once the site has stood still for a while although its reference was moving.
+def watch_standstill(world: Record) -> None:
+    """Add STUCK to the status once the site has stood still for a while although its reference was moving.
 
     It lasts until the site moves, the reference rests, or the arm waits by command.
-
-    Args:
-        world: Task, J, the twist of the reference, and how long the site has stood still.
-        tick: The rates sent.
-        status: All other bits of this tick.
     """
+    tick, first = world.tick, world.first
+    task, memory, scratch, status = world.task, world.memory, world.scratch, tick.status
     if (status == 0 and world.m <= world.n) or status & WAITS:  # it obeys fully, or waits
-        world.still = 0.0
-        return 0
+        memory.still = 0.0
+        return
     wanted, asked, done = 0.0, 0.0, 0.0
     for i in range(world.m):
-        row, scale, moved = world.row[i], world.row_scale[i], 0.0
+        row, scale, moved = task.row[i], task.row_scale[i], 0.0
         for j in range(world.n):
-            moved += world.J[row, j] * tick.qdot_cmd[j]
-        wants, moved = scale * world.twist_task[row], scale * moved
+            moved += world.state.J[row, j] * tick.qdot_cmd[j]
+        wants, moved = scale * scratch.twist_ref[row], scale * moved
         wanted += wants * wants
-        asked += world.task[i] * world.task[i]
+        asked += first.task[i] * first.task[i]
         done += moved * moved
     moves = wanted > SLOWEST * SLOWEST
     wished = wanted if moves else asked
     if wished <= SLOWEST * SLOWEST or done > max(SHARE * SHARE * wished, CREEPS * CREEPS):
-        world.still = 0.0
+        memory.still = 0.0
     elif moves:
-        world.still += world.period
-    return STUCK if world.still > PATIENCE else 0
+        memory.still += world.period
+    if memory.still > PATIENCE:
+        tick.status |= STUCK

@@ -1,11 +1,10 @@
 """A joint at its stop holds, and the others do as much of the task as they can."""
 
-from rmrc.law.inverses import SCHEDULED, damping, gains, push_fading
-from rmrc.law.jit import Array, Record, apart, compiled
+from rmrc.law.compiling import Array, Method, Record, call, compiled
+from rmrc.law.inverses import SCHEDULED, push_fading
 from rmrc.law.metric import INERTIA, take_along, weigh_faded, weigh_free
-from rmrc.law.redistribution import ROUNDING
-from rmrc.law.rest import MAKE_UP, decompose_rest_from_scratch
-from rmrc.law.svd import combine, dot, project
+from rmrc.law.remainder import decompose_afresh
+from rmrc.law.svd import ROUNDING, combine, dot, project
 from rmrc.scenario.choices import SCHEDULES
 
 # How often a joint may be released. Once left 2 of 3,000 random tasks of six joints away from their optimum;
@@ -16,8 +15,19 @@ FOLLOWS_ARM = SCHEDULES.codes(lambda one: one.follows == "arm")
 FOLLOWS_COMMAND = SCHEDULES.codes(lambda one: one.follows == "command")
 
 
-@apart("call_way", is_late=True, limits_on_excess=MAKE_UP)
-def give_way(world: Record, tick: Record, share: float, lower: Array, upper: Array) -> None:
+@compiled
+def leave_to_others(world: Record, share: float, lower: Array, upper: Array) -> None:
+    """Call `give_way` for a share of the task and bounds of each joint, (n,), if the world may need it."""
+    methods, bounds = world.methods, world.bounds
+    bounds.share = share
+    for j in range(world.n):
+        bounds.floor[j], bounds.ceiling[j] = lower[j], upper[j]
+    if methods.give_way != 0:
+        call(methods.give_way, world)
+
+
+@Method
+def give_way(world: Record) -> None:
     """Bring the rates within their bounds; joints at a bound hold it, and the others make up for them.
 
     With the damped inverse the result is the rates within the bounds that minimize
@@ -28,41 +38,36 @@ def give_way(world: Record, tick: Record, share: float, lower: Array, upper: Arr
     alone, until a joint meets its bound and is held. Where none does, the held joint that the residual draws
     inwards most is released. Every step is within the bounds. The other inverses go the same way with their
     own gains. No joint is released more than LET_GO times, so the method ends.
-
-    Args:
-        world: Task, A; drift is the wanted motion in the null space, projected.
-        tick: qdot_cmd is replaced.
-        share: Share of the task.
-        lower: Smallest rate of each joint, (n,).
-        upper: Largest rate of each joint, (n,).
     """
-    n, damped = world.n, tick.damping if world.inverse_method in SCHEDULED else 0.0
+    scratch, bounds, tick = world.scratch, world.bounds, world.tick
+    share, lower, upper = bounds.share, bounds.floor, bounds.ceiling
+    n, damping = world.n, world.first.damping if world.law.inverse_method in SCHEDULED else 0.0
     for j in range(n):
         rate = tick.qdot_cmd[j]
-        world.best[j] = min(max(rate, lower[j]), upper[j])
-        world.held[j], world.fade[j], world.part_a[j] = 0.0, 1.0, 0.0
+        bounds.best[j] = min(max(rate, lower[j]), upper[j])
+        bounds.held[j], bounds.fade[j], scratch.part_a[j] = 0.0, 1.0, 0.0
         if is_beyond(rate, lower[j], upper[j]):
-            world.held[j] = 1.0 if rate > 0.0 else -1.0
-            world.fade[j] = abs(world.best[j] / rate)
+            bounds.held[j] = 1.0 if rate > 0.0 else -1.0
+            bounds.fade[j] = abs(bounds.best[j] / rate)
     for _ in range((2 * LET_GO + 1) * n + 1):
-        damped = resolve_free(world, share, damped)
+        damping = resolve_free(world, share, damping)
         blocked, step = first_blocked(world, lower, upper)
         for j in range(n):
-            if world.held[j] == 0.0:
-                world.best[j] += step * (world.part_b[j] - world.best[j])
+            if bounds.held[j] == 0.0:
+                bounds.best[j] += step * (scratch.part_b[j] - bounds.best[j])
         if blocked >= 0:
-            above = world.part_b[blocked] > world.best[blocked]
-            world.best[blocked] = upper[blocked] if above else lower[blocked]
-            world.fade[blocked] = min(1.0, abs(world.best[blocked] / world.part_b[blocked]))
-            world.held[blocked] = 1.0 if above else -1.0
+            above = scratch.part_b[blocked] > bounds.best[blocked]
+            bounds.best[blocked] = upper[blocked] if above else lower[blocked]
+            bounds.fade[blocked] = min(1.0, abs(bounds.best[blocked] / scratch.part_b[blocked]))
+            bounds.held[blocked] = 1.0 if above else -1.0
             continue
-        freed = drawn_inwards(world, share, damped)
+        freed = drawn_inwards(world, share, damping)
         if freed < 0:
             break
-        world.held[freed], world.fade[freed] = 0.0, 1.0
-        world.part_a[freed] += 1.0
+        bounds.held[freed], bounds.fade[freed] = 0.0, 1.0
+        scratch.part_a[freed] += 1.0
     for j in range(n):
-        tick.qdot_cmd[j] = world.best[j]
+        tick.qdot_cmd[j] = bounds.best[j]
 
 
 @compiled
@@ -80,13 +85,14 @@ def given_back(world: Record, rates: Array, share: float, lower: Array, upper: A
         lower: Smallest rate of each joint, (n,).
         upper: Largest rate of each joint, (n,).
     """
+    task = world.task
     fastest, most = 0.0, 0.0
     for j in range(world.n):
-        fastest = max(fastest, abs(rates[j]) / world.joint_scale[j])
+        fastest = max(fastest, abs(rates[j]) / task.joint_scale[j])
     for j in range(world.n):
         beyond = max(rates[j] - upper[j], lower[j] - rates[j])
         if beyond > 0.0:
-            most = max(most, beyond / min(world.rate_limit[j], world.joint_scale[j] * fastest))
+            most = max(most, beyond / min(world.limits.rate[j], task.joint_scale[j] * fastest))
     return float(share + (1.0 - share) * min(1.0, most))
 
 
@@ -98,45 +104,50 @@ def is_beyond(rate: float, lower: float, upper: float) -> bool:
 
 
 @compiled
-def resolve_free(world: Record, share: float, damped: float) -> float:
+def resolve_free(world: Record, share: float, damping: float) -> float:
     """Write into part_b the rates of the free joints, given those of the held ones.
 
     Return λ: that of the tick, or more where the remaining columns of a redundant arm are nearer to a
-    singularity. There each joint counts by the share of its wish that its bound allows, so that λ does not
-    jump where a joint begins to be held.
+    singularity, or the rest of the task asks for more. For the columns each joint counts by the share of its
+    wish that its bound allows, so that λ does not jump where a joint begins to be held.
     """
+    methods, task, law = world.methods, world.task, world.law
+    scratch, bounds, rest = world.scratch, world.bounds, world.rest
     n, m, k, free = world.n, world.m, world.k, 0
     for j in range(n):
-        free += world.held[j] == 0.0
-    is_scheduled, schedule = world.inverse_method in SCHEDULED, world.inverse_damping_schedule
+        free += bounds.held[j] == 0.0
+    is_scheduled, schedule = law.inverse_method in SCHEDULED, law.inverse_damping_schedule
     if is_scheduled and schedule in FOLLOWS_ARM and m <= free < n:
         for r in range(m):
             for j in range(n):
-                world.B[r, j] = world.A[r, j] * world.fade[j]
+                rest.matrix[r, j] = scratch.A[r, j] * bounds.fade[j]
         weigh_faded(world)
-        decompose_rest_from_scratch(world, m, n)
-        damped = max(damped, damping(world, world.asked_B, world.sigma_B))
+        decompose_afresh(world, m)
+        call(methods.damping, world, rest)
+        damping = max(damping, rest.damping)
     for r in range(m):
-        left = share * world.task[r]
+        left = share * world.first.task[r]
         for j in range(n):
-            is_free = world.held[j] == 0.0
-            given = world.drift[j] if is_free else world.best[j]
-            left -= world.A[r, j] * given / world.joint_scale[j]
-            world.B[r, j] = world.A[r, j] if is_free else 0.0
-        world.task_B[r] = left
-    weigh_free(world, world.best, -1.0)
-    decompose_rest_from_scratch(world, m, n)
-    project(world.u_B, world.task_B, k, m, world.asked_B)
-    push_fading(world, world.u_B, world.task_B, world.sigma_B, world.asked_B)
+            is_free = bounds.held[j] == 0.0
+            given = bounds.drift[j] if is_free else bounds.best[j]
+            left -= scratch.A[r, j] * given / task.joint_scale[j]
+            rest.matrix[r, j] = scratch.A[r, j] if is_free else 0.0
+        rest.task[r] = left
+    weigh_free(world, bounds.best, -1.0)
+    decompose_afresh(world, m)
+    project(rest.u, rest.task, k, m, rest.asked)
+    push_fading(world, rest.u, rest.task, rest.sigma, rest.asked)
     if is_scheduled and schedule in FOLLOWS_COMMAND:
-        damped = max(damped, damping(world, world.asked_B, world.sigma_B))
-    gains(world, world.asked_B, world.sigma_B, world.v_B, damped, world.gain_B)
-    combine(world.gain_B, world.asked_B, world.v_B, k, n, world.part_b)
-    take_along(world, world.part_b, 1.0)
+        call(methods.damping, world, rest)
+        damping = max(damping, rest.damping)
+    rest.damping = damping
+    call(methods.gains, world, rest)
+    combine(rest.gain, rest.asked, rest.v, k, n, scratch.part_b)
+    take_along(world, scratch.part_b, 1.0)
     for j in range(n):
-        if world.held[j] == 0.0:
-            world.part_b[j] = world.drift[j] + world.joint_scale[j] * world.part_b[j]
-    return damped
+        if bounds.held[j] == 0.0:
+            scratch.part_b[j] = bounds.drift[j] + task.joint_scale[j] * scratch.part_b[j]
+    return damping
 
 
 @compiled
@@ -145,43 +156,45 @@ def first_blocked(world: Record, lower: Array, upper: Array) -> tuple[int, float
 
     The result is -1 and 1 if none does; of several, the one that would go farthest.
     """
+    bounds = world.bounds
     blocked, step, farthest = -1, 1.0, 0.0
     for j in range(world.n):
-        rate, now = world.part_b[j], world.best[j]
-        if world.held[j] != 0.0 or not is_beyond(rate, lower[j], upper[j]):
+        rate, now = world.scratch.part_b[j], bounds.best[j]
+        if bounds.held[j] != 0.0 or not is_beyond(rate, lower[j], upper[j]):
             continue
         bound = upper[j] if rate > upper[j] else lower[j]
         part = min(1.0, max(0.0, (bound - now) / (rate - now)))
-        beyond = abs(rate - bound) / world.joint_scale[j]
+        beyond = abs(rate - bound) / world.task.joint_scale[j]
         if part < step or blocked < 0 or (part == step and beyond > farthest):
             blocked, step, farthest = j, part, beyond
     return blocked, step
 
 
 @compiled
-def drawn_inwards(world: Record, share: float, damped: float) -> int:
+def drawn_inwards(world: Record, share: float, damping: float) -> int:
     """Return the held joint that the residual draws inwards most, or -1; part_a counts releases."""
+    first, rest, task, scratch, bounds = world.first, world.rest, world.task, world.scratch, world.bounds
     n, m, chosen, most = world.n, world.m, -1, 0.0
     for r in range(m):
-        left = share * world.task[r]
+        left = share * first.task[r]
         for j in range(n):
-            left -= world.A[r, j] * world.best[j] / world.joint_scale[j]
-        world.task_B[r] = left
-    is_weighed = world.inverse_metric == INERTIA
+            left -= scratch.A[r, j] * bounds.best[j] / task.joint_scale[j]
+        rest.task[r] = left
+    is_weighed = world.law.inverse_metric == INERTIA
     for j in range(n if is_weighed else 0):
-        world.shape[j] = (world.best[j] - world.drift[j]) / world.joint_scale[j]
+        scratch.shape[j] = (bounds.best[j] - bounds.drift[j]) / task.joint_scale[j]
     for j in range(n):
-        if world.held[j] == 0.0 or world.part_a[j] >= LET_GO:
+        if bounds.held[j] == 0.0 or scratch.part_a[j] >= LET_GO:
             continue
         pull, size = 0.0, 0.0
         for r in range(m):
-            pull += world.A[r, j] * world.task_B[r]
-            size += abs(world.A[r, j] * share * world.task[r])
+            pull += scratch.A[r, j] * rest.task[r]
+            size += abs(scratch.A[r, j] * share * first.task[r])
         if is_weighed:
-            pull -= damped * damped * dot(world.metric[j], world.shape, n)
+            pull -= damping * damping * dot(world.links.metric[j], scratch.shape, n)
         else:
-            pull -= damped * damped * (world.best[j] - world.drift[j]) / world.joint_scale[j]
-        inwards = -pull * world.held[j]
+            pull -= damping * damping * (bounds.best[j] - bounds.drift[j]) / task.joint_scale[j]
+        inwards = -pull * bounds.held[j]
         if inwards > most and inwards > ROUNDING * size:
             chosen, most = j, inwards
     return chosen

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.record import CHAIN, JOINTS, ROWS, ROWS_OF_CHAIN, Field
+from rmrc.law.record import ROWS
 from rmrc.scenario import Frame
 from rmrc.support.spatial import (
     AXES,
@@ -103,9 +103,6 @@ def view(arm: "Arm", frame: Frame, rows: NDArray[np.intp]) -> View:
 class Task:
     """Rows of an arm's Jacobian, weighted and made comparable by a characteristic length.
 
-    It owns the fields of a world's record that describe the moved rows: sizes, scales and the geometry of the
-    arm.
-
     Attributes:
         arm: The arm.
         rows: Rows of the twist that count, (m,), ascending.
@@ -121,21 +118,6 @@ class Task:
     weights: Sequence[float] | None = None
     joint_weights: Sequence[float] | None = None
     frame: Frame = "world"
-
-    fields: ClassVar[tuple[Field, ...]] = (
-        # joints, task rows, singular values
-        Field("n", np.int64), Field("m", np.int64), Field("k", np.int64),
-        # rows of the twist that count, S_x and S_q
-        Field("row", np.int64, (ROWS,)), Field("row_scale", size=(ROWS,)),
-        # their frame, the orientation of the base, and the axis about which the site is free
-        Field("frame", np.int64), Field("frame_quat", size=(4,)), Field("free", np.int64),
-        Field("joint_scale", size=(JOINTS,)),
-        # axes of the chain, outward: the joint that moves each, its ratio, its kind, and its place at 0
-        Field("axes", np.int64), Field("leader", np.int64, (CHAIN,)), Field("ratio", size=(CHAIN,)),
-        Field("is_slide", np.int64, (CHAIN,)), Field("pitch", size=(CHAIN,)),
-        Field("chain", size=(ROWS_OF_CHAIN, CHAIN)),
-        Field("tip_step", size=(3,)), Field("tip_quat", size=(4,)),
-    )  # fmt: skip
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -183,19 +165,19 @@ class Task:
         return self.view.turned(rows, pose)
 
     def write(self, world: np.void) -> None:
-        """Write its fields of a world's record."""
-        world["frame"], world["frame_quat"], world["free"] = self.view.codes
-        chain, m, n = self.arm.chain, len(self.rows), self.arm.n
-        world["n"], world["m"], world["k"] = n, m, min(m, n)
-        world["row"][:m], world["row_scale"][:m] = self.rows, self.row_scale
-        world["joint_scale"][:n] = self.joint_scale
-        axes = world["axes"] = len(chain.names)
-        world["leader"][:axes], world["ratio"][:axes] = chain.leader, chain.ratio
-        world["is_slide"][:axes], world["pitch"][:axes] = np.isinf(chain.pitch), chain.pitch
-        turns, advance = np.isfinite(chain.pitch), np.where(np.isinf(chain.pitch), 1.0, chain.pitch)
-        half, way = 0.5 * chain.ratio * turns, chain.ratio * advance
-        world["chain"][:, :axes] = half, way, *chain.axis.T, *chain.step.T, turns, advance
-        world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
+        """Write the rows, their scales and the geometry of the arm into a world's record."""
+        task, chain, m, n = world["task"], world["chain"], len(self.rows), self.arm.n
+        world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), self.rank
+        task["frame"], task["base_quat"], task["free"] = self.view.codes
+        task["row"][:m], task["row_scale"][:m] = self.rows, self.row_scale
+        task["joint_scale"][:n] = self.joint_scale
+        geometry = self.arm.chain
+        axes = chain["axes"] = len(geometry.names)
+        slides = np.isinf(geometry.pitch)
+        chain["leader"][:axes], chain["ratio"][:axes] = geometry.leader, geometry.ratio
+        chain["turns"][:axes], chain["advance"][:axes] = ~slides, np.where(slides, 1.0, geometry.pitch)
+        chain["axis_0"][:axes], chain["step_0"][:axes] = geometry.axis, geometry.step
+        chain["tip_step"], chain["tip_quat"] = geometry.tip_step, geometry.tip_quat
 
 
 def _sampled(arm: "Arm", frame: Frame) -> tuple[Array, Array]:
@@ -246,8 +228,6 @@ class BareJoints:
 class BareTask:
     """A task without an arm: the caller of the law supplies the Jacobian of its rows.
 
-    It owns the same fields of a world's record as `Task`.
-
     Attributes:
         arm: The joints.
         m: Number of rows.
@@ -260,23 +240,21 @@ class BareTask:
     weights: Sequence[float] | None = None
     joint_weights: Sequence[float] | None = None
 
-    fields: ClassVar[tuple[Field, ...]] = Task.fields
-
     @property
     def rank(self) -> int:
         """Rank of A almost everywhere, for independent rows."""
         return min(self.m, self.arm.n)
 
     def write(self, world: np.void) -> None:
-        """Write its fields of a world's record."""
-        m, n = self.m, self.arm.n
-        world["n"], world["m"], world["k"], world["free"] = n, m, self.rank, -1
-        world["row"], world["row_scale"], world["joint_scale"] = np.arange(ROWS), 1.0, 1.0
+        """Write the rows and their scales into a world's record."""
+        task, chain, m, n = world["task"], world["chain"], self.m, self.arm.n
+        world["n"], world["m"], world["k"], world["rank"] = n, m, self.rank, self.rank
+        task["row"], task["row_scale"], task["joint_scale"] = np.arange(ROWS), 1.0, 1.0
         if self.weights is not None:
-            world["row_scale"][:m] = np.sqrt(self.weights)
+            task["row_scale"][:m] = np.sqrt(self.weights)
         if self.joint_weights is not None:
-            world["joint_scale"][:n] = 1.0 / np.sqrt(self.joint_weights)
-        world["axes"], world["leader"][:n], world["ratio"][:n] = n, np.arange(n), 1.0
+            task["joint_scale"][:n] = 1.0 / np.sqrt(self.joint_weights)
+        chain["axes"], chain["leader"][:n], chain["ratio"][:n] = n, np.arange(n), 1.0
 
 
 class SecondTask:
@@ -285,15 +263,6 @@ class SecondTask:
     Attributes:
         site: Name of the site.
     """
-
-    fields: ClassVar[tuple[Field, ...]] = (
-        # rows, scales, the site and the joints that move it, and its target pose
-        Field("m_2", np.int64), Field("row_2", np.int64, (ROWS,)), Field("row_scale_2", size=(ROWS,)),
-        Field("frame_2", np.int64), Field("frame_quat_2", size=(4,)), Field("free_2", np.int64),
-        Field("site_2", np.int64), Field("moves_2", np.int64, (CHAIN,)), Field("pose_ref_2", size=(7,)),
-        # by the chain: the last axis that moves it, and its pose from there with all joints at 0
-        Field("last_2", np.int64), Field("tip_step_2", size=(3,)), Field("tip_quat_2", size=(4,)),
-    )  # fmt: skip
 
     def __init__(self, first: Task, section: "SecondarySection", start: Array) -> None:
         """Bind it to an arm.
@@ -304,7 +273,7 @@ class SecondTask:
             start: Start configuration, (n,).
         """
         arm = first.arm
-        self.site = section.site or arm.site
+        self.site, self._feedback = section.site or arm.site, section.feedback
         self._rows = np.array([AXES.index(axis) for axis in section.axes])
         self._row_scale = 1.0 / np.where(self._rows < 3, first.length, 1.0)
         # `Arm.adapted` adds actuators only, so a site keeps its number
@@ -321,13 +290,14 @@ class SecondTask:
             self._pose = pose_product(frame, own)
 
     def write(self, world: np.void) -> None:
-        """Write its fields of a world's record."""
-        m = len(self._rows)
-        world["m_2"], world["row_2"][:m], world["row_scale_2"][:m] = m, self._rows, self._row_scale
-        world["frame_2"], world["frame_quat_2"], world["free_2"] = self._view.codes
-        world["site_2"] = self._id
-        world["moves_2"][: len(self._moves)], world["pose_ref_2"] = self._moves, self._pose
-        world["last_2"], world["tip_step_2"], world["tip_quat_2"] = self._by_chain
+        """Write its rows, its site and its target into a world's record."""
+        second, m = world["second"], len(self._rows)
+        second["m"], second["row"][:m], second["row_scale"][:m] = m, self._rows, self._row_scale
+        second["frame"], second["base_quat"], second["free"] = self._view.codes
+        second["site"], second["pose_ref"] = self._id, self._pose
+        second["moves"][: len(self._moves)] = self._moves
+        second["last_axis"], second["tip_step"], second["tip_quat"] = self._by_chain
+        second["feedback"] = self._feedback
 
 
 def choose(

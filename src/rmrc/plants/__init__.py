@@ -1,1 +1,1 @@
-"""The plants that obey the commanded rates, stepped with the law on MuJoCo's batches."""
+"""The plants that obey the commanded rates."""

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.jit import Array, compiled
+from rmrc.law.compiling import Array, compiled
 
 # Multipliers of a round, and the increments of the two words of the key between rounds.
 _FIRST, _SECOND = np.uint64(0xD2E7470EE14C6C93), np.uint64(0xCA5A826395121157)
@@ -89,7 +89,7 @@ def uniforms(seed: int, stream: int, tick: int) -> tuple[float, float]:
 
 
 @compiled
-def normals(seed: int, stream: int, first: int, count: int, drawn: Words, found: Array) -> None:
+def normals(seed: int, stream: int, tick: int, count: int, drawn: Words, found: Array) -> None:
     """Write numbers of the standard normal distribution, the same as numpy's `standard_normal` draws.
 
     The generator of a tick is a `numpy.random.Philox` whose first counter is the words 0, tick, 0, 0. All but
@@ -98,28 +98,15 @@ def normals(seed: int, stream: int, first: int, count: int, drawn: Words, found:
     Args:
         seed: Seed of the world, as `word` makes it.
         stream: Their purpose, as above.
-        first: Number of the first tick.
-        count: How many numbers to write for each tick.
+        tick: Number of the tick.
+        count: How many numbers to write.
         drawn: Scratch, with room for a multiple of four.
-        found: Written, (ticks, count).
+        found: Written, (count,) or longer.
     """
-    for i in range(found.shape[0]):
-        tick = first + i
-        for k in range(0, count, 4):
-            drawn[k], drawn[k + 1], drawn[k + 2], drawn[k + 3] = words(seed, stream, k // 4, tick)
-        for k in range(count):
-            of_layer, inward = _LAYER[drawn[k] & _BYTE], float((drawn[k] >> 9) & _MANTISSA)
-            if inward >= of_layer[1]:
-                _draw_on(seed, stream, tick, k, count, drawn, found[i])
-                break
-            found[i, k] = (1 - ((drawn[k] >> 7) & 2)) * (inward * of_layer[0])
-
-
-@compiled
-def _draw_on(seed: int, stream: int, tick: int, first: int, count: int, drawn: Words, found: Array) -> None:
-    """Write normal numbers from the first on, which starts with the word at its index and takes more."""
-    place = first
-    for k in range(first, count):
+    for k in range(0, count, 4):
+        drawn[k], drawn[k + 1], drawn[k + 2], drawn[k + 3] = words(seed, stream, k // 4, tick)
+    place = 0
+    for k in range(count):
         found[k], place = _draw(seed, stream, tick, place, count, drawn)
 
 

@@ -6,11 +6,10 @@ belongs to the arm (overlapping geoms, a closed hand), floats (a held object), o
 the floor always counts.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
@@ -66,93 +65,55 @@ def _floats(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 class Contacts:
-    """Contacts of worlds that are stepped together.
+    """Contacts of a world.
 
     Attributes:
-        first: The first contact pair, by world.
-        resting: The pairs that touch at the start and do not count while they last, by world.
+        first: The first contact pair, or () before it.
+        resting: The pairs that touch at the start and do not count while they last.
     """
 
-    def __init__(
-        self,
-        model: mujoco.MjModel,
-        wiring: Wiring,
-        batch: Batch,
-        worlds: NDArray[np.void],
-        ticks: NDArray[np.void],
-    ) -> None:
-        """Bind to the arrays of a batch before its first step.
+    def __init__(self, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> None:
+        """Bind to the data of a world before its first step.
 
         Args:
-            model: Model of the batch.
+            model: Model of the world.
             wiring: Wiring of the arm in it.
-            batch: MuJoCo's part.
-            worlds: World records, (w,).
-            ticks: Tick records, (w, rows); the status of ticks with a contact is written.
+            data: Its data.
         """
-        self.first: dict[int, Pair] = {}
-        self.resting: dict[int, list[Pair]] = {}
-        self._rests: dict[int, set[Pair]] = {}  # those that still touch
-        self._model, self._batch, self._worlds, self._status = model, batch, worlds, ticks["status"]
+        self.first: Pair | tuple[()] = ()
+        self.resting: list[Pair] = []
+        self._rests = set[Pair]()  # those that still touch
+        self._model, self._data = model, data
         self._is_own, self._may_rest = _moved(model, wiring), _floats(model)
         self._may_rest |= self._is_own
-        self._counts = batch.bind("nefc")  # each included contact has rows
-        self._last = np.full(self._counts.shape, -1)
-        self._known = b""  # the last counts: bytes compare in a tenth of a microsecond
-        self._more = set[int]()  # worlds with uncounted contacts, which can hide a new one in the number
-        self._touching: list[int] = []
-        self._is_busy = True
-        self._data: mujoco.MjData | None = None
+        self._last = -1
+        self._has_more = False  # uncounted contacts, which can hide a new one in the number
+        self._touches = False
 
-    def after(self, control: Callable[[int], int]) -> Callable[[int], int]:
-        """Return a function that does a tick and notes contacts, at little cost where there are none."""
-        counts = self._counts.tobytes
+    def status(self, tick: int) -> int:
+        """Return the bit of the status at a tick, whose kinematics are up to date."""
+        count = self._data.nefc  # each included contact has rows
+        if count != self._last or (self._has_more and tick % LOOK_EVERY == 0):
+            self._touches = self._examine(tick)
+            self._last = count
+        return CONTACT if self._touches else 0
 
-        def control_and_look(t: int) -> int:
-            running = control(t)
-            if self._is_busy or counts() != self._known:
-                self._see(t)
-            return running
-
-        return control_and_look
-
-    def _see(self, t: int) -> None:
-        """Note the contacts at tick t, whose record is written."""
-        counts = self._counts.tobytes()
-        again = self._more if t % LOOK_EVERY == 0 else ()
-        if counts != self._known or again:
-            self._known = counts
-            looked = set(np.flatnonzero(self._counts != self._last).tolist()).union(again)
-            touching = set(self._touching) - looked
-            self._touching = sorted(touching.union(w for w in looked if self._touches(w, t)))
-            self._last[:] = self._counts
-            self._is_busy = bool(self._touching or self._more)
-        row = t % self._status.shape[1]
-        for w in self._touching:
-            self._status[w, row] |= CONTACT
-
-    def _touches(self, w: int, t: int) -> bool:
-        """Examine the contacts of a world; return whether any of them counts."""
-        if self._worlds["diverged"][w] >= 0 or t >= self._worlds["ticks"][w]:  # it has already ended
-            return False
-        pairs = list(self._pairs(w)) if self._counts[w] else []
+    def _examine(self, tick: int) -> bool:
+        """Examine the contacts; return whether any of them counts."""
+        pairs = list(self._pairs()) if self._data.nefc else []
         own = {names: rests for names, is_own, rests in pairs if is_own}
-        if t == 0:
-            self.resting[w] = [names for names, rests in own.items() if rests]
-            self._rests[w] = set(self.resting[w])
-        self._rests[w] &= own.keys()
-        count = [names for names in own if names not in self._rests[w]]
-        if count:
-            self.first.setdefault(w, count[0])
-        counts_all = len(count) == len({names for names, *_ in pairs})
-        (self._more.discard if counts_all else self._more.add)(w)
-        return bool(count)
+        if tick == 0:
+            self.resting = [names for names, rests in own.items() if rests]
+            self._rests = set(self.resting)
+        self._rests &= own.keys()
+        counted = [names for names in own if names not in self._rests]
+        self.first = self.first or (counted[0] if counted else ())
+        self._has_more = len(counted) != len({names for names, *_ in pairs})
+        return bool(counted)
 
-    def _pairs(self, w: int) -> Iterator[tuple[Pair, bool, bool]]:
+    def _pairs(self) -> Iterator[tuple[Pair, bool, bool]]:
         """Yield the names of a contact's two sides, whether one is the arm, and whether they may rest."""
-        if self._data is None:
-            self._data = mujoco.MjData(self._model)
-        contact = self._batch.get_data(w, self._data).contact
+        contact = self._data.contact
         included = contact.exclude == 0
         for geoms, flexes in zip(contact.geom[included], contact.flex[included], strict=True):
             ends = [self._end(int(geom), int(flex)) for geom, flex in zip(geoms, flexes, strict=True)]

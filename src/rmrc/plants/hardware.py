@@ -1,43 +1,36 @@
 """The hardware between commanded and sensed rates: plant and stages of a world."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from rmrc.arm import Arm
-from rmrc.law.record import JOINTS, Field
-from rmrc.plants.kinds import CLASSES, KINDS
+from rmrc.law.compiling import Method
+from rmrc.plants.ideal import Ideal
+from rmrc.plants.model import Model
 from rmrc.plants.plant import Plant
+from rmrc.plants.sensing import Encoders, Integral, readings
+from rmrc.plants.servo import Servo
 from rmrc.plants.stage import Stage
-from rmrc.plants.stages import STAGES
+from rmrc.plants.torque import Torque
+from rmrc.plants.transmission import Backlash, Lag, Resonance, Transport, transmission
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import PLANTS
 
-# Worlds of all plants, with and without stages, have records of one type, so that one tick is compiled.
-_PARTS: tuple[type[Plant] | type[Stage], ...] = (*CLASSES, *STAGES)
+KINDS: Mapping[str, type[Plant]] = {kind.name: kind for kind in (Ideal, Servo, Torque, Model)}
+if KINDS.keys() != set(PLANTS.names):
+    raise ImportError(f"plants are declared as {PLANTS.names}, and implemented as {tuple(KINDS)}")
 
 
 class Hardware:
-    """Plant and stages of a world; a Writer of their fields and of those of the other plants.
+    """Plant and stages of a world.
 
     Attributes:
         plant: The plant.
-        stages: All stages, in order; those that the world does not use do nothing.
-        memory: The fields that compiled functions keep from tick to tick, including the last rates sent.
+        encoders: What the law reads.
+        integral: What the law may use in their place.
+        sent: The stages between command and plant, in order.
     """
-
-    fields = (
-        Field("plant", np.int64),
-        Field("is_sensed", np.int64),
-        Field("is_sent", np.int64),
-        *dict.fromkeys(field for part in _PARTS for field in part.fields),
-    )
-    memory = (
-        Field("qdot_sent", size=(JOINTS,)),
-        Field("true_error", size=(6,)),
-        Field("true_error_2", start=np.nan),
-        *dict.fromkeys(field for part in _PARTS for field in part.memory),
-    )
 
     def __init__(self, scenario: Scenario, arm: Arm) -> None:
         """Bind them to a world.
@@ -48,7 +41,13 @@ class Hardware:
         """
         section = scenario.plant
         self.plant = KINDS[section.kind](section, arm, scenario.control.period)
-        self.stages = tuple(stage(scenario, arm) for stage in STAGES)
+        self.encoders, self.integral = Encoders(scenario, arm), Integral(scenario, arm)
+        self.sent = tuple(stage(scenario, arm) for stage in (Transport, Lag, Resonance, Backlash))
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """All stages; those that the world does not use do nothing."""
+        return (self.encoders, self.integral, *self.sent)
 
     @property
     def span(self) -> int:
@@ -58,17 +57,27 @@ class Hardware:
     @property
     def is_misled(self) -> bool:
         """Whether the law takes the arm to be somewhere else than it is."""
-        return any(stage.is_used for stage in self.stages if stage.slot == "sensed")
+        return self.encoders.is_used or self.integral.is_used
 
     @property
     def moves_q(self) -> bool:
         """Whether the law takes the joints, not only bodies and site, to be somewhere else than they are."""
-        return any(stage.moves_q for stage in self.stages)
+        return self.encoders.moves_q or self.integral.is_used
 
     @property
     def is_direct(self) -> bool:
         """Whether the plant gets the commands of the law unchanged and without delay."""
-        return not any(stage.is_used for stage in self.stages if stage.slot == "sent")
+        return not any(stage.is_used for stage in self.sent)
+
+    @property
+    def methods(self) -> Mapping[str, Method]:
+        """The methods that a tick calls, by their fields in a world's record."""
+        methods = {"sense": self.plant.sense, "obey": self.plant.obey}
+        if self.is_misled:
+            methods["readings"] = readings
+        if not self.is_direct:
+            methods["transmission"] = transmission
+        return methods
 
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
         """Yield key and message of each excess in a run of this many control ticks."""
@@ -77,9 +86,7 @@ class Hardware:
             yield from stage.excesses(ticks)
 
     def write(self, world: np.void) -> None:
-        """Write the kind of plant, whether it has stages, and the parameters of all."""
-        world["plant"] = PLANTS.names.index(self.plant.name)
-        world["is_sensed"], world["is_sent"] = self.is_misled, not self.is_direct
+        """Write the parameters of plant and stages."""
         self.plant.write(world)
         for stage in self.stages:
-            stage.write(world)
+            stage.write(world["plant"])

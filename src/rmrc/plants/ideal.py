@@ -1,40 +1,41 @@
 """The ideal plant: Whitney's own arm, which obeys exactly; MuJoCo computes its kinematics."""
 
-from collections.abc import Iterator, Sequence
-from typing import Self
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
 
-from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.compiling import Method, Record
+from rmrc.plants.fields import qpos_of
 from rmrc.plants.plant import Plant
 
 
-@compiled
-def read_positions(world: Record, out: Record, state: Array, force: Array) -> None:  # noqa: ARG001 - as all
+@Method
+def read_positions(world: Record) -> None:
     """Read q; the rates are the last ones that were sent."""
+    engine, tick, qpos = world.engine, world.tick, qpos_of(world)
     for j in range(world.n):
-        out.q[j] = state[world.qpos_column[j]]
-        out.qdot[j] = world.qdot_sent[j]
-        out.tau[j] = 0.0
+        tick.q[j] = qpos[engine.qpos_at[j]]
+        tick.qdot[j] = world.plant.qdot_sent[j]
+        tick.tau[j] = 0.0
 
 
-@compiled
-def integrate(world: Record, out: Record, state: Array) -> None:  # noqa: ARG001 - as all
+@Method
+def integrate(world: Record) -> None:
     """Move each joint and its followers: q⁺ = q + period · qdot."""
+    engine, sent, qpos = world.engine, world.plant.qdot_sent, qpos_of(world)
     for j in range(world.n):
-        state[world.qpos_column[j]] += world.period * world.qdot_sent[j]
-    for f in range(world.followers):
-        rate = world.qdot_sent[world.follows[f]]
-        state[world.follower_column[f]] += world.follower_ratio[f] * world.period * rate
+        qpos[engine.qpos_at[j]] += world.period * sent[j]
+    for f in range(engine.followers):
+        qpos[engine.follower_qpos[f]] += engine.follower_ratio[f] * world.period * sent[engine.follows[f]]
 
 
 class Ideal(Plant):
     """Integrates the rates [Whitney72]: no force acts on it, and it carries nothing."""
 
     name = "ideal"
-    sense, obey = staticmethod(read_positions), staticmethod(integrate)
-    stage = mujoco.mjtStage.mjSTAGE_POS
+    sense, obey = read_positions, integrate
+    begins = "mj_fwdKinematics"
     substeps = 0
 
     def misfits(self) -> Iterator[tuple[str, str]]:
@@ -47,8 +48,6 @@ class Ideal(Plant):
                 "model, or leave plant.friction out",
             )
 
-    @classmethod
-    def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:
-        """Return a model without actuators of the arm; its unused dynamics are those of the first world."""
-        section = plants[0].section
-        return plants[0].arm.adapted(None, section.step, section.is_compensated)
+    def model(self) -> mujoco.MjModel:
+        """Return a model without actuators of the arm; its dynamics are not used."""
+        return self.arm.adapted(None, self.section.step, self.section.is_compensated)

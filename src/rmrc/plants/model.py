@@ -1,24 +1,21 @@
 """The model plant: the actuators in the model, each with the kind of command that it takes."""
 
 import math
-from collections.abc import Iterator, Sequence
-from functools import partial
-from typing import Self
+from collections.abc import Iterator
+from typing import Any
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from rmrc.arm import DriveKind, Own
-from rmrc.law.jit import Array, Record, compiled, entry, machine_code
+from rmrc.arm import DriveKind, Own, Wiring
+from rmrc.law.compiling import Array, Method, Record, at, carray, compiled, pointer
 from rmrc.law.metric import backward, forward
-from rmrc.law.record import Field
+from rmrc.plants.fields import ctrl_of, qpos_of, qvel_of
 from rmrc.plants.physics import Physical
-from rmrc.plants.plant import Assumed, BeforeSteps, Wired
+from rmrc.plants.plant import Assumed
 from rmrc.plants.servo import Servo
-from rmrc.plants.torque import Torque, choose_acceleration
-from rmrc.plants.wiring import column
+from rmrc.plants.torque import choose_acceleration, refresh_known
 from rmrc.scenario.choices import Status
 from rmrc.support.legible import listed
 
@@ -30,7 +27,7 @@ _NO_MOMENT, _SINGULAR = 1e-12, 1e-18
 # Decimal fractions such as 0.003/0.001 are off by some 1e-16.
 _ROUNDING = 1e-9
 
-# An actuator in compiled code: its kind, index among actuator outputs, columns of the state row or -1;
+# An actuator in compiled code: its kind, index among actuator outputs, its control, and its activation or -1;
 # its control is scale · (length, speed or force) + offset; the ranges of its control and activation.
 _DRIVE = np.dtype([
     ("kind", np.int64), ("output", np.int64), ("ctrl", np.int64), ("act", np.int64),
@@ -42,33 +39,38 @@ _DRIVE = np.dtype([
 _FREEDOM = np.dtype([("joint", np.int64), ("ratio", float), ("is_balanced", np.int64)])
 
 
-@compiled
-def read_joints(world: Record, out: Record, state: Array, force: Array) -> None:
+@Method
+def read_joints(world: Record) -> None:
     """Read q, qdot, and tau of the last step: the forces of all actuators at the joints."""
+    engine, tick, qpos, qvel = world.engine, world.tick, qpos_of(world), qvel_of(world)
+    force = at(engine.qfrc_actuator, engine.nv)
     for j in range(world.n):
-        out.q[j] = state[world.qpos_column[j]]
-        out.qdot[j] = state[world.qvel_column[j]]
-        out.tau[j] = force[world.dof[j]]
-    for f in range(world.followers):
-        out.tau[world.follows[f]] += world.follower_ratio[f] * force[world.follower_dof[f]]
+        tick.q[j] = qpos[engine.qpos_at[j]]
+        tick.qdot[j] = qvel[engine.dof[j]]
+        tick.tau[j] = force[engine.dof[j]]
+    for f in range(engine.followers):
+        tick.tau[engine.follows[f]] += engine.follower_ratio[f] * force[engine.follower_dof[f]]
 
 
 @compiled
-def ask(world: Record, out: Record, state: Array) -> None:
-    """Remember the command of the joints; `tell_drives` does the rest. The status is of the last controls."""
-    choose_acceleration(world, out, state)
-    out.status |= world.clamped
-
-
-@compiled
-def speed_of(world: Record, first: int, count: int, freedoms: Record, dofs: Array, moment: Array) -> float:
-    """Return the speed of an actuator at the rates that were sent."""
-    speed = 0.0
-    for e in range(first, first + count):
+def dense(world: Record, output: int, freedoms: Record, row: Array) -> None:
+    """Write the moments of an actuator at the arm's joints, (n,)."""
+    engine, n = world.engine, world.n
+    firsts = carray(pointer(engine.moment_rowadr), (output + 1,), np.int32)
+    counts = carray(pointer(engine.moment_rownnz), (output + 1,), np.int32)
+    end, largest = firsts[output] + counts[output], 0.0
+    moment, dofs = at(engine.actuator_moment, end), carray(pointer(engine.moment_colind), (end,), np.int32)
+    for j in range(n):
+        row[j] = 0.0
+    for e in range(firsts[output], end):
         freedom = freedoms[dofs[e]]
         if freedom.joint >= 0:
-            speed += moment[e] * freedom.ratio * world.qdot_sent[freedom.joint]
-    return float(speed)
+            row[freedom.joint] += moment[e] * freedom.ratio
+    for j in range(n):
+        largest = max(largest, abs(row[j]))
+    for j in range(n):
+        if abs(row[j]) <= _NO_MOMENT * largest:
+            row[j] = 0.0
 
 
 @compiled
@@ -76,61 +78,105 @@ def within(world: Record, drive: Record, control: float, limited: int) -> float:
     """Return a control within its range, and note the status bit if it was outside."""
     if drive.lower <= control <= drive.upper:
         return control
-    world.clamped |= limited
+    world.plant.clamped |= limited
     return float(min(max(control, drive.lower), drive.upper))
 
 
-@entry
-def tell_drives(
-    worlds: Record,
-    state: Array,
-    drives: Record,
-    freedoms: Record,
-    moment: Array,
-    first: NDArray[np.int32],
-    count: NDArray[np.int32],
-    dofs: NDArray[np.int32],
-) -> None:
-    """Set the controls of servos.
+@Method
+def drive_actuators(world: Record) -> None:
+    """Set the controls of the model's actuators. The status is of the last controls.
 
-    A position servo gets the integral of the rates, which stops at the end of its range. The others get the
-    rates.
-
-    Args:
-        worlds: World records with the rates that were sent, (w,).
-        state: MuJoCo's state rows, (w, nstate); controls are written.
-        drives: Actuators of the model, (d,).
-        freedoms: Its degrees of freedom, (nv,).
-        moment: Moments of actuators, the entries of their sparse rows, (w, e).
-        first: First entry of each, (w, outputs).
-        count: Number of entries of each, (w, outputs).
-        dofs: The degree of freedom of each entry, (w, e).
+    A position servo gets the integral of the rates, which stops at the end of its range; other servos get the
+    rates. The forces of motors give tau = M qddot + bias − passive [Luh80], less the gravity compensation by
+    the actuators. Joints that are not the arm's are assumed at rest.
     """
-    for w in range(worlds.shape[0]):
-        world = worlds[w]
-        world.clamped = 0
-        for d in range(drives.shape[0]):
-            drive = drives[d]
-            if drive.kind == MOTOR:
-                continue
-            k = drive.output
-            speed = speed_of(world, first[w, k], count[w, k], freedoms, dofs[w], moment[w])
-            control, limited = drive.scale * speed, RATE_LIMITED
-            if drive.kind == POSITION:
-                control = state[w, drive.ctrl] + control * world.period
-                limited = POSITION_LIMITED
-            elif drive.kind == RATE:
-                control += drive.offset
-            elif (state[w, drive.act] >= drive.act_upper and control > 0.0) or (
-                state[w, drive.act] <= drive.act_lower and control < 0.0
-            ):
-                world.clamped |= POSITION_LIMITED
-            state[w, drive.ctrl] = within(world, drive, control, limited)
+    engine, plant, n, count = world.engine, world.plant, world.n, world.engine.drive_count
+    choose_acceleration(world)
+    world.tick.status |= plant.clamped
+    plant.clamped = 0
+    drives = carray(pointer(engine.drives), (count,), _DRIVE)
+    freedoms = carray(pointer(engine.freedoms), (engine.nv,), _FREEDOM)
+    R = carray(pointer(engine.room), (count, n), np.float64)
+    motors = 0
+    for d in range(count):
+        if drives[d].kind == MOTOR:
+            dense(world, drives[d].output, freedoms, R[motors])
+            motors += 1
+        else:
+            tell_servo(world, drives[d], freedoms, R[motors])
+    if motors > 0:
+        tell_motors(world, drives, freedoms, R, motors)
 
 
 @compiled
-def factorize(R: Array, count: int, n: int, N: Array) -> None:
-    """Write the Cholesky factor of Rᵀ R; its diagonal is infinite where no actuator moves a joint alone."""
+def tell_servo(world: Record, drive: Record, freedoms: Record, moments: Array) -> None:
+    """Set the control of a servo."""
+    engine, plant, ctrl = world.engine, world.plant, ctrl_of(world)
+    speed = 0.0
+    dense(world, drive.output, freedoms, moments)
+    for j in range(world.n):
+        speed += moments[j] * plant.qdot_sent[j]
+    control, limited = drive.scale * speed, RATE_LIMITED
+    if drive.kind == POSITION:
+        control, limited = ctrl[drive.ctrl] + control * world.period, POSITION_LIMITED
+    elif drive.kind == RATE:
+        control += drive.offset
+    else:
+        activation = at(engine.act, drive.act + 1)[drive.act]
+        is_full = activation >= drive.act_upper and control > 0.0
+        if is_full or (activation <= drive.act_lower and control < 0.0):
+            plant.clamped |= POSITION_LIMITED
+    ctrl[drive.ctrl] = within(world, drive, control, limited)
+
+
+@compiled
+def tell_motors(world: Record, drives: Record, freedoms: Record, R: Array, motors: int) -> None:
+    """Set the controls of motors, whose moments are the rows of R, (motors, n)."""
+    engine, plant, n, ctrl = world.engine, world.plant, world.n, ctrl_of(world)
+    first = 8 * engine.drive_count * n
+    N = carray(pointer(engine.room + first), (n, n), np.float64)
+    tau = at(engine.room + first + 8 * n * n, n)
+    force = at(engine.room + first + 8 * (n * n + n), engine.drive_count)
+    refresh_known(world)
+    bias, passive = at(engine.known_bias, engine.nv), at(engine.known_passive, engine.nv)
+    balanced, mass = at(engine.known_gravcomp, engine.nv), at(engine.known_M, engine.mass_size)
+    entries = carray(pointer(engine.masses), (engine.mass_count, 3), np.int64)
+    for j in range(n):
+        tau[j] = 0.0
+    for dof in range(engine.nv):
+        freedom = freedoms[dof]
+        if freedom.joint >= 0:
+            load = bias[dof] - passive[dof] - (balanced[dof] if freedom.is_balanced else 0.0)
+            tau[freedom.joint] += freedom.ratio * load
+    for e in range(engine.mass_count):
+        row, column = freedoms[entries[e, 0]], freedoms[entries[e, 1]]
+        inertia = row.ratio * column.ratio * mass[entries[e, 2]]
+        tau[row.joint] += inertia * plant.qddot[column.joint]
+        if entries[e, 0] != entries[e, 1]:  # only the lower triangle is stored
+            tau[column.joint] += inertia * plant.qddot[row.joint]
+    share_out(tau, R, motors, n, N, force)
+    chosen = 0
+    for d in range(engine.drive_count):
+        if drives[d].kind == MOTOR:
+            control = drives[d].scale * force[chosen] + drives[d].offset
+            ctrl[drives[d].ctrl] = within(world, drives[d], control, 0)
+            chosen += 1
+
+
+@compiled
+def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) -> None:
+    """Write the smallest forces f that give the joints torques τ: Rᵀ f = τ, so f = R (Rᵀ R)⁻¹ τ.
+
+    Joints without an actuator get none: the diagonal of the Cholesky factor is infinite there.
+
+    Args:
+        tau: Torques, (n,); overwritten.
+        R: Moments, (d, n).
+        count: Number of actuators.
+        n: Number of joints.
+        N: Scratch, (n, n).
+        force: Forces, (d,), written.
+    """
     for i in range(n):
         for j in range(i + 1):
             N[i, j] = 0.0
@@ -143,23 +189,6 @@ def factorize(R: Array, count: int, n: int, N: Array) -> None:
             if j < i:
                 N[i, j] = N[i, j] / N[j, j]
         N[i, i] = math.sqrt(N[i, i]) if N[i, i] > _SINGULAR * size else math.inf
-
-
-@compiled
-def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) -> None:
-    """Write the smallest forces f that give the joints torques τ: Rᵀ f = τ, so f = R (Rᵀ R)⁻¹ τ.
-
-    Joints without an actuator get none.
-
-    Args:
-        tau: Torques, (n,); overwritten.
-        R: Moments, (d, n).
-        count: Number of actuators.
-        n: Number of joints.
-        N: Scratch, (n, n).
-        force: Forces, (d,), written.
-    """
-    factorize(R, count, n, N)
     forward(N, tau, n)
     backward(N, tau, n)
     for d in range(count):
@@ -168,182 +197,15 @@ def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) 
             force[d] += R[d, j] * tau[j]
 
 
-@entry
-def tell_motors(
-    worlds: Record,
-    state: Array,
-    drives: Record,
-    freedoms: Record,
-    moment: Array,
-    first: NDArray[np.int32],
-    count: NDArray[np.int32],
-    dofs: NDArray[np.int32],
-    qfrc_bias: Array,
-    qfrc_passive: Array,
-    qfrc_gravcomp: Array,
-    mass: Array,
-    mass_entries: NDArray[np.int64],
-    R: Array,
-    N: Array,
-) -> None:
-    """Set the controls of motors: their forces give tau = M qddot + bias − passive [Luh80].
-
-    Gravity compensation by the actuators is subtracted. Joints that are not the arm's are assumed at rest.
-
-    Args:
-        worlds: World records with the wanted acceleration, (w,).
-        state: This and the arguments up to `dofs` are as in `tell_drives`.
-        drives: Actuators of the model, (d,).
-        freedoms: Its degrees of freedom, (nv,).
-        moment: Moments of actuators.
-        first: First entry of each.
-        count: Number of entries of each.
-        dofs: The degree of freedom of each entry.
-        qfrc_bias: Gravity and velocity forces, (w, nv).
-        qfrc_passive: Springs, dampers and gravity compensation that the actuators do not provide, (w, nv).
-        qfrc_gravcomp: Gravity compensation, (w, nv).
-        mass: Joint-space inertia, the entries of its lower triangle, (w, nM).
-        mass_entries: Row, column and index of each entry that is used, (e, 3).
-        R: Scratch for moments, (d, n).
-        N: Scratch for their products, (n, n).
-    """
-    tau, force = np.zeros(N.shape[0]), np.zeros(R.shape[0])
-    for w in range(worlds.shape[0]):
-        world = worlds[w]
-        loads(world, freedoms, qfrc_bias[w], qfrc_passive[w], qfrc_gravcomp[w], tau)
-        for e in range(mass_entries.shape[0]):
-            row, other = freedoms[mass_entries[e, 0]], freedoms[mass_entries[e, 1]]
-            inertia = row.ratio * other.ratio * mass[w, mass_entries[e, 2]]
-            tau[row.joint] += inertia * world.qddot[other.joint]
-            if mass_entries[e, 0] != mass_entries[e, 1]:  # only the lower triangle is stored
-                tau[other.joint] += inertia * world.qddot[row.joint]
-        chosen = 0
-        for d in range(drives.shape[0]):
-            if drives[d].kind == MOTOR:
-                k = drives[d].output
-                dense(world.n, first[w, k], count[w, k], freedoms, dofs[w], moment[w], R[chosen])
-                chosen += 1
-        share_out(tau, R, chosen, world.n, N, force)
-        chosen = 0
-        for d in range(drives.shape[0]):
-            if drives[d].kind == MOTOR:
-                control = drives[d].scale * force[chosen] + drives[d].offset
-                state[w, drives[d].ctrl] = within(world, drives[d], control, 0)
-                chosen += 1
-
-
-@compiled
-def loads(world: Record, freedoms: Record, bias: Array, passive: Array, gravcomp: Array, tau: Array) -> None:
-    """Write the load of the actuators at the arm's joints without inertia: bias − passive."""
-    for j in range(world.n):
-        tau[j] = 0.0
-    for dof in range(freedoms.shape[0]):
-        freedom = freedoms[dof]
-        if freedom.joint >= 0:
-            load = bias[dof] - passive[dof] - (gravcomp[dof] if freedom.is_balanced else 0.0)
-            tau[freedom.joint] += freedom.ratio * load
-
-
-@compiled
-def dense(n: int, first: int, count: int, freedoms: Record, dofs: Array, moment: Array, row: Array) -> None:
-    """Write the moments of an actuator at the arm's joints, (n,)."""
-    for j in range(n):
-        row[j] = 0.0
-    for e in range(first, first + count):
-        freedom = freedoms[dofs[e]]
-        if freedom.joint >= 0:
-            row[freedom.joint] += moment[e] * freedom.ratio
-    largest = 0.0
-    for j in range(n):
-        largest = max(largest, abs(row[j]))
-    for j in range(n):
-        if abs(row[j]) <= _NO_MOMENT * largest:
-            row[j] = 0.0
-
-
-@entry
-def settle(
-    worlds: Record,
-    state: Array,
-    drives: Record,
-    freedoms: Record,
-    moment: Array,
-    first: NDArray[np.int32],
-    count: NDArray[np.int32],
-    dofs: NDArray[np.int32],
-    length: Array,
-    qfrc_bias: Array,
-    qfrc_passive: Array,
-    qfrc_gravcomp: Array,
-    R: Array,
-    N: Array,
-) -> None:
-    """Replace controls and activations that are NaN by values that hold the arm, within their ranges.
-
-    The forces are the smallest that balance the load of the joints at rest. A rate servo gives no force at
-    rest.
-
-    Args:
-        worlds: World records, (w,).
-        state: This and the others are as in `tell_motors`.
-        drives: Actuators of the model, (d,).
-        freedoms: Its degrees of freedom, (nv,).
-        moment: Moments of actuators.
-        first: First entry of each.
-        count: Number of entries of each.
-        dofs: The degree of freedom of each entry.
-        length: Lengths of actuators, (w, outputs).
-        qfrc_bias: Gravity and velocity forces.
-        qfrc_passive: Springs, dampers and gravity compensation that the actuators do not provide.
-        qfrc_gravcomp: Gravity compensation.
-        R: Scratch for moments, (d, n).
-        N: Scratch for their products, (n, n).
-    """
-    tau, force = np.zeros(N.shape[0]), np.zeros(R.shape[0])
-    for w in range(worlds.shape[0]):
-        world = worlds[w]
-        loads(world, freedoms, qfrc_bias[w], qfrc_passive[w], qfrc_gravcomp[w], tau)
-        for d in range(drives.shape[0]):
-            k = drives[d].output
-            dense(world.n, first[w, k], count[w, k], freedoms, dofs[w], moment[w], R[d])
-            if drives[d].kind == RATE:
-                R[d] = 0.0
-        share_out(tau, R, drives.shape[0], world.n, N, force)
-        for d in range(drives.shape[0]):
-            settle_drive(drives[d], state[w], length[w, drives[d].output], force[d])
-
-
-@compiled
-def settle_drive(drive: Record, state: Array, length: float, force: float) -> None:
-    """Set NaN in the control and activation of an actuator to values at which it gives a force at rest."""
-    control = drive.offset
-    if drive.kind == MOTOR:
-        control += drive.scale * force
-    elif drive.kind != RATE:
-        control += drive.scale * (length + force / drive.stiffness)
-    if drive.act >= 0 and math.isnan(state[drive.act]):
-        if drive.kind != INTEGRATED:
-            control = min(max(control, drive.lower), drive.upper)
-        state[drive.act] = min(max(control, drive.act_lower), drive.act_upper)
-    if math.isnan(state[drive.ctrl]):
-        if drive.kind == INTEGRATED:
-            control = 0.0
-        state[drive.ctrl] = min(max(control, drive.lower), drive.upper)
-
-
 class Model(Physical):
     """The actuators of the model as they are, with its integrator, timestep and gravity compensation.
 
-    It has the knowledge of the torque plant. Where the arm has more, a second MuJoCo batch computes the known
+    It has the knowledge of the torque plant. Where the arm has more, a second model computes the known
     dynamics for motors from the same states.
     """
 
     name, drives = "model", ("actuators", "")
-    sense, obey = staticmethod(read_joints), staticmethod(ask)
-    forces = "qfrc_actuator"
-    fields = (*Physical.fields, Field("bandwidth"))
-    memory = (*Torque.memory, Field("clamped", np.int64))
-    batches, works_between = 2, True
+    sense, obey = read_joints, drive_actuators
 
     @property
     def timestep(self) -> float:
@@ -359,16 +221,15 @@ class Model(Physical):
         """0 for joints whose gravity the actuators compensate: their forces include it."""
         return np.where(self.arm.model.jnt_actgravcomp[self.arm.wiring.joint], 0.0, 1.0)
 
-    @classmethod
-    def drive(cls, plants: Sequence[Self]) -> Own:
-        """Return the marker for the model's own actuators."""
-        del plants
+    @property
+    def drive(self) -> Own:
+        """The model's own actuators."""
         return "own"
 
     def write(self, world: np.void) -> None:
         """Write the bandwidth of motors as well."""
         super().write(world)
-        world["bandwidth"] = self.section.bandwidth
+        world["plant"]["bandwidth"] = self.section.bandwidth
 
     def assumed(self) -> Iterator[Assumed]:
         """Yield a timestep and gravity compensation that differ from the model's, and idle actuators."""
@@ -376,42 +237,20 @@ class Model(Physical):
         if self.timestep != own:
             why = "" if self.section.timestep else f", to divide the control period of {self.period:g} s"
             yield Assumed(f"timestep {self.timestep:g} s instead of the model's {own:g} s{why}", True)
-        if self.section.is_compensated and not self.arm.is_balanced:
-            yield Assumed("gravity compensation of the arm, which the model does not have", False)
+        yield from self.assumed_compensation()
         if drives.idle:
             yield Assumed(f"actuators of the arm keep their controls: {drives.named(drives.idle)}", True)
 
-    @classmethod
-    def before_steps(cls, plants: Sequence[Self], wired: Wired) -> BeforeSteps:
-        """Return a function that sets the controls of worlds; its first call settles the actuators."""
-        model, batch, drives = wired.model, wired.batch, plants[0].arm.drives
+    def wire(self, world: np.void, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> list[Any]:
+        """Write the tables of actuators and masses too, and let the actuators hold the arm at the start."""
+        engine, drives, n = world["engine"], self.arm.drives, self.arm.n
         table, freedoms = _drives(model, drives.kinds), _freedoms(model, *drives.joint_of)
-        room = np.zeros((len(table), plants[0].arm.n)), np.zeros((plants[0].arm.n,) * 2)
-        names = ("actuator_moment", "moment_rowadr", "moment_rownnz", "moment_colind")
-        pulls = (wired.worlds, batch.state, table, freedoms, *(batch.bind(name) for name in names))
-        dynamics = ("qfrc_bias", "qfrc_passive", "qfrc_gravcomp")
-        hold = (*pulls, batch.bind("actuator_length"), *(batch.bind(name) for name in dynamics), *room)
-        tell = partial(machine_code(tell_drives, *pulls), *pulls)
-        first = [partial(machine_code(settle, *hold), *hold), partial(_fill_history, model, batch)]
-        motors, known = None, batch
-        if MOTOR in table["kind"]:
-            if any(plant.has_secrets for plant in plants):
-                known = wired.take([plant.known(model, wired.wiring) for plant in plants])
-            entries = _mass_entries(model, freedoms)
-            about = (*pulls, *(known.bind(name) for name in (*dynamics, "M")), entries, *room)
-            motors = partial(machine_code(tell_motors, *about), *about)
-
-        def before(ids: NDArray[np.intp] | None) -> None:
-            while first:
-                first.pop(0)()
-            tell()
-            if motors is not None:
-                if known is not batch:
-                    known.state[:] = batch.state
-                    known.forward(ids, int(cls.stage))
-                motors()
-
-        return before
+        masses, room = _mass_entries(model, freedoms), np.zeros(len(table) * (n + 1) + n * n + n)
+        for name, array in (("drives", table), ("freedoms", freedoms), ("masses", masses), ("room", room)):
+            engine[name] = array.ctypes.data
+        engine["drive_count"], engine["mass_count"] = len(table), len(masses)
+        _settle(model, data, table, freedoms, n)
+        return [*super().wire(world, model, wiring, data), table, freedoms, masses, room]
 
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield joints that no actuator of the model moves, and features that such plants lack."""
@@ -438,8 +277,8 @@ def _drives(model: mujoco.MjModel, kinds: dict[int, DriveKind]) -> NDArray[np.vo
         scale = 1.0 if kind == MOTOR else -b2 if kind == RATE else -b1
         count = int(model.actuator_actnum[i])
         row["kind"], row["output"] = kind, model.actuator_outadr[i]
-        row["ctrl"] = column(model, "CTRL") + model.actuator_ctrladr[i]
-        row["act"] = column(model, "ACT") + model.actuator_actadr[i] + count - 1 if count else -1
+        row["ctrl"] = model.actuator_ctrladr[i]
+        row["act"] = model.actuator_actadr[i] + count - 1 if count else -1
         row["scale"], row["offset"], row["stiffness"] = scale / gain, -b0 / gain, -b1
         ranges = (
             (model.actuator_ctrllimited[i] and not _is_disabled(model), model.actuator_ctrlrange[i]),
@@ -476,15 +315,42 @@ def _mass_entries(model: mujoco.MjModel, freedoms: NDArray[np.void]) -> NDArray[
     return np.array(entries, np.int64)
 
 
-def _fill_history(model: mujoco.MjModel, batch: Batch) -> None:
-    """Fill the history of delayed actuators with their first controls."""
-    delayed = [i for i in range(model.nactuator) if model.actuator_history[i, 0] > 0]
-    if not delayed:
-        return
-    data, history, ctrl = mujoco.MjData(model), batch.bind("history"), batch.bind("ctrl")
-    for w in range(len(history)):
-        for i in delayed:
-            value = ctrl[w, model.actuator_ctrladr[i]]
-            count = int(model.actuator_history[i, 0])
+def _settle(
+    model: mujoco.MjModel, data: mujoco.MjData, drives: NDArray[np.void], freedoms: NDArray[np.void], n: int
+) -> None:
+    """Replace controls and activations that are NaN by values that hold the arm, within their ranges.
+
+    The forces are the smallest that balance the load of the joints at rest. A rate servo gives no force at
+    rest. The history of delayed actuators begins with their controls.
+    """
+    of_arm = freedoms["joint"] >= 0
+    ratio = np.zeros((model.nv, n))
+    ratio[of_arm, freedoms["joint"][of_arm]] = freedoms["ratio"][of_arm]
+    load = data.qfrc_bias - data.qfrc_passive - np.where(freedoms["is_balanced"], data.qfrc_gravcomp, 0.0)
+    moments = np.zeros((model.nu, model.nv))
+    mujoco.mju_sparse2dense(
+        moments, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+    )
+    R = moments[drives["output"]] @ ratio
+    R[np.abs(R) <= _NO_MOMENT * np.abs(R).max(axis=1, initial=0.0, keepdims=True)] = 0.0
+    R[drives["kind"] == RATE] = 0.0
+    force = np.zeros(len(drives))
+    share_out(ratio.T @ load, R, len(drives), n, np.zeros((n, n)), force)
+    for drive, pull in zip(drives, force, strict=True):
+        kind, length = drive["kind"], data.actuator_length[drive["output"]]
+        control = drive["offset"]
+        if kind == MOTOR:
+            control += drive["scale"] * pull
+        elif kind != RATE:
+            control += drive["scale"] * (length + pull / drive["stiffness"])
+        place = drive["act"]
+        if place >= 0 and math.isnan(data.act[place]):
+            activation = control if kind == INTEGRATED else np.clip(control, drive["lower"], drive["upper"])
+            data.act[place] = np.clip(activation, drive["act_lower"], drive["act_upper"])
+        if math.isnan(data.ctrl[drive["ctrl"]]):
+            control = 0.0 if kind == INTEGRATED else control
+            data.ctrl[drive["ctrl"]] = np.clip(control, drive["lower"], drive["upper"])
+    for i in range(model.nactuator):
+        if model.actuator_history[i, 0] > 0:
+            value, count = data.ctrl[model.actuator_ctrladr[i]], int(model.actuator_history[i, 0])
             mujoco.mj_initCtrlHistory(model, data, i, None, np.full((count, 1), value))
-        history[w] = data.history

@@ -1,9 +1,8 @@
 """The common part of plants that MuJoCo steps: gravity, a payload, a wrench, and the actuators' sensors."""
 
-import math
 from abc import abstractmethod
-from collections.abc import Hashable, Iterator, Sequence
-from typing import ClassVar, Self
+from collections.abc import Iterator
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -11,9 +10,11 @@ import numpy as np
 from rmrc.arm import Drive, Own, Wiring
 from rmrc.arm.differences import loaded_fields, rubbed_fields
 from rmrc.arm.inventory import actuators
-from rmrc.law.jit import Array, Record, compiled
-from rmrc.law.record import JOINTS, Field
+from rmrc.law.compiling import Array, Method, Record, at, compiled
+from rmrc.law.kinematics import turned
+from rmrc.plants.fields import qpos_of, qvel_of
 from rmrc.plants.plant import Assumed, Plant
+from rmrc.plants.resistance import write_resistance
 from rmrc.support.legible import listed
 
 # Ten billion steps of MuJoCo take a day for a small arm on one core: more is an error of units.
@@ -30,50 +31,45 @@ _LEFT_OUT = {
 }
 
 
-@compiled
-def read_drives(world: Record, out: Record, state: Array, force: Array) -> None:
+@Method
+def read_drives(world: Record) -> None:
     """Read q, qdot, and tau of the last step."""
+    engine, tick, qpos, qvel = world.engine, world.tick, qpos_of(world), qvel_of(world)
+    force = at(engine.actuator_force, engine.nu)
     for j in range(world.n):
-        out.q[j] = state[world.qpos_column[j]]
-        out.qdot[j] = state[world.qvel_column[j]]
-        out.tau[j] = force[world.force[j]]
+        tick.q[j] = qpos[engine.qpos_at[j]]
+        tick.qdot[j] = qvel[engine.dof[j]]
+        tick.tau[j] = force[engine.force_at[j]]
 
 
 @compiled
-def push(world: Record, out: Record, state: Array) -> None:
+def push(world: Record) -> None:
     """Apply the site's external wrench [f; n] at its body's center of mass: n' = n + r × f.
 
-    r, from the center to the site, is fixed to the site; v + 2 w (u × v) + 2 u × (u × v) turns it into
-    the world by the quaternion (w, u).
+    r, from the center to the site, is fixed to the site.
     """
-    f, r, w, column = world.wrench, world.lever, out.pose[3], world.wrench_column
-    ux, uy, uz = out.pose[4], out.pose[5], out.pose[6]
-    cx, cy, cz = uy * r[2] - uz * r[1], uz * r[0] - ux * r[2], ux * r[1] - uy * r[0]
-    rx = r[0] + 2.0 * (w * cx + uy * cz - uz * cy)
-    ry = r[1] + 2.0 * (w * cy + uz * cx - ux * cz)
-    rz = r[2] + 2.0 * (w * cz + ux * cy - uy * cx)
+    plant, pose = world.plant, world.tick.pose
+    applied, f = at(world.engine.xfrc_applied, 6 * world.engine.nbody), plant.wrench
+    column = 6 * world.engine.body[0]
+    rx, ry, rz = turned((pose[3], pose[4], pose[5], pose[6]), plant.lever)
     for i in range(6):
-        state[column + i] = f[i]
-    state[column + 3] += ry * f[2] - rz * f[1]
-    state[column + 4] += rz * f[0] - rx * f[2]
-    state[column + 5] += rx * f[1] - ry * f[0]
+        applied[column + i] = f[i]
+    applied[column + 3] += ry * f[2] - rz * f[1]
+    applied[column + 4] += rz * f[0] - rx * f[2]
+    applied[column + 5] += rx * f[1] - ry * f[0]
 
 
 class Physical(Plant):
     """A plant with actuators, in MuJoCo's physics."""
 
-    sense = staticmethod(read_drives)
-    fields: ClassVar[tuple[Field, ...]] = (
-        Field("wrench", size=(6,)), Field("torque_limit", size=(JOINTS,), start=math.inf),
-        Field("gravity_apart", size=(JOINTS,)),
-    )  # fmt: skip
-    stage = mujoco.mjtStage.mjSTAGE_VEL
+    sense = read_drives
+    begins = "mj_step1"
     drives: ClassVar[tuple[str, str]]  # their name in messages, and the kind of the actuators
 
-    @classmethod
+    @property
     @abstractmethod
-    def drive(cls, plants: Sequence[Self]) -> Drive | Own:
-        """Return the actuators of the model that worlds share."""
+    def drive(self) -> Drive | Own:
+        """The actuators of the model that worlds share."""
 
     @property
     def timestep(self) -> float:
@@ -97,27 +93,19 @@ class Physical(Plant):
         return bool(np.any(friction.coulomb) or np.any(friction.viscous))
 
     @property
-    def has_secrets(self) -> bool:
-        """Whether the arm differs from the one that computed torque assumes."""
-        return self.is_loaded or self.rubs or bool(self.section.stretch)
+    def knows_all(self) -> bool:
+        """Whether the arm is the one that computed torque assumes."""
+        return not (self.is_loaded or self.rubs or self.section.stretch)
 
     @property
     def gravity_apart(self) -> Array:
         """1 for joints whose `tau` excludes gravity compensation, 0 for those where it is included, (n,)."""
         return np.ones(self.arm.n)
 
-    @property
-    def shares(self) -> Hashable:
-        """The common properties of worlds: besides the arm, their steps, and a body for a payload."""
-        section = self.section
-        return super().shares, self.timestep, section.is_compensated, self.substeps, self.is_loaded
-
-    @classmethod
-    def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:
+    def model(self) -> mujoco.MjModel:
         """Return the model with the plant's actuators: see `Arm.adapted`."""
-        first = plants[0]
-        compensated = first.section.is_compensated
-        return first.arm.adapted(cls.drive(plants), first.timestep, compensated, loaded=first.is_loaded)
+        compensated = self.section.is_compensated
+        return self.arm.adapted(self.drive, self.timestep, compensated, loaded=self.is_loaded)
 
     def difference(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
         """Return lengths, gravity, payload and friction of this world."""
@@ -133,12 +121,24 @@ class Physical(Plant):
 
     def write(self, world: np.void) -> None:
         """Write the wrench, the actuators' limits, and the joints whose gravity they do not compensate."""
-        world["wrench"], world["torque_limit"][: self.arm.n] = self.section.wrench, self.arm.torque_limit
-        world["gravity_apart"][: self.arm.n] = self.gravity_apart
+        n, plant = self.arm.n, world["plant"]
+        plant["wrench"], plant["gravity_apart"][:n] = self.section.wrench, self.gravity_apart
+        plant["substeps"], world["limits"]["torque"][:n] = self.substeps, self.arm.torque_limit
+
+    def wire(self, world: np.void, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> list[Any]:
+        """Write the lever of the wrench, and the resistance of the joints."""
+        del data
+        inverse, lever = np.empty(4), np.empty(3)
+        mujoco.mju_negQuat(inverse, model.site_quat[wiring.site])
+        offset = model.site_pos[wiring.site] - model.body_ipos[wiring.body]
+        mujoco.mju_rotVecQuat(lever, offset, inverse)
+        world["plant"]["lever"] = lever * self.stretch.get(model.body(wiring.body).name, 1.0)
+        write_resistance(world["plant"], model, wiring, self.arm, self.compensates)
+        return []
 
     def assumed(self) -> Iterator[Assumed]:
         """Yield actuators that it replaces, and options and gravity that differ from the model's."""
-        model, section = self.arm.model, self.section
+        model = self.arm.model
         for kind, names in self._replaced().items():
             text = f"{self.drives[0]} take the place of {kind} actuators: {listed(names)}"
             yield Assumed(text, kind != self.drives[1])
@@ -152,7 +152,11 @@ class Physical(Plant):
         if model.opt.timestep != self.timestep:
             text = f"timestep {self.timestep:g} s instead of the model's {model.opt.timestep:g} s"
             yield Assumed(text, model.opt.timestep != _UNSAID_TIMESTEP)
-        if section.is_compensated and not self.arm.is_balanced:
+        yield from self.assumed_compensation()
+
+    def assumed_compensation(self) -> Iterator[Assumed]:
+        """Yield gravity compensation, if the model does not have it."""
+        if self.section.is_compensated and not self.arm.is_balanced:
             yield Assumed("gravity compensation of the arm, which the model does not have", False)
 
     def _replaced(self) -> dict[str, list[str]]:
@@ -167,7 +171,7 @@ class Physical(Plant):
         """Yield friction that an option of the model disables."""
         option, friction = self.arm.model.opt, self.section.friction
         for name, flag in _LEFT_OUT.items():
-            if np.any(getattr(friction, name)) and option.disableflags & flag:
+            if option.disableflags & flag and np.any(getattr(friction, name)):
                 yield (
                     f"plant.friction.{name}",
                     f"an option of {self.arm.path} disables it; remove the option, or leave this key out",

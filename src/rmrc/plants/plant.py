@@ -1,51 +1,26 @@
 """The interface of plants: how they turn commanded rates into motion, and which parts of MuJoCo they use.
 
-A plant is declared in `rmrc.scenario.choices.PLANTS` and implemented by the module of its name here: by two
-compiled functions, which a tick calls before and after the law, and by a class of `Plant`, with one object
-per world. `rmrc.plants.kinds` finds it by its name.
+A plant is declared in `rmrc.scenario.choices.PLANTS`, implemented by the module of its name here, and listed
+in `rmrc.plants.hardware`. The module has two methods, which a tick calls before and after the law, and a
+class of `Plant`, with one object per world. New fields of a world's record stand in its group `plant`.
 """
 
+import copy
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Self, TypeAlias
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
-from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Wiring
-from rmrc.arm.differences import stretched_fields
-from rmrc.law.jit import Array
-from rmrc.law.record import Field
+from rmrc.arm.differences import set_fields, stretched_fields
+from rmrc.law.compiling import Array, Method
 from rmrc.scenario import PlantSection
 from rmrc.scenario.choices import PLANTS
 
 # Fields of MuJoCo's model that differ in one world, whole, by their names.
 Difference: TypeAlias = Mapping[str, Array]
-
-# Called before MuJoCo steps, with the numbers of the worlds to step, or None for all.
-BeforeSteps: TypeAlias = Callable[[NDArray[np.intp] | None], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Wired:
-    """Worlds that are stepped together, as a plant sees them.
-
-    Attributes:
-        model: The model that they share.
-        wiring: Wiring of the arm in it.
-        worlds: Their records, (w,).
-        batch: MuJoCo's part.
-        take: Returns another batch of the same worlds, each with its own differences.
-    """
-
-    model: mujoco.MjModel
-    wiring: Wiring
-    worlds: NDArray[np.void]
-    batch: Batch
-    take: Callable[[Sequence[Difference]], Batch]
 
 
 class Assumed(NamedTuple):
@@ -68,26 +43,16 @@ class Plant(ABC):
         arm: The arm that it moves.
         period: Control period [s].
         name: Its declared name.
-        sense: Compiled, (world, out, state, force): writes `out.q`, `out.qdot` and `out.tau`, from MuJoCo's
-            state row and the forces of the last step.
-        obey: Compiled, (world, out, state): writes `world.qdot_sent` into MuJoCo's state row.
-        fields: Fields of a world's record that `write` writes.
-        memory: Fields that the compiled functions keep for themselves, 0 at first.
-        forces: The field of MjData with the forces of the last step for `sense`.
-        stage: How far MuJoCo computes the consequences of a new state, until all input of `sense` is current.
-        batches: Largest number of MuJoCo batches that it takes.
-        works_between: Whether `before_steps` returns anything: then MuJoCo's loop ends after each tick.
+        sense: Writes `tick.q`, `tick.qdot` and `tick.tau`, from MuJoCo's state and the forces of the last
+            step.
+        obey: Has MuJoCo obey `plant.qdot_sent`.
+        begins: MuJoCo's function that computes all input of `sense` and of the law from a new state.
     """
 
     name: ClassVar[str]
-    sense: ClassVar[Callable[..., None]]
-    obey: ClassVar[Callable[..., None]]
-    fields: ClassVar[tuple[Field, ...]] = ()
-    memory: ClassVar[tuple[Field, ...]] = ()
-    forces: ClassVar[str] = "actuator_force"
-    stage: ClassVar[mujoco.mjtStage]
-    batches: ClassVar[int] = 1
-    works_between: ClassVar[bool] = False
+    sense: ClassVar[Method]
+    obey: ClassVar[Method]
+    begins: ClassVar[str]
 
     def __init__(self, section: PlantSection, arm: Arm, period: float) -> None:
         """Bind it to a world.
@@ -120,16 +85,9 @@ class Plant(ABC):
         known, secret = self.arm.stretch, self.section.stretch
         return {name: known.get(name, 1.0) * secret.get(name, 1.0) for name in {**known, **secret}}
 
-    @property
-    def shares(self) -> Hashable:
-        """The common properties of worlds that are stepped together."""
-        arm = self.arm
-        return self.section.kind, arm.path, arm.site, arm.joints, arm.variant, arm.frees_others
-
-    @classmethod
     @abstractmethod
-    def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:
-        """Return the model that one or more worlds share: see `Arm.adapted`."""
+    def model(self) -> mujoco.MjModel:
+        """Return the model that it shares with other worlds: see `Arm.adapted`."""
 
     def difference(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
         """Return the differences of this world from the model that it shares with others.
@@ -141,6 +99,13 @@ class Plant(ABC):
         fields = self.known(model, wiring)
         return fields | stretched_fields(model, self.stretch) if self.section.stretch else fields
 
+    def own_model(self) -> mujoco.MjModel:
+        """Return a copy of the model with the differences of this world, for a loop of your own."""
+        shared = self.model()
+        model = copy.copy(shared)
+        set_fields(model, mujoco.MjData(model), self.difference(shared, self.arm.wire(shared)))
+        return model
+
     def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
         """Return the known part of the differences."""
         del wiring
@@ -149,11 +114,25 @@ class Plant(ABC):
     def write(self, world: np.void) -> None:  # noqa: B027 - not all have any
         """Write its own parameters into the record of its world."""
 
-    @classmethod
-    def before_steps(cls, plants: Sequence[Self], wired: Wired) -> BeforeSteps | None:
-        """Return a function to call before MuJoCo steps these worlds, or None."""
-        del plants, wired
-        return None
+    @property
+    def knows_all(self) -> bool:
+        """Whether the arm is the one whose dynamics the plant computes, if it computes any."""
+        return True
+
+    def wire(self, world: np.void, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> list[Any]:
+        """Write what it needs of a model into its world's record.
+
+        Args:
+            world: The record; its `engine` knows the arm's joints.
+            model: The model that it shares with others, without its differences.
+            wiring: Wiring of the arm in it.
+            data: Data at the start, whose kinematics are up to date; controls may be written.
+
+        Returns:
+            The tables whose addresses it has written, to be kept as long as the world.
+        """
+        del world, model, wiring, data
+        return []
 
     def assumed(self) -> Iterator[Assumed]:
         """Yield its deviations from the model."""

@@ -1,52 +1,45 @@
 """The servo plant: a rate servo on each joint, in MuJoCo's physics."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import mujoco
 import numpy as np
 
 from rmrc.arm import Wiring
-from rmrc.law.jit import Array, Record, compiled
-from rmrc.law.record import JOINTS, Field
+from rmrc.law.compiling import Array, Method, Record
+from rmrc.plants.fields import ctrl_of
 from rmrc.plants.physics import Physical, push
 from rmrc.plants.resistance import damping_at, friction_at
 
 
-@compiled
-def tell_servos(world: Record, out: Record, state: Array) -> None:
+@Method
+def tell_servos(world: Record) -> None:
     """Command the rates to the servos, plus the torque of damping and friction at these rates, as a rate."""
-    push(world, out, state)
+    plant, engine, ctrl = world.plant, world.engine, ctrl_of(world)
+    push(world)
     for j in range(world.n):
-        rate = world.qdot_sent[j]
-        state[world.ctrl_column[j]] = rate
-        if world.resists[j]:
+        rate = plant.qdot_sent[j]
+        ctrl[engine.ctrl_at[j]] = rate
+        if plant.resists[j]:
             resistance = damping_at(world, j, rate) + friction_at(world, j, 0.0, rate)
-            state[world.ctrl_column[j]] += resistance / world.kv[j]
+            ctrl[engine.ctrl_at[j]] += resistance / plant.kv[j]
 
 
 @dataclass(frozen=True)
 class RateServos:
-    """A rate servo on each joint: torque = gain · (commanded rate − rate).
-
-    Attributes:
-        kv: Gains, (n,) [N·m·s/rad or N·s/m].
-    """
-
-    kv: tuple[float, ...]
+    """A rate servo on each joint: torque = gain · (commanded rate − rate), with a gain of each world."""
 
     def __call__(self, actuator: mujoco.MjsActuator, joint: int) -> None:
         """Make an actuator the servo of a joint."""
-        actuator.set_to_velocity(kv=self.kv[joint])
+        del joint
+        actuator.set_to_velocity(kv=1.0)
 
 
 class Servo(Physical):
     """Servos that take rates."""
 
     name, drives = "servo", ("rate servos", "velocity")
-    obey = staticmethod(tell_servos)
-    fields = (*Physical.fields, Field("kv", size=(JOINTS,)))
+    obey = tell_servos
 
     @property
     def compensates(self) -> bool:
@@ -64,20 +57,15 @@ class Servo(Physical):
         kv, arm = self.section.kv, self.arm
         return arm.inertia / self.timestep + arm.damping if kv is None else np.full(arm.n, kv)
 
-    @classmethod
-    def drive(cls, plants: Sequence[Self]) -> RateServos:
-        """Return servos with the gains of all worlds if these are equal, or else with gains of 1.
-
-        The model is then not compiled again for other worlds with different gains.
-        """
-        gains = np.array([plant.kv for plant in plants])
-        alike = (gains == gains[0]).all()
-        return RateServos(tuple(gains[0].tolist()) if alike else (1.0,) * gains.shape[1])
+    @property
+    def drive(self) -> RateServos:
+        """Servos of the model that worlds with different gains share."""
+        return RateServos()
 
     def write(self, world: np.void) -> None:
         """Write the wrench and the gains."""
         super().write(world)
-        world["kv"][: self.arm.n] = self.kv
+        world["plant"]["kv"][: self.arm.n] = self.kv
 
     def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
         """Return the known differences, including the gains of this world's servos."""

@@ -1,106 +1,105 @@
 """The torque plant: computed torque, which compensates the arm's own dynamics, in MuJoCo's physics."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, Self
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Wiring
-from rmrc.law.jit import Array, Record, compiled, entry, machine_code
+from rmrc.law.compiling import Array, Method, Record, at, call, carray, compiled, pointer
 from rmrc.law.metric import backward, factor, forward
-from rmrc.law.record import JOINTS, Field
+from rmrc.plants.fields import ctrl_of
 from rmrc.plants.physics import Physical, push
-from rmrc.plants.plant import BeforeSteps, Wired
 from rmrc.plants.resistance import friction_at
 
 
 @compiled
-def choose_acceleration(world: Record, out: Record, state: Array) -> None:
-    """Keep the wanted acceleration of the joints; `computed_torque` does the rest."""
-    push(world, out, state)
+def choose_acceleration(world: Record) -> None:
+    """Apply the wrench, and write the wanted acceleration of the joints."""
+    plant = world.plant
+    push(world)
     for j in range(world.n):
-        sent = world.qdot_sent[j]
-        world.qddot[j] = (sent - world.sent_before[j]) / world.period
-        world.qddot[j] += world.bandwidth * (sent - world.qdot[j])
-        world.sent_before[j] = sent
+        sent = plant.qdot_sent[j]
+        plant.qddot[j] = (sent - plant.sent_before[j]) / world.period
+        plant.qddot[j] += plant.bandwidth * (sent - world.state.qdot[j])
+        plant.sent_before[j] = sent
 
 
-@entry
-def computed_torque(
-    worlds: Record,
-    state: Array,
-    qfrc_bias: Array,
-    qfrc_passive: Array,
-    mass: Array,
-    mass_entries: NDArray[np.int64],
-    mass_factors: Array,
-    free: NDArray[np.int64],
-    free_damping: Array,
-) -> None:
+@compiled
+def refresh_known(world: Record) -> None:
+    """Bring the arm that the plant knows to the state of the true one, if they differ."""
+    engine = world.engine
+    if engine.known_data == engine.data:
+        return
+    qpos, qvel = at(engine.qpos, engine.nq), at(engine.qvel, engine.nv)
+    known_qpos, known_qvel = at(engine.known_qpos, engine.nq), at(engine.known_qvel, engine.nv)
+    for i in range(engine.nq):
+        known_qpos[i] = qpos[i]
+    for i in range(engine.nv):
+        known_qvel[i] = qvel[i]
+    call(engine.begin, engine.known_model, engine.known_data)
+
+
+@Method
+def computed_torque(world: Record) -> None:
     """Set tau = Fᵀ (M F qddot + bias − passive) [Luh80], plus the torque of damping and dry friction.
 
     F moves the followers of each joint along; without any, it is 1. Free degrees of freedom give way,
     M_uu qddot_u = passive_u − bias_u − M_ua qddot, which the arm feels as M_au qddot_u [Spong94]. All others
     of the model are assumed at rest.
 
-    Args:
-        worlds: World records with the wanted acceleration, (w,).
-        state: MuJoCo's state rows, (w, nstate); controls are written.
-        qfrc_bias: Gravity and velocity forces, (w, nv).
-        qfrc_passive: Springs, dampers and gravity compensation, (w, nv).
-        mass: Joint-space inertia, the entries of its lower triangle, (w, nM).
-        mass_entries: For each entry between two joints that move with the arm: which of its joints moves
-            each, its index, and whether it is the inertia of one of the arm's, (e, 4); free degrees of
-            freedom are numbered after the joints.
-        mass_factors: Product of the ratios by which these move them, (e,).
-        free: Addresses of the free degrees of freedom in qvel, (u,).
-        free_damping: Inertia that implicit steps add to them, (u,).
+    Each row of the table `masses` is an entry of M, whose lower triangle is stored, between two joints that
+    move with the arm: which of its joints moves each, its index, and whether it is the inertia of one of the
+    arm's; free degrees of freedom are numbered after the joints. `mass_factors` are the products of the
+    ratios.
     """
-    for w in range(worlds.shape[0]):
-        world = worlds[w]
-        for j in range(world.n):
-            dof = world.dof[j]
-            state[w, world.ctrl_column[j]] = qfrc_bias[w, dof] - qfrc_passive[w, dof]
-        for f in range(world.followers):
-            dof, column = world.follower_dof[f], world.ctrl_column[world.follows[f]]
-            state[w, column] += world.follower_ratio[f] * (qfrc_bias[w, dof] - qfrc_passive[w, dof])
-        for e in range(mass_entries.shape[0]):
-            i, j = mass_entries[e, 0], mass_entries[e, 1]
-            inertia = mass_factors[e] * mass[w, mass_entries[e, 2]]
-            if max(i, j) >= world.n:
-                continue
-            state[w, world.ctrl_column[i]] += inertia * world.qddot[j]
-            if i != j:  # only the lower triangle is stored
-                state[w, world.ctrl_column[j]] += inertia * world.qddot[i]
-            elif world.resists[i] and mass_entries[e, 3]:
-                if world.followers > 0:
-                    inertia = _carried(i, mass[w], mass_entries, mass_factors)
-                state[w, world.ctrl_column[i]] += _resisted(world, i, inertia)
-        if len(free) > 0:
-            give_way(
-                world, state[w], qfrc_passive[w], qfrc_bias[w], mass[w], mass_entries, mass_factors, free,
-                free_damping,
-            )  # fmt: skip
+    engine, plant, n, ctrl = world.engine, world.plant, world.n, ctrl_of(world)
+    choose_acceleration(world)
+    refresh_known(world)
+    bias, passive = at(engine.known_bias, engine.nv), at(engine.known_passive, engine.nv)
+    mass = at(engine.known_M, engine.mass_size)
+    entries = carray(pointer(engine.masses), (engine.mass_count, 4), np.int64)
+    factors = at(engine.mass_factors, engine.mass_count)
+    for j in range(n):
+        ctrl[engine.ctrl_at[j]] = bias[engine.dof[j]] - passive[engine.dof[j]]
+    for f in range(engine.followers):
+        dof = engine.follower_dof[f]
+        ctrl[engine.ctrl_at[engine.follows[f]]] += engine.follower_ratio[f] * (bias[dof] - passive[dof])
+    for e in range(engine.mass_count):
+        i, j = entries[e, 0], entries[e, 1]
+        inertia = factors[e] * mass[entries[e, 2]]
+        if max(i, j) >= n:
+            continue
+        ctrl[engine.ctrl_at[i]] += inertia * plant.qddot[j]
+        if i != j:
+            ctrl[engine.ctrl_at[j]] += inertia * plant.qddot[i]
+        elif plant.resists[i] and entries[e, 3]:
+            if engine.followers > 0:
+                inertia = _carried(i, mass, entries, factors)
+            ctrl[engine.ctrl_at[i]] += _resisted(world, i, inertia)
+    if engine.free_count > 0:
+        give_way(world, ctrl, passive, bias, mass, entries, factors)
 
 
 @compiled
 def give_way(
     world: Record,
-    state: Array,
+    ctrl: Array,
     passive: Array,
     bias: Array,
     mass: Array,
     entries: NDArray[np.int64],
     factors: Array,
-    free: NDArray[np.int64],
-    damping: Array,
 ) -> None:
     """Add to the controls the effect of free degrees of freedom on the arm; see `computed_torque`."""
-    n, inertias, coupling = world.n, np.diag(damping), np.zeros((len(free), world.n))
+    engine, n, count = world.engine, world.n, world.engine.free_count
+    free = carray(pointer(engine.free), (count,), np.int64)
+    damping = at(engine.free_damping, count)
+    inertias, coupling, answer = np.zeros((count, count)), np.zeros((count, n)), np.zeros(count)
+    for u in range(count):
+        inertias[u, u], answer[u] = damping[u], passive[free[u]] - bias[free[u]]
     for e in range(entries.shape[0]):
         i, j, inertia = entries[e, 0], entries[e, 1], factors[e] * mass[entries[e, 2]]
         if min(i, j) >= n:
@@ -108,16 +107,15 @@ def give_way(
             inertias[j - n, i - n] = inertias[i - n, j - n]
         elif max(i, j) >= n:
             coupling[max(i, j) - n, min(i, j)] += inertia
-    answer = passive[free] - bias[free]
-    for u in range(len(free)):
+    for u in range(count):
         for j in range(n):
-            answer[u] -= coupling[u, j] * world.qddot[j]
-    factor(inertias, len(answer))
-    forward(inertias, answer, len(answer))
-    backward(inertias, answer, len(answer))
+            answer[u] -= coupling[u, j] * world.plant.qddot[j]
+    factor(inertias, count)
+    forward(inertias, answer, count)
+    backward(inertias, answer, count)
     for j in range(n):
-        for u in range(len(free)):
-            state[world.ctrl_column[j]] += coupling[u, j] * answer[u]
+        for u in range(count):
+            ctrl[engine.ctrl_at[j]] += coupling[u, j] * answer[u]
 
 
 @compiled
@@ -138,13 +136,13 @@ def _resisted(world: Record, j: int, inertia: float) -> Any:
     reach the wanted rate if τ is for M + e, e = n h d/(1 − (M/(M + h d))ⁿ) − M, instead of M. Dry friction
     feels the acceleration of explicit steps, which is (M + e)/M times as large.
     """
-    wanted, added = world.qddot[j], 0.0
-    d, size = world.damping[j], abs(world.qdot[j])
+    wanted, added = world.plant.qddot[j], 0.0
+    d, size = world.plant.damping[j], abs(world.state.qdot[j])
     slope = d[0] + size * (2.0 * d[1] + size * 3.0 * d[2])
     if slope > 0.0:
-        left = (inertia / (inertia + world.period / world.substeps * slope)) ** world.substeps
+        left = (inertia / (inertia + world.period / world.plant.substeps * slope)) ** world.plant.substeps
         added = world.period * slope / (1.0 - left) - inertia
-    return added * wanted + friction_at(world, j, (1.0 + added / inertia) * wanted, world.qdot[j])
+    return added * wanted + friction_at(world, j, (1.0 + added / inertia) * wanted, world.state.qdot[j])
 
 
 @dataclass(frozen=True)
@@ -161,55 +159,38 @@ class Torque(Physical):
     """Motors with tau = M (Δqdot/period + bandwidth · (qdot sent − qdot)) + bias − passive [Luh80].
 
     It knows gravity and the lengths that the law knows, but not the payload, other lengths or friction that
-    the model lacks. Where there are any, a second MuJoCo batch computes the known dynamics from the same
+    the model lacks. Where there are any, a second model computes the known dynamics from the same
     states. The rate that it corrects is the measured one.
     """
 
     name, drives = "torque", ("motors", "motor")
-    obey = staticmethod(choose_acceleration)
-    fields = (*Physical.fields, Field("bandwidth"), Field("substeps", np.int64))
-    # the wanted acceleration of the joints, and the rates that were sent before
-    memory = (Field("qddot", size=(JOINTS,)), Field("sent_before", size=(JOINTS,)))
-    batches, works_between = 2, True
+    obey = computed_torque
 
     @property
     def compensates(self) -> bool:
         """Whether tau includes damping and dry friction of the joints at the wanted acceleration."""
         return self.section.friction_compensation
 
-    @classmethod
-    def drive(cls, plants: Sequence[Self]) -> Motors:
-        """Return a motor for each joint."""
-        del plants
+    @property
+    def drive(self) -> Motors:
+        """A motor for each joint."""
         return Motors()
 
     def write(self, world: np.void) -> None:
-        """Write the bandwidth and the steps of a period."""
+        """Write the bandwidth as well."""
         super().write(world)
-        world["bandwidth"], world["substeps"] = self.section.bandwidth, self.substeps
+        world["plant"]["bandwidth"] = self.section.bandwidth
 
-    @classmethod
-    def before_steps(cls, plants: Sequence[Self], wired: Wired) -> BeforeSteps:
-        """Return a function that sets the motors of worlds."""
-        batch = known = wired.batch
-        if any(plant.has_secrets for plant in plants):
-            known = wired.take([plant.known(wired.model, wired.wiring) for plant in plants])
-        forces = [known.bind(field) for field in ("qfrc_bias", "qfrc_passive", "M")]
-        model, free = wired.model, _free(wired.model, wired.wiring, plants[0].arm)
-        masses = _mass_entries(model, wired.wiring, plants[0].arm, free)
-        arrays: tuple[Any, ...] = (
-            wired.worlds, batch.state, *forces, *masses, free,
-            model.opt.timestep * model.dof_damping[free],
-        )  # fmt: skip
-        set_torques = partial(machine_code(computed_torque, *arrays), *arrays)
-
-        def before(ids: NDArray[np.intp] | None) -> None:
-            if known is not batch:
-                known.state[:] = batch.state
-                known.forward(ids, int(cls.stage))
-            set_torques()
-
-        return before
+    def wire(self, world: np.void, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> list[Any]:
+        """Write the tables of masses and of free degrees of freedom as well."""
+        engine, free = world["engine"], _free(model, wiring, self.arm)
+        entries, factors = _mass_entries(model, wiring, self.arm, free)
+        damping = model.opt.timestep * model.dof_damping[free]
+        tables = [entries, factors, free, damping]
+        for name, table in zip(("masses", "mass_factors", "free", "free_damping"), tables, strict=True):
+            engine[name] = table.ctypes.data
+        engine["mass_count"], engine["free_count"] = len(entries), len(free)
+        return [*super().wire(world, model, wiring, data), *tables]
 
 
 def _free(model: mujoco.MjModel, wiring: Wiring, arm: Arm) -> NDArray[np.int64]:

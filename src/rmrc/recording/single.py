@@ -56,9 +56,10 @@ from rmrc.recording.panels import Panels, stacked
 from rmrc.recording.plots import Mark, Seen, Span, dashes, logarithm
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
+from rmrc.recording.thinning import ADDED, OFTEN_FOLLOWING, SAME, completed, restored
 from rmrc.recording.track import Track, prefix_of
 from rmrc.recording.viewer import is_torn, repair
-from rmrc.results.columns import ADDED, COLUMNS, OFTEN_FOLLOWING, SAME, completed, restored
+from rmrc.results.columns import COLUMNS
 from rmrc.results.run import Run
 from rmrc.show.palette import of_status
 from rmrc.simulation.prepare import Prepared

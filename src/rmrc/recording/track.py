@@ -6,7 +6,7 @@ Its entities have a common prefix, so that a recording can hold many worlds:
                      derived curves, of float32. Columns that equal others are left out: the arriving command
                      if it is the commanded one, the estimate if it is true, qpos if it is q, and the time
                      along a path that is not slowed. A few columns mostly follow from others to the bit
-                     (`results.columns.thinned`): each is a component of its own, in the blocks where it
+                     (`recording.thinning`): each is a component of its own, in the blocks where it
                      does not, because the viewer warns of a type that changes
     arm/<body>       poses, with the geometries; meshes are static children
     believed/<body>  the same, pale, at the law's assumed configuration, if that is different
@@ -27,7 +27,7 @@ from rmrc.recording.events import Label
 from rmrc.recording.layout import geometries, ghost, packed, xyzw
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Table, Values
-from rmrc.results.columns import OFTEN_FOLLOWING, thinned
+from rmrc.recording.thinning import OFTEN_FOLLOWING, thinned
 from rmrc.results.run import Run
 from rmrc.scenario.choices import POLICIES
 from rmrc.show.palette import hue

@@ -1,1 +1,1 @@
-"""Results of a run: columns, running sums, the scorecard, and files."""
+"""Results of a run: columns, metrics, the scorecard, and files."""

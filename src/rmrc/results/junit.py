@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+from rmrc.results.expectations import Outcome
 from rmrc.results.facts import versions
-from rmrc.results.scorecard import Outcome
 from rmrc.support.files import written_whole
 from rmrc.support.legible import visible
 

@@ -1,23 +1,21 @@
 """A run: its record, its metrics, and its file."""
 
 import json
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_type_hints
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict, create_model
 
 import rmrc
-from rmrc.law.task import WORLD_VIEW, View
 from rmrc.results import notebook
-from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded, completed
+from rmrc.results.columns import COLUMNS, Recorded
 from rmrc.results.verdict import told
-from rmrc.scenario.profile import Profile
 from rmrc.support.brief import brief, cut
 from rmrc.support.errors import QuestionError
 from rmrc.support.files import written_whole
@@ -27,6 +25,8 @@ if TYPE_CHECKING:  # imports numba, which a run that is only read does not need
 
 # Prefix of the columns of a baseline in the file of its run.
 BASELINE = "baseline/"
+# What reading another kind of file, or a damaged one, may raise.
+_DAMAGED = LookupError, ValueError, TypeError, AttributeError, EOFError, BadZipFile, OSError, RuntimeError
 # Facts of a run are smaller, in any unit.
 LARGEST = 1e100
 
@@ -97,64 +97,43 @@ class Run(Recorded):
         return run
 
     def _facts(self) -> dict[str, Any]:
-        """Return the facts except the columns, as strict JSON."""
-        facts = {
-            "name": self.name,
-            "joints": self.joints,
-            "is_slide": self.is_slide,
-            "axes": self.axes,
-            "length": self.length,
-            "period": self.period,
-            "planned": self.planned,
-            "divergence": self.divergence and vars(self.divergence),
-            "wall_time": self.wall_time,
-            "weights": self.weights,
-            "touching": self.touching,
-            "resting": self.resting,
-            "torque_limit": _finite(self.torque_limit),
-            "rate_limit": _finite(self.rate_limit),
-            "damping_below": self.damping_below,
-            "shoulder": self.shoulder,
-            "reach": self.reach,
-            "screws": self.screws,
-            "leaders": self.leaders,
-            "joint_scale": self.joint_scale,
-            "chatter_floor": self.chatter_floor,
-            "units": {name: column.unit for name, column in COLUMNS.items()},
-        }
-        if self.view.frame != "world":
-            facts["view"] = self.view
+        """Return the facts except the columns, as strict JSON; infinite numbers are texts."""
+        facts: dict[str, Any] = json.loads(
+            _Facts.model_validate(self, from_attributes=True).model_dump_json()
+        )
+        facts["units"] = {name: column.unit for name, column in COLUMNS.items()}
         if self.baseline is not None:
             facts["baseline"] = self.baseline._facts()
-        if self.profile is not None:
-            facts["profile"] = self.profile.model_dump(mode="json")
         return facts
 
     @classmethod
     def _of(cls, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[np.generic]]) -> "Run":
-        """Return the run from the facts and columns of a file."""
+        """Return the run from the facts and columns of a file.
+
+        Raises:
+            KeyError: A column is missing.
+            ValueError: The facts or columns are none that a run has saved.
+        """
         baseline = None
         if "baseline" in facts:
             its = {name.removeprefix(BASELINE): arrays[name] for name in arrays if name.startswith(BASELINE)}
             baseline = cls._of(facts["baseline"], its)
-        columns = completed({name: arrays[name] for name in COLUMNS if name in arrays or name not in ADDED})
-        for lacking in {"tau_gravity", "qdot_plain"} - columns.keys():
-            columns[lacking] = np.full_like(columns["tau"], math.nan)
-        _refuse_odd(facts, columns)
-        divergence = facts["divergence"] and Divergence(**facts["divergence"])
-        frame, base, free = facts.get("view", WORLD_VIEW)
-        view = View(frame, tuple(base), free)
-        profile = Profile.model_validate(facts["profile"]) if "profile" in facts else None
-        return cls(
-            facts["name"], tuple(facts["joints"]), tuple(facts["is_slide"]), tuple(facts["axes"]),
-            facts["length"], facts["period"], columns, facts["planned"], divergence,
-            facts["wall_time"], tuple(facts.get("weights", ())), _limits(facts, "torque_limit"), view,
-            tuple(facts.get("touching", ())), tuple(map(tuple, facts.get("resting", ()))),
-            tuple(facts.get("chatter_floor", ())), profile,
-            _limits(facts, "rate_limit"), facts.get("damping_below", 0.0), tuple(facts.get("shoulder", ())),
-            facts.get("reach", 0.0), tuple(map(tuple, facts.get("screws", ()))),
-            tuple(facts.get("leaders", ())), tuple(facts.get("joint_scale", ())), baseline,
-        )  # fmt: skip
+        columns = {name: arrays[name] for name in COLUMNS}
+        run = cls(**dict(_Facts.model_validate(facts)), columns=columns, baseline=baseline)
+        _refuse_odd(run)
+        return run
+
+
+# The facts in the file of a run: all but its columns, checked by their types.
+_Facts = create_model(  # type: ignore[call-overload]
+    "_Facts",
+    __config__=ConfigDict(ser_json_inf_nan="strings"),
+    **{
+        field.name: (get_type_hints(Recorded)[field.name], ... if field.default is MISSING else field.default)
+        for field in fields(Recorded)
+        if field.name != "columns"
+    },
+)
 
 
 class Runs(dict[str, Run]):
@@ -208,14 +187,9 @@ def read_runs(path: Path) -> Runs:
             facts = json.loads(str(file["facts"]))
             if isinstance(facts, dict):
                 return Runs({facts["name"]: Run._of(facts, file)})
-            return Runs(
-                (
-                    one["label"],
-                    Run._of(one, {name: file[f"{i}/{name}"] for name in COLUMNS if f"{i}/{name}" in file}),
-                )
-                for i, one in enumerate(facts)
-            )
-    except (KeyError, ValueError, TypeError, AttributeError, EOFError, BadZipFile, OSError) as error:
+            columns = [{name: file[f"{i}/{name}"] for name in COLUMNS} for i in range(len(facts))]
+            return Runs((part["label"], Run._of(part, columns[i])) for i, part in enumerate(facts))
+    except _DAMAGED as error:
         if isinstance(error, OSError) and error.filename is not None:  # it is missing; else it is damaged
             raise
         raise QuestionError(f"{path}: does not hold the columns of a run, or is damaged") from None
@@ -226,48 +200,31 @@ def _write(path: Path, arrays: Mapping[str, NDArray[np.generic]]) -> None:
         np.savez(file, **arrays)  # type: ignore[arg-type]
 
 
-def _refuse_odd(facts: Mapping[str, Any], columns: Mapping[str, NDArray[np.generic]]) -> None:
-    """Refuse facts that no run has saved: texts for numbers, columns of another length or width.
+def _refuse_odd(run: Run) -> None:
+    """Refuse a run that none has saved: numbers beyond sense, facts and columns of another length or width.
 
     Raises:
-        ValueError: There is such a fact.
-        TypeError: A fact has another type.
+        ValueError: It is such a run.
     """
-    joints, ticks = len(facts["joints"]), len(columns["time"])
-    numbers = [facts[name] for name in ("length", "period", "planned", "wall_time")]
-    several = [facts.get(name, ()) for name in ("weights", "torque_limit", "rate_limit", "chatter_floor")]
-    screws, leaders, scale = (facts.get(name, ()) for name in ("screws", "leaders", "joint_scale"))
-    numbers += [
-        facts.get("damping_below", 0.0),
-        facts.get("reach", 0.0),
-        *facts.get("shoulder", ()),
-        *(one for some in (*several, *screws, scale) for one in some if one is not None),
-    ]
-    words = [facts["name"], *facts["joints"], *facts["axes"], *facts.get("touching", ())]
-    if not all(isinstance(one, int | float) for one in numbers) or not all(isinstance(w, str) for w in words):
-        raise TypeError
-    if not all(abs(one) < LARGEST for one in numbers[:5]):
+    joints, axes = len(run.joints), len(run.screws)
+    counts = (
+        (run.is_slide, {joints}),
+        (run.weights, {0, len(run.axes)}),
+        (run.chatter_floor, {0, joints}),
+        (run.torque_limit, {0, joints}),
+        (run.rate_limit, {0, joints}),
+        (run.shoulder, {3} if run.reach else {0}),
+        (run.leaders, {axes}),
+        (run.joint_scale, {joints} if axes else {0}),
+        *((screw, {6}) for screw in run.screws),
+    )
+    numbers = (run.length, run.period, run.planned, run.wall_time, run.damping_below)
+    if not all(abs(number) < LARGEST for number in numbers) or run.period <= 0.0 or run.planned < 1:
         raise ValueError
-    if len(facts.get("shoulder", ())) != (3 if facts.get("reach") else 0):
+    if not all(len(values) in count for values, count in counts) or not {*run.leaders} <= {*range(joints)}:
         raise ValueError
-    if len(facts["is_slide"]) != joints or not all(len(one) in (0, joints) for one in several[1:3]):
-        raise ValueError
-    if len(screws) != len(leaders) or not all(len(one) == 6 for one in screws):
-        raise ValueError
-    if len(scale) != (joints if screws else 0) or not all(one in range(joints) for one in leaders):
-        raise ValueError
-    for name, column in columns.items():
-        kind = COLUMNS[name].width
-        width = {"": (), "n": (joints,)}.get(kind, (int(kind),) if kind.isdigit() else column.shape[1:])
-        if column.dtype.kind not in "fiub" or column.shape != (ticks, *width):
+    for name, column in run.columns.items():
+        width = COLUMNS[name].width
+        widths = {"": (), "n": (joints,)}.get(width, (int(width),) if width.isdigit() else column.shape[1:])
+        if column.dtype.kind not in "fiub" or column.shape != (len(run), *widths):
             raise ValueError(name)
-
-
-def _finite(limits: tuple[float, ...]) -> list[float | None]:
-    """Return limits for strict JSON: null for infinite."""
-    return [limit if math.isfinite(limit) else None for limit in limits]
-
-
-def _limits(facts: Mapping[str, Any], name: str) -> tuple[float, ...]:
-    """Return limits of a file; limits that an older file lacks are unknown."""
-    return tuple(math.inf if limit is None else limit for limit in facts.get(name, ()))

@@ -18,7 +18,8 @@ from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number
 from rmrc.show.terminal import Fitted, as_table
 
 if TYPE_CHECKING:  # it imports numba, which a table of keys does not need
-    from rmrc.results.scorecard import Figure, Outcome, Scorecard
+    from rmrc.results.expectations import Outcome
+    from rmrc.results.scorecard import Figure, Scorecard
 
 _PEAKS = (
     "joint_rate",

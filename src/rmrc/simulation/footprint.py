@@ -3,24 +3,21 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rmrc.law.record import tick_type
-from rmrc.plants.stepping import has_others
+import numpy as np
+
+from rmrc.arm import Wiring
+from rmrc.results.columns import COLUMNS
 from rmrc.simulation.prepare import Prepared
 from rmrc.support import memory
 from rmrc.support.errors import ScenarioError
 
-# Ticks that a batch holds where columns are not kept: two megabytes for six joints. They are then added up
-# before they leave the processor's caches, which takes half as long. With fewer ticks, blocks of many worlds
-# are so short that starting each takes as long as some ticks.
-HELD = 2048
-# With a watcher, this many times as many, because showing a block takes as long as some ticks.
-SHOWN = 4
+# Ticks that a world holds at most where its columns are not kept.
+HELD = 10_000
 
-# Measured [B]: one sample of a reference; the additional memory of a recording per sample, the sample once
-# more and the results computed from all of them at once; a world in MuJoCo; libraries that are loaded on the
-# way, and those of a recording.
-SAMPLE, RECORDED, WORLD = 13 * 8, 3 * 13 * 8 + 24, 256_000
-LIBRARIES, RECORDER = 120_000_000, 130_000_000
+# Measured [B]: the additional memory of a recording per tick; a world in MuJoCo; libraries and machine code
+# that are loaded on the way, and those of a recording. What compiling takes once, 100 MB, is not included.
+RECORDED, WORLD = 3 * 13 * 8 + 24, 256_000
+LIBRARIES, RECORDER = 160_000_000, 130_000_000
 
 
 class Footprint(NamedTuple):
@@ -52,79 +49,66 @@ class Footprint(NamedTuple):
         return memory.excess(LIBRARIES + self.held, self.reserved)
 
 
-def rows_of(prepared: Sequence[Prepared], keep_columns: bool = True, is_shown: bool = False) -> int:
-    """Return how many ticks of runs that are stepped together are held.
+def has_others(wiring: Wiring, nq: int) -> bool:
+    """Return whether a model has other positions, of nq, than those of the arm's joints in their order."""
+    return not np.array_equal(wiring.qpos, np.arange(nq))
+
+
+def width(n: int, k: int, nq: int) -> int:
+    """Return how many numbers a tick has in the columns of a run.
 
     Args:
-        prepared: The worlds.
-        keep_columns: Whether every tick is kept; otherwise the ticks that stages read back, and some more.
-        is_shown: Whether each block is shown, which makes blocks longer.
+        n: Number of joints.
+        k: Number of singular values.
+        nq: Number of the model's positions; 0 where they are those of the joints.
     """
-    longest = max(one.most_ticks for one in prepared)
-    if keep_columns:
-        return longest
-    held = HELD * SHOWN if is_shown else HELD
-    return min(longest, max(1 + max(one.hardware.span for one in prepared), held // len(prepared)))
+    sizes = {"": 1, "n": n, "k": k, "nq": nq, "6": 6, "7": 7}
+    return sum(sizes[column.width] for column in COLUMNS.values())
 
 
-def footprint(
-    prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False, is_shown: bool = False
-) -> Footprint:
-    """Return the memory of runs that are stepped together, each at its largest length.
+def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False) -> Footprint:
+    """Return the memory of runs in one thread, one after another, each at its largest length.
 
     Args:
         prepared: The worlds.
-        keep_columns: Whether every tick is kept.
+        keep_columns: Whether the columns of every tick are kept, also after a run.
         recorded: Whether a recording is written.
-        is_shown: Whether each block is shown.
     """
-    alike: dict[object, list[Prepared]] = {}
-    for one in prepared:
-        alike.setdefault(one.plant.shares, []).append(one)
-    held, reserved = RECORDER * recorded, 0
-    for worlds in alike.values():
-        references = {id(one.reference): one.reference.ticks for one in worlds}.values()
-        rows = rows_of(worlds, keep_columns, is_shown)
-        held += rows * len(worlds) * tick_type(worlds[0].arm.n).itemsize
-        if has_others(worlds[0].arm.wiring, len(worlds[0].qpos)):
-            held += rows * len(worlds) * worlds[0].qpos.nbytes
-        held += len(references) * max(references) * SAMPLE
-        held += sum(references) * RECORDED * recorded
-        for one in worlds:
-            held += one.plant.batches * WORLD
-            reserved += one.plant.batches * int(one.arm.model.narena)
-    return Footprint(held, reserved)
+    total = Footprint(0, 0)
+    for world in prepared:
+        single = _footprint(world, keep_columns, recorded)
+        total = total + single if keep_columns else total.or_more(single)
+    return total + Footprint(RECORDER * recorded, 0)
 
 
-def refuse_excess(
-    prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False, is_shown: bool = False
-) -> None:
+def _footprint(world: Prepared, keep_columns: bool, recorded: bool) -> Footprint:
+    """Return the memory of a world while it runs."""
+    n, nq = world.arm.n, len(world.qpos)
+    ticks = world.most_ticks if keep_columns else min(world.most_ticks, HELD)
+    row = width(n, min(n, len(world.task.rows)), nq if has_others(world.arm.wiring, nq) else 0)
+    recording = world.reference.ticks * RECORDED * recorded
+    models = 1 if world.plant.knows_all else 2  # that of the plant, and the one that its law assumes
+    return Footprint(8 * ticks * row + recording + models * WORLD, models * int(world.arm.model.narena))
+
+
+def refuse_excess(prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False) -> None:
     """Refuse runs that do not fit into memory.
 
     Args:
         prepared: The worlds, one or more.
-        keep_columns: Whether every tick is kept.
+        keep_columns: Whether the columns of every tick are kept.
         recorded: Whether a recording is written.
-        is_shown: Whether each block is shown.
 
     Raises:
         ScenarioError: They do not fit, with the key that makes the longest of them so long.
     """
-    excess = footprint(prepared, keep_columns, recorded, is_shown).excess
+    excess = footprint(prepared, keep_columns, recorded).excess
     if excess is None:
         return
-    longest = max(prepared, key=lambda one: one.most_ticks if keep_columns else one.reference.ticks)
-    ticks = longest.most_ticks if keep_columns else longest.reference.ticks
-    others = f" for each of {len(prepared)} runs" if len(prepared) > 1 else ""
-    fewer = ", or run fewer at a time" if len(prepared) > 1 else ""
-    if ticks > longest.reference.ticks:
-        key, way_out = "control.slow.longest", "lower it, shorten target.path or raise control.period"
-    else:
-        key, way_out = "target.path", "shorten it or raise control.period"
-    raise ScenarioError(
-        [
-            longest.scenario.problem(
-                key, f"makes up to {ticks} ticks{others}, which need {excess}; {way_out}{fewer}"
-            )
-        ]
-    )
+    longest = max(prepared, key=lambda world: world.most_ticks)
+    key, remedy = "target.path", "shorten it or raise control.period"
+    if longest.most_ticks > longest.reference.ticks:
+        key, remedy = "control.slow.longest", "lower it, shorten target.path or raise control.period"
+    each, fewer = (f" for each of {len(prepared)} runs", ", or run fewer") if len(prepared) > 1 else ("", "")
+    text = f"makes up to {longest.most_ticks} ticks{each}, which need {excess}; {remedy}{fewer}"
+    raise ScenarioError([longest.scenario.problem(key, text)])

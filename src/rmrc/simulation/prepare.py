@@ -1,65 +1,52 @@
-"""A scenario, checked against its arm and turned into arrays, before the run starts."""
+"""A scenario, checked against its arm and turned into arrays, before the run starts.
+
+    scenario --prepare_arm--> arm, start --prepare_hardware--> plant, stages --prepare_task--> task
+             --prepare_law--> law --prepare_reference--> reference  =  Prepared
+
+Each step checks what it makes. The problems of all steps up to the law are reported together.
+"""
 
 import math
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc import arm as arms
-from rmrc.arm import Arm
+from rmrc.arm import Arm, load_asked
 from rmrc.arm.differences import check_stretch
 from rmrc.law import fit
-from rmrc.law.law import TaskLaw
-from rmrc.law.record import Writer, records
+from rmrc.law.settings import TaskLaw
 from rmrc.law.task import Task
-from rmrc.plants.encoders import Encoders
 from rmrc.plants.hardware import Hardware
-from rmrc.plants.lockstep import Course
 from rmrc.plants.plant import Assumed, Plant
-from rmrc.plants.wiring import WIRING
-from rmrc.results.tally import CHATTER_FLOOR
-from rmrc.scenario import ArmSection, Problems, Scenario, angle, inline
+from rmrc.results.events import CHATTER_FLOOR
+from rmrc.scenario import ArmSection, Problems, Scenario, inline
 from rmrc.scenario.choices import PLANTS, POLICIES
 from rmrc.scenario.profile import Profile, load_profile
 from rmrc.scenario.sections import PROFILE
+from rmrc.simulation.configuration import assumed_configuration, true_configuration
 from rmrc.simulation.reference import Reference
-from rmrc.simulation.start import start_positions
 from rmrc.simulation.trajectory import Places, make_reference
 from rmrc.support.brief import brief
 from rmrc.support.errors import ModelError, ScenarioError, TargetError
 from rmrc.support.legible import listed
-from rmrc.support.notices import tell, tell_assumed
+from rmrc.support.notices import tell_assumed
 from rmrc.support.spatial import AXES
 
+Array = NDArray[np.float64]
 T = TypeVar("T")
 
-
-class _Recent(Generic[T]):
-    """The latest results, by their keys."""
-
-    def __init__(self, most: int, found: Mapping[object, T] | None = None) -> None:
-        self._most, self._found = most, dict(found or {})
-
-    def get(self, key: object, find: Callable[[], T]) -> T:
-        if key not in self._found:
-            found = find()
-            if len(self._found) >= self._most:
-                del self._found[next(iter(self._found))]
-        else:
-            found = self._found.pop(key)
-        self._found[key] = found  # at the end
-        return found
+# Arms, tasks and references that a cache keeps: a stretched arm takes a megabyte.
+_LATEST = 96
+# 285 years [s]; beyond them, nanoseconds do not fit into the 64 bits of a recording's time.
+_LONGEST = 9e9
 
 
 class Cache:
-    """Cache of prepared parts of scenarios: arms, references, tasks.
-
-    Only the latest results are kept. For one thread at a time.
-    """
+    """The latest arms, tasks and references, which other variants share; for one thread at a time."""
 
     def __init__(self, *arms: Arm) -> None:
         """Start with some loaded arms.
@@ -67,87 +54,15 @@ class Cache:
         Args:
             arms: They replace their files, by the names of their frame and joints; not stretched.
         """
-        # Stretched arms and references take a megabyte each, and their users keep them anyway.
-        self._arms = _Recent[Arm](32, {_key(arm): arm for arm in arms})
-        self._references, self._tasks = _Recent[Reference](32), _Recent[Task](256)
-        self._hardware = _Recent[Hardware](32)
+        self._parts: dict[Hashable, Any] = {_names_of(arm): arm for arm in arms}
 
-    def arm(self, section: ArmSection) -> Arm:
-        """Return the arm of a section, loaded and stretched as it says.
-
-        Raises:
-            ModelError: See `rmrc.arm.load` and `Arm.stretched`.
-        """
-        more = section.body, section.tool, section.base, tuple(sorted(section.packages.items()))
-        key = section.model, section.site, section.joints, *more
-        own = self._arms.get(key, lambda: arms.load_asked(section))
-        if not section.stretch:
-            return own
-        return self._arms.get(
-            (key, tuple(sorted(section.stretch.items()))), lambda: own.stretched(section.stretch)
-        )
-
-    def placed(self, arm: Arm, section: ArmSection, qpos: NDArray[np.float64]) -> Arm:
-        """Return an arm with the joints that are not its own as in a configuration, (nq,)."""
-        mocap = arm.mocap_at(section.start) if arm.model.nmocap else None
-        placed = arm.at(qpos, section.others == "free", mocap)
-        if placed.rest is None or placed is arm:
-            return placed
-        there = b"" if placed.mocap is None else placed.mocap.tobytes()
-        return self._arms.get((arm, placed.rest.tobytes(), section.others, there), lambda: placed)
-
-    def reference(self, scenario: Scenario, arm: Arm, q: NDArray[np.float64]) -> Reference:
-        """Return the target of a scenario whose arm starts at joint positions q, (n,).
-
-        Raises:
-            TargetError: See `make_reference`.
-        """
-        target, period = scenario.target, scenario.control.period
-        # as text, which distinguishes 0.0 from -0.0
-        key = (arm, q.tobytes(), target.model_dump_json(), period)
-
-        def pose_at(configuration: str | Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
-            if not isinstance(configuration, str) and len(configuration) != arm.n:
-                raise TargetError(fit.wrong_length(len(configuration), arm))
-            try:
-                return arm.pose(arm.configuration(configuration)[arm.wiring.qpos])
-            except ModelError as error:
-                raise TargetError(str(error)) from None
-
-        def timed() -> Reference:
-            places = Places(arm.base_pose, arm.joints, pose_at)
-            return make_reference(
-                target.path, target.limits, arm.pose(q), period, target.offset, target.frame, places
-            )
-
-        return self._references.get(key, timed)
-
-    def task(self, scenario: Scenario, arm: Arm) -> Task:
-        """Return the task of a scenario; finding its rank takes a millisecond."""
-        section, joint_weights = scenario.task, scenario.control.joint_weights
-        key = (arm, section.axes, section.length, section.weights, joint_weights, section.frame)
-        rows = np.array([AXES.index(axis) for axis in section.axes])
-        return self._tasks.get(
-            key, lambda: Task(arm, rows, section.length, section.weights, joint_weights, section.frame)
-        )
-
-    def hardware(self, scenario: Scenario, arm: Arm) -> Hardware:
-        """Return the hardware of a scenario; variants whose sections `arm` and `plant` are the same share it.
-
-        Of the section `control`, plants and stages read only what the key has.
-        """
-        control = scenario.control
-        read = control.period, control.state, control.rate_filter
-        # the hardware keeps these sections, so that no others get their addresses
-        key = (arm, *map(id, (scenario.arm, scenario.plant, control.nullspace)), *read)
-        return self._hardware.get(key, lambda: Hardware(scenario, arm))
-
-
-def _key(arm: Arm) -> Hashable:
-    """Return the key of an arm for `Cache.arm`: its names in a scenario."""
-    named = dict([arm.frame] if arm.frame else [])
-    frame = named.get("site"), arm.joints, named.get("body"), named.get("tool"), "fixed"
-    return arm.path.resolve(), *frame, tuple((name, folder.absolute()) for name, folder in arm.packages)
+    def get(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return the part with a key, which is made unless it is among the latest ones."""
+        part: T = self._parts.pop(key) if key in self._parts else make()
+        self._parts[key] = part  # at the end
+        if len(self._parts) > _LATEST:
+            del self._parts[next(iter(self._parts))]
+        return part
 
 
 @brief
@@ -161,20 +76,19 @@ class Prepared:
         qpos: Start configuration of the model, (nq,), the true positions.
         held: Controls and activations of the author's actuators: see `Arm.held`.
         reference: Poses and twists at each control tick.
-        cache: Parts that it shares with others.
+        task: The task of the site.
+        law: The law for the joints.
+        hardware: The plant, and the stages between it and the law.
     """
 
     scenario: Scenario
     arm: Arm
-    qpos: NDArray[np.float64]
-    held: tuple[NDArray[np.float64], NDArray[np.float64]]
+    qpos: Array
+    held: tuple[Array, Array]
     reference: Reference
-    cache: Cache = field(default_factory=Cache, repr=False)
-
-    @cached_property
-    def hardware(self) -> Hardware:
-        """The plant, and the stages between it and the law."""
-        return self.cache.hardware(self.scenario, self.arm)
+    task: Task
+    law: TaskLaw = field(repr=False)
+    hardware: Hardware = field(repr=False)
 
     @property
     def plant(self) -> Plant:
@@ -187,91 +101,34 @@ class Prepared:
         control, ticks = self.scenario.control, self.reference.ticks
         return math.ceil(control.slow.longest * ticks) if POLICIES[control.at_singularity].slows else ticks
 
-    @cached_property
-    def task(self) -> Task:
-        """The task of the site."""
-        return self.cache.task(self.scenario, self.arm)
-
-    @cached_property
-    def law(self) -> TaskLaw:
-        """The law for the joints."""
-        return TaskLaw(self.task, self.scenario.control, self.qpos[self.arm.wiring.qpos] - self.joint_offset)
-
     @property
-    def encoder_offset(self) -> NDArray[np.float64]:
+    def encoder_offset(self) -> Array:
         """Offset of the encoders' readings, (n,)."""
-        return Encoders(self.scenario, self.arm).offset
-
-    @property
-    def joint_offset(self) -> NDArray[np.float64]:
-        """Offset of the true joint positions from those that the law assumes, (n,)."""
-        return np.full(self.arm.n, self.scenario.plant.joint_offset)
+        return self.hardware.encoders.offset
 
     @cached_property
     def true_arm(self) -> Arm:
         """The arm that moves: it differs from the known one if `plant.stretch` says so."""
         return self.arm.stretched(self.plant.stretch) if self.scenario.plant.stretch else self.arm
 
-    @cached_property
+    @property
     def chatter_floor(self) -> tuple[float, ...]:
-        """Acceleration above which a change of sign counts as chatter, (n,); see `rmrc.results.tally`."""
+        """Acceleration above which a change of sign counts as chatter, (n,); see `rmrc.results.events`."""
         floor = np.minimum(self.law.rate_limit, 0.1 * self.law.acceleration_limit)
         return tuple(np.where(np.isfinite(floor), floor, CHATTER_FLOOR).tolist())
 
-    @cached_property
+    @property
     def expected_profile(self) -> Profile | None:
         """The profile that the commands are checked against."""
-        name = self.scenario.expect.get(PROFILE)
-        return load_profile(name) if isinstance(name, str) else None
+        return _expected_profile(self.scenario)
 
-    @cached_property
+    @property
     def assumed(self) -> tuple[Assumed, ...]:
         """The deviations of the run from the model as its author wrote it, and the missing limits."""
-        arm, law, physics = self.arm, self.law, self.plant.has_physics
-        limits = {
-            "rate": law.rate_limit,
-            "acceleration": law.acceleration_limit,
-            "torque": arm.torque_limit if physics else np.zeros(arm.n),
-            "position": np.abs(law.position_limit).max(axis=0),
-        }
-        missing = []
-        for name, limit in limits.items():
-            joints = [joint for joint, one in zip(arm.joints, limit, strict=True) if np.isinf(one)]
-            if joints:
-                which = "all joints" if len(joints) == arm.n else listed(joints)
-                missing.append(Assumed(f"no {name} limit: {which}", False))
-        if arm.moves_at(self.scenario.arm.start):
-            missing.append(Assumed("a start at rest: the keyframe's velocities are ignored", True))
-        return (*self.plant.assumed(), *self._by_profile(), *self._unseen(), *missing)
-
-    def _unseen(self) -> Iterator[Assumed]:
-        """Yield warnings that a recording cannot show the quantity or time of `look`."""
-        look, slows = self.scenario.look, POLICIES[self.scenario.control.at_singularity].slows
-        if look is None:
-            return
-        has = {
-            "torque": self.plant.has_physics, "pace": slows, "belief": self.hardware.moves_q,
-            "rotation": any(axis.startswith("r") for axis in self.scenario.task.axes),
-        }  # fmt: skip
-        end = self.most_ticks * self.scenario.control.period
-        if not has.get(look.quantity, True):
-            yield Assumed(f"cannot be shown: the run has no {look.quantity}", True)
-        elif look.at is not None and look.at > end:
-            yield Assumed(f"cannot be shown: the run ends before look.at, {look.at:g} s", True)
-
-    def _by_profile(self) -> Iterator[Assumed]:
-        """Yield the settings of the profile in `control.limits`, except for keys that the scenario sets."""
-        control = self.scenario.control
-        if control.limits.profile is None:
-            return
-        profile, texts = load_profile(control.limits.profile), []
-        if profile.period and control.period == profile.period.value:
-            texts.append(f"control.period {control.period:g}")
-        for key, values in profile.limits.items():
-            if getattr(control.limits, key) == values:
-                same = len(set(values)) == 1
-                texts.append(f"control.limits.{key} {inline(values[0] if same else list(values))}")
-        yield Assumed(f"by profile {profile.name}: {', '.join(texts) or 'nothing'}", True)
+        of_law = (*_by_profile(self.scenario), *_not_shown(self), *_missing_limits(self))
+        starts_at_rest = "a start at rest: the keyframe's velocities are ignored"
+        of_start = [Assumed(starts_at_rest, True)] if self.arm.moves_at(self.scenario.arm.start) else []
+        return (*self.plant.assumed(), *of_law, *of_start)
 
     def with_encoder_seed(self, seed: int) -> "Prepared":
         """Return the same world with encoder offsets drawn anew, without loading or timing anything again.
@@ -279,7 +136,8 @@ class Prepared:
         Args:
             seed: Replaces `arm.encoder.seed`.
         """
-        return replace(self, scenario=self.scenario.set({"arm.encoder.seed": seed}))
+        scenario = self.scenario.set({"arm.encoder.seed": seed})
+        return replace(self, scenario=scenario, hardware=Hardware(scenario, self.arm))
 
 
 def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
@@ -292,217 +150,246 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     Raises:
         ScenarioError: Lists all problems, with file, line and key.
     """
-    cache = cache or Cache()
-    try:
-        arm = cache.arm(scenario.arm)
-        arm.require_open()
-    except ModelError as error:
-        raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
-    tell_assumed(note for note in arm.notes if note != arm.obvious or scenario.arm.site is None)
-    problems = Problems(scenario)
-    believed = _start(scenario, arm, problems)
-    arm = cache.placed(arm, scenario.arm, believed)
-    _check_profiles(scenario, arm, problems)
-    _check_lengths(scenario, arm, problems)
-    _check_stretch(scenario, arm, problems)
-    qpos = _true_start(scenario, arm, believed, problems)
-    _check_scales(scenario, problems)
-    hardware = cache.hardware(scenario, arm)
-    for stage in hardware.stages:
-        problems.extend(stage.misfits())
-    problems.extend(fit.method_misfits(scenario.control, len(scenario.task.axes), arm))
-    problems.extend(fit.second_task_misfits(scenario.control, arm))
-    problems.extend(fit.slow_misfits(scenario.control, arm, arm.path))
-    problems.extend(hardware.plant.misfits())
-    problems.raise_any()
-    _doubt_start(scenario, arm)
-    try:
-        reference = cache.reference(scenario, arm, believed[arm.wiring.qpos])
-    except TargetError as error:
-        key, _, text = str(error).partition(": ")
-        raise ScenarioError([scenario.problem(key, text)]) from None
-    held = arm.held(scenario.arm.start, qpos, own=PLANTS[scenario.plant.kind].own)
-    prepared = Prepared(scenario, arm, qpos, held, reference, cache)
-    vars(prepared)["hardware"] = hardware  # found before
-    _check_duration(prepared, problems)
+    cache, problems = cache or Cache(), Problems(scenario)
+    start = prepare_arm(scenario, cache, problems)
+    arm = start.arm
+    hardware = prepare_hardware(scenario, arm, problems)
+    task = prepare_task(scenario, arm, cache, problems)
+    law = prepare_law(scenario, task, start.q, problems)
+    reference = prepare_reference(scenario, arm, start.q, cache)
+    held = arm.held(scenario.arm.start, start.qpos, own=PLANTS[scenario.plant.kind].own)
+    prepared = Prepared(scenario, arm, start.qpos, held, reference, task, law, hardware)
+    problems.extend(_long_run(prepared))
     problems.extend(hardware.excesses(prepared.most_ticks))
     problems.raise_any()
     return prepared
 
 
-def _start(scenario: Scenario, arm: Arm, problems: Problems) -> NDArray[np.float64]:
-    start = scenario.arm.start
-    if not isinstance(start, str) and len(start) != arm.n:
-        problems.add("arm.start", fit.wrong_length(len(start), arm))
-        start = "home"
+# The steps --------------------------------------------------------------------------------------
+
+
+class Start(NamedTuple):
+    """An arm where a run starts.
+
+    Attributes:
+        arm: The arm, with the joints that are not its own where they start.
+        q: Joint positions that the law assumes, (n,).
+        qpos: Start configuration of the model, (nq,), the true positions.
+    """
+
+    arm: Arm
+    q: Array
+    qpos: Array
+
+
+def prepare_arm(scenario: Scenario, cache: Cache, problems: Problems) -> Start:
+    """Return the arm of a scenario at its start.
+
+    Raises:
+        ScenarioError: There is no such arm, or it is no open chain.
+    """
+    section = scenario.arm
     try:
-        qpos = arm.configuration(start)
+        arm = _loaded(section, cache)
+        arm.require_open()
     except ModelError as error:
-        problems.add("arm.start", f"{error}{_positions_instead(start, arm)}")
-        return np.array(arm.model.qpos0)
-    for j, position in enumerate(qpos[arm.wiring.qpos]):
-        lower, upper = arm.position_limit[j]
-        if not lower <= position <= upper:
-            key = "arm.start" if isinstance(start, str) else f"arm.start[{j}]"
-            problems.add(
-                key,
-                f'joint "{arm.joints[j]}" must start within its limits [{lower:.6g}, {upper:.6g}] '
-                f"{arm.units[j]}, got {position:.6g}{_in_degrees(arm, j, position)}",
-            )
-    if scenario.arm.pose is not None:
-        own = [*arm.wiring.qpos, *arm.wiring.follower_qpos]
-        try:
-            placed = arm.at(qpos)
-            q = start_positions(placed, scenario.arm.pose, qpos[arm.wiring.qpos], scenario.task.length)
-        except TargetError as error:
-            problems.add("arm.pose", str(error))
-        else:
-            qpos[own] = arm.configuration(q)[own]
-    return qpos
+        raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
+    tell_assumed(note for note in arm.notes if note != arm.obvious or section.site is None)
+    assumed = assumed_configuration(scenario, arm, problems)
+    qpos = true_configuration(scenario, arm, assumed, problems)
+    return Start(_with_others(arm, section, assumed, cache), assumed[arm.wiring.qpos], qpos)
 
 
-def _check_stretch(scenario: Scenario, arm: Arm, problems: Problems) -> None:
+def prepare_hardware(scenario: Scenario, arm: Arm, problems: Problems) -> Hardware:
+    """Return plant and stages of a scenario."""
+    plant, hardware = scenario.plant, Hardware(scenario, arm)
+    parameters = ["joint_offset", "lag", "backlash", *(parameter.key for parameter in PLANTS.parameters)]
+    for name, section, keys in (
+        ("arm.encoder", scenario.arm.encoder, ("offset", "deviation", "noise", "resolution")),
+        ("plant.friction", plant.friction, ("coulomb", "viscous")),
+        ("plant", plant, parameters),
+    ):
+        for key in keys:
+            values = getattr(section, key)
+            if isinstance(values, tuple) and len(values) != arm.n:
+                problems.add(f"{name}.{key}", fit.wrong_length(len(values), arm))
     try:
-        check_stretch(arm.path, arm.model, scenario.plant.stretch)
+        check_stretch(arm.path, arm.model, plant.stretch)
     except ModelError as error:
         problems.add(f"plant.{error.about}", str(error))
+    for stage in hardware.stages:
+        problems.extend(stage.misfits())
+    problems.extend(hardware.plant.misfits())
+    return hardware
 
 
-def _true_start(
-    scenario: Scenario, arm: Arm, believed: NDArray[np.float64], problems: Problems
-) -> NDArray[np.float64]:
-    """Return the true configuration, (nq,), of an arm with the positions that the law assumes."""
-    offset = scenario.plant.joint_offset
-    if not np.any(offset) or (isinstance(offset, tuple) and len(offset) != arm.n):
-        return believed
-    q = believed[arm.wiring.qpos] + offset
-    for name, position, (lower, upper), unit in zip(
-        arm.joints, q, arm.position_limit, arm.units, strict=True
-    ):
-        if not lower <= position <= upper:
-            problems.add(
-                "plant.joint_offset",
-                f'puts joint "{name}" at {position:.6g} {unit} at the start, beyond its limits [{lower:.6g}, '
-                f"{upper:.6g}] {unit}; lower it, or start elsewhere",
-            )
-    return arm.placed(believed, q)
+def prepare_task(scenario: Scenario, arm: Arm, cache: Cache, problems: Problems) -> Task:
+    """Return the task of a scenario; variants share it, because finding its rank takes a millisecond."""
+    section, weights = scenario.task, scenario.control.joint_weights
+    problems.extend(fit.scale_misfits("task.length", (section.length,), is_list=False))
+    problems.extend(fit.scale_misfits("task.weights", section.weights or ()))
+    problems.extend(fit.scale_misfits("control.joint_weights", weights or ()))
+
+    def make() -> Task:
+        rows = np.array([AXES.index(axis) for axis in section.axes])
+        return Task(arm, rows, section.length, section.weights, weights, section.frame)
+
+    return cache.get(("task", arm, section, weights), make)
 
 
-def _in_degrees(arm: Arm, j: int, position: float) -> str:
-    """Return the hint for a position beyond a turn that would be within the limits in degrees."""
-    lower, upper = arm.position_limit[j]
-    if arm.is_slide[j] or abs(position) <= math.tau or not lower <= math.radians(position) <= upper:
-        return ""
-    return f"; for degrees write {position:.6g} deg"
+def prepare_law(scenario: Scenario, task: Task, q: Array, problems: Problems) -> TaskLaw:
+    """Return the law of a scenario that starts at joint positions, (n,).
 
-
-def _doubt_start(scenario: Scenario, arm: Arm) -> None:
-    """Warn of a joint without limits that starts beyond a turn, as if it were in degrees."""
-    start = scenario.arm.start
-    for j, position in enumerate(() if isinstance(start, str) else start):
-        if way := _in_degrees(arm, j, position):
-            key = f"arm.start[{j}]"
-            turns = f"{position:.6g} rad are {abs(position) / math.tau:.3g} turns"
-            tell(f"warning: {scenario.locate(key)}: {turns}{way}", once=key)
-
-
-def _positions_instead(start: object, arm: Arm) -> str:
-    """Return the hint for positions in place of a keyframe's name."""
-    if not isinstance(start, str):
-        return ""
-    if start.strip().lower() in ("zero", "zeros", "null"):
-        return f"; write [{', '.join('0' for _ in arm.joints)}] for all joints at zero"
-    try:
-        angle(start)
-    except ValueError:
-        return ""
-    return f"; write [{', '.join([start.strip()] * arm.n)}], a position for each joint"
-
-
-def _check_profiles(scenario: Scenario, arm: Arm, problems: Problems) -> None:
-    """Refuse a profile of another robot, or with conditions for another period."""
-    limits, expected = scenario.control.limits.profile, scenario.expect.get(PROFILE)
-    for key, name in (("control.limits.profile", limits), ("expect.profile", expected)):
-        if not isinstance(name, str):
-            continue
-        profile, period = load_profile(name), scenario.control.period
-        if profile.joints != arm.n:
-            problems.extend(fit.profile_misfits(key, name, arm))
-            continue
-        published = profile.period.value if profile.period else period
-        differs = abs(published - period) > 1e-9 * period
-        if key == "expect.profile" and differs and (profile.acceleration or profile.jerk):
-            problems.add(
-                key,
-                f"{profile.name} bounds the differences of commands that are {published:g} s apart, and "
-                f"control.period is {period:g} s; write control.period: {published:g}",
-            )
-
-
-def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
-    for key, values in (
-        ("arm.encoder.offset", scenario.arm.encoder.offset),
-        ("arm.encoder.deviation", scenario.arm.encoder.deviation),
-        ("arm.encoder.noise", scenario.arm.encoder.noise),
-        ("arm.encoder.resolution", scenario.arm.encoder.resolution),
-        ("plant.friction.coulomb", scenario.plant.friction.coulomb),
-        ("plant.friction.viscous", scenario.plant.friction.viscous),
-        ("plant.joint_offset", scenario.plant.joint_offset),
-        ("plant.lag", scenario.plant.lag),
-        ("plant.backlash", scenario.plant.backlash),
-        *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
-    ):
-        if isinstance(values, tuple) and len(values) != arm.n:
-            problems.add(key, fit.wrong_length(len(values), arm))
-    problems.extend(fit.length_misfits(scenario.control, arm))
-
-
-def _check_scales(scenario: Scenario, problems: Problems) -> None:
-    task = scenario.task
-    problems.extend(fit.scale_misfits("task.length", (task.length,), is_list=False))
-    problems.extend(fit.scale_misfits("task.weights", task.weights or ()))
-    problems.extend(fit.scale_misfits("control.joint_weights", scenario.control.joint_weights or ()))
-
-
-# 285 years [s]; beyond them, nanoseconds do not fit into 64 bits.
-_LONGEST = 9e9
-
-
-def _check_duration(prepared: Prepared, problems: Problems) -> None:
-    """Refuse a run that is too long for the time of recordings, 64 bits of nanoseconds."""
-    period = prepared.scenario.control.period
-    if not prepared.most_ticks * period < _LONGEST:
-        problems.add(
-            "target.path",
-            f"takes up to {prepared.most_ticks} control periods of {period:g} s, which is more than "
-            f"{_LONGEST:g} s; raise target.limits, lower control.period or control.slow.longest, or shorten "
-            "the path",
-        )
-
-
-def writers(prepared: Prepared, reference: int) -> tuple[Writer, ...]:
-    """Return the Writers of a world's record.
-
-    Args:
-        prepared: The world.
-        reference: Index of its reference in the batch.
+    Raises:
+        ScenarioError: There are problems, of this step or of those before.
     """
-    course = Course(reference, prepared.reference.ticks, prepared.most_ticks)
-    return prepared.task, prepared.law, course, prepared.hardware
+    control, arm = scenario.control, task.arm
+    problems.extend(_profile_misfits(scenario, arm))
+    problems.extend(fit.length_misfits(control, arm))
+    problems.extend(fit.method_misfits(control, len(scenario.task.axes), arm))
+    problems.extend(fit.second_task_misfits(control, arm))
+    problems.extend(fit.slow_misfits(control, arm, arm.path))
+    problems.raise_any()
+    return TaskLaw(task, control, q)
 
 
-def world_records(prepared: Sequence[Prepared], references: Sequence[int]) -> NDArray[np.void]:
-    """Return the records of worlds whose arms have the same joints, (w,): by `writers`, not yet wired."""
-    beside = (*WIRING, *Hardware.memory)
-    arm = prepared[0].arm
-    every = list(map(writers, prepared, references))
-    # a Writer of several worlds writes the record of the first, which the others copy
-    sharing: dict[int, tuple[Writer, list[int]]] = {}
-    for w, writer in ((w, writer) for w, of_world in enumerate(every) for writer in of_world):
-        sharing.setdefault(id(writer), (writer, []))[1].append(w)
-    own = [[one for one in of_world if sharing[id(one)][1][0] == w] for w, of_world in enumerate(every)]
-    made = records(arm.n, *own, beside=beside, axes=arm.n + len(arm.followers))
-    for writer, (first, *others) in sharing.values():
-        for name in (one.name for one in writer.fields if others):
-            made[name][others] = made[name][first]
-    return made
+def prepare_reference(scenario: Scenario, arm: Arm, q: Array, cache: Cache) -> Reference:
+    """Return the target of a scenario whose arm starts at joint positions, (n,).
+
+    Raises:
+        ScenarioError: The target cannot be timed.
+    """
+    target, period = scenario.target, scenario.control.period
+
+    def pose_at(start: Any) -> Array:
+        if not isinstance(start, str) and len(start) != arm.n:
+            raise TargetError(fit.wrong_length(len(start), arm))
+        try:
+            return arm.pose(arm.configuration(start)[arm.wiring.qpos])
+        except ModelError as error:
+            raise TargetError(str(error)) from None
+
+    def make() -> Reference:
+        return make_reference(target, arm.pose(q), period, Places(arm.base_pose, arm.joints, pose_at))
+
+    # as text, which distinguishes 0.0 from -0.0
+    key = "reference", arm, q.tobytes(), target.model_dump_json(), period
+    try:
+        return cache.get(key, make)
+    except TargetError as error:
+        name, _, text = str(error).partition(": ")
+        raise ScenarioError([scenario.problem(name, text)]) from None
+
+
+# Their parts ------------------------------------------------------------------------------------
+
+
+def _names_of(arm: Arm) -> Hashable:
+    """Return the key of an arm in a cache: its names in a scenario."""
+    frame = dict([arm.frame] if arm.frame else [])
+    packages = tuple((name, folder.absolute()) for name, folder in arm.packages)
+    of_frame = frame.get("site"), frame.get("body"), frame.get("tool")
+    return "arm", arm.path.resolve(), arm.joints, *of_frame, "fixed", packages
+
+
+def _loaded(section: ArmSection, cache: Cache) -> Arm:
+    """Return the arm of a section, loaded and stretched as it says."""
+    of_frame, packages = (section.site, section.body, section.tool), tuple(sorted(section.packages.items()))
+    key = "arm", section.model, section.joints, *of_frame, section.base, packages
+    arm = cache.get(key, lambda: load_asked(section))
+    if not section.stretch:
+        return arm
+    factors = tuple(sorted(section.stretch.items()))
+    return cache.get(("stretched", arm, factors), lambda: arm.stretched(section.stretch))
+
+
+def _with_others(arm: Arm, section: ArmSection, qpos: Array, cache: Cache) -> Arm:
+    """Return an arm with the joints that are not its own as in a configuration, (nq,)."""
+    mocap = arm.mocap_at(section.start) if arm.model.nmocap else None
+    placed = arm.at(qpos, section.others == "free", mocap)
+    if placed.rest is None or placed is arm:
+        return placed
+    poses = b"" if placed.mocap is None else placed.mocap.tobytes()
+    return cache.get(("placed", arm, placed.rest.tobytes(), section.others, poses), lambda: placed)
+
+
+def _expected_profile(scenario: Scenario) -> Profile | None:
+    name = scenario.expect.get(PROFILE)
+    return load_profile(name) if isinstance(name, str) else None
+
+
+def _profile_misfits(scenario: Scenario, arm: Arm) -> Iterator[tuple[str, str]]:
+    """Yield a profile of another robot, or with conditions for another period."""
+    key, period, expected = "expect.profile", scenario.control.period, _expected_profile(scenario)
+    name = scenario.control.limits.profile
+    yield from fit.profile_misfits("control.limits.profile", name, arm)
+    if expected is None:
+        return
+    yield from fit.profile_misfits(key, str(scenario.expect[PROFILE]), arm)
+    published = expected.period.value if expected.period else period
+    has_differences = bool(expected.acceleration or expected.jerk)
+    if expected.joints == arm.n and has_differences and abs(published - period) > 1e-9 * period:
+        text = (
+            f"{expected.name} bounds the differences of commands that are {published:g} s apart, and "
+            f"control.period is {period:g} s; write control.period: {published:g}"
+        )
+        yield key, text
+
+
+def _long_run(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Yield the path of a run that is too long for the time of recordings."""
+    ticks, period = prepared.most_ticks, prepared.scenario.control.period
+    if not ticks * period < _LONGEST:
+        text = (
+            f"takes up to {ticks} control periods of {period:g} s, which is more than {_LONGEST:g} s; "
+            "raise target.limits, lower control.period or control.slow.longest, or shorten the path"
+        )
+        yield "target.path", text
+
+
+# What a run assumes -----------------------------------------------------------------------------
+
+
+def _missing_limits(prepared: Prepared) -> Iterator[Assumed]:
+    """Yield the limits that some joints do not have."""
+    arm, law = prepared.arm, prepared.law
+    limits = {"rate": law.rate_limit, "acceleration": law.acceleration_limit}
+    if prepared.plant.has_physics:
+        limits["torque"] = arm.torque_limit
+    limits["position"] = np.abs(law.position_limit).max(axis=0)
+    for name, limit in limits.items():
+        joints = [joint for joint, is_missing in zip(arm.joints, np.isinf(limit), strict=True) if is_missing]
+        if joints:
+            which = "all joints" if len(joints) == arm.n else listed(joints)
+            yield Assumed(f"no {name} limit: {which}", False)
+
+
+def _not_shown(prepared: Prepared) -> Iterator[Assumed]:
+    """Yield warnings that a recording cannot show the quantity or time of `look`."""
+    scenario, look = prepared.scenario, prepared.scenario.look
+    if look is None:
+        return
+    has = {
+        "torque": prepared.plant.has_physics, "pace": POLICIES[scenario.control.at_singularity].slows,
+        "belief": prepared.hardware.moves_q,
+        "rotation": any(axis.startswith("r") for axis in scenario.task.axes),
+    }  # fmt: skip
+    if not has.get(look.quantity, True):
+        yield Assumed(f"cannot be shown: the run has no {look.quantity}", True)
+    elif look.at is not None and look.at > prepared.most_ticks * scenario.control.period:
+        yield Assumed(f"cannot be shown: the run ends before look.at, {look.at:g} s", True)
+
+
+def _by_profile(scenario: Scenario) -> Iterator[Assumed]:
+    """Yield the settings of the profile in `control.limits`, except for keys that the scenario sets."""
+    control = scenario.control
+    if control.limits.profile is None:
+        return
+    profile, settings = load_profile(control.limits.profile), []
+    if profile.period and control.period == profile.period.value:
+        settings.append(f"control.period {control.period:g}")
+    for key, values in profile.limits.items():
+        if getattr(control.limits, key) == values:
+            is_same = len(set(values)) == 1
+            settings.append(f"control.limits.{key} {inline(values[0] if is_same else list(values))}")
+    yield Assumed(f"by profile {profile.name}: {', '.join(settings) or 'nothing'}", True)

@@ -1,210 +1,156 @@
-"""From prepared scenarios to runs: worlds are stepped together, in blocks.
+"""From prepared scenarios to runs: each world runs from first tick to last; threads take worlds in turn.
 
-Worlds that share a model and a plant share a batch; each thread steps batches of its own. The bits of
-a run do not depend on the worlds and threads beside it.
+A run does not depend on the worlds and threads beside it, as nothing is shared.
 """
 
 import threading
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TypeAlias, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.record import tick_type
-from rmrc.plants.batches import Batches
-from rmrc.plants.stepping import Stepper
 from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.results.run import Run
-from rmrc.results.scorecard import Scorecard, figures, tallies_of
-from rmrc.results.tally import adder
+from rmrc.results.scorecard import Scorecard, figures
+from rmrc.results.tally import Tally
 from rmrc.scenario import InverseSection
 from rmrc.scenario.choices import DAMPING_BELOW, INVERSES, SCHEDULES
-from rmrc.simulation.footprint import refuse_excess, rows_of
-from rmrc.simulation.prepare import Prepared, world_records
+from rmrc.simulation.footprint import HELD, refuse_excess
+from rmrc.simulation.prepare import Prepared
+from rmrc.simulation.world import World, compile_for
 from rmrc.support.threads import side_by_side
 
-# Ticks that are recorded at once, and how long they may take [s]: a second at 1 kHz. A block is large enough
-# to cost little, and small enough that a killed process loses little. Stops are checked more often: see
-# `rmrc.support.pace`.
-BLOCK, LONGEST_BLOCK = 1000, 0.5
+# Between two pieces of ticks there is time for stops, progress and a recording. A piece is at most a second
+# at 1 kHz, so that a killed process loses little, and takes about this long [s]; the first is one tick, and
+# each is at most some times as long as the last.
+PIECE, MOMENT, GROWTH = 1000, 0.05, 8
 
-# Gets each block of ticks after it was stepped, with the index of its world: for progress, a recording, or a
+# Gets each piece of ticks after it was stepped, with the index of its world: for progress, a recording, or a
 # rule that ends the runs.
 Watcher: TypeAlias = Callable[[int, Run], None]
 
-# Returns which worlds end here, from their indices and from their tallies so far, (w,). It is called once per
-# fixed number of ticks of a world, and gets nothing else, so that the end of a world does not depend on
-# others.
-Rule: TypeAlias = Callable[[Sequence[int], NDArray[np.void]], NDArray[np.bool_]]
-ASKED = 128
-
-_Result = TypeVar("_Result")
+# Returns whether a world ends here, from its index and what is known of its ticks. It is called after each
+# ASKED ticks, and gets nothing else, so that the end of a world does not depend on others.
+Rule: TypeAlias = Callable[[int, Tally], bool]
+ASKED = 512
 
 
-@dataclass
-class _Shard:
-    """Worlds that are stepped together, and where their results belong."""
+class _Course:
+    """The course of one world, from before its start until after its end."""
 
-    members: list[int]
-    prepared: list[Prepared]
-    batch: Stepper
-    keeps: bool
-    wall_time: float = 0.0
+    def __init__(self, prepared: Prepared, keeps: bool) -> None:
+        self.prepared, self.keeps = prepared, keeps
+        self.world: World | None = None
+        self.facts = about(prepared, {})
+        self.tally = Tally(self.facts)
+        self.columns: Mapping[str, NDArray[np.generic]] = _no_columns(prepared)
+        self.divergence: Divergence | None = None
+        self.warnings: dict[str, int] = {}
+        self.has_ended = self.was_cut = False
+        self.wall_time = 0.0
 
-    def __post_init__(self) -> None:
-        self._facts = [about(one, {}) for one in self.prepared]
-        self._tallies = tallies_of(self._facts)
-        self._adder = adder(self._tallies, self.batch.ticks)
-        self._adding = threading.Lock()
-        self.ended = np.zeros(len(self.members), bool)
-
-    def advance(
+    def step(
         self,
-        on_block: Watcher | None,
-        lock: threading.Lock,
+        show: Callable[[Run], None] | None,
         is_stopped: Callable[[], bool],
-        rule: Rule | None = None,
-        columns: Collection[str] | None = None,
-    ) -> bool:
-        """Step one block of ticks and show it; return whether any world still runs."""
-        if not self.keeps or rule:
-            self._add()  # before the next block overwrites the ticks, and before a rule reads the tallies
-        first, started = self.batch.done, time.perf_counter()
-        if rule and first and first % ASKED == 0:
-            self._end(rule)
-        try:
-            running = self._step_block(is_stopped, first - first % ASKED + ASKED if rule else first + BLOCK)
-        finally:  # an interrupted block is shown as well
-            self.wall_time += time.perf_counter() - started
-            if on_block is not None:
-                with lock:
-                    for w, index in enumerate(self.members):
-                        part = self.run(w, first, self.batch.done, columns)
-                        if len(part) or part.divergence:
-                            on_block(index, part)
-        return running > 0
+        rule: Callable[[Tally], bool] | None,
+    ) -> None:
+        """Run to the end, to a stop, or to where a rule ends it."""
+        if self.has_ended:
+            return
+        if self.world is None:
+            ticks = self.prepared.most_ticks
+            self.world = World(self.prepared, ticks if self.keeps else min(ticks, HELD))
+        world, length = self.world, 1
+        while world.is_running and not is_stopped():
+            first, started = world.done, time.perf_counter()
+            most = min(length, ASKED - first % ASKED) if rule else length
+            try:
+                world.advance(most)
+            finally:  # an interrupted piece is shown as well
+                seconds = time.perf_counter() - started
+                self.wall_time += seconds
+                self._note(first, show)
+            fitting = (world.done - first) * MOMENT / max(seconds, 1e-9)
+            length = max(1, min(PIECE, GROWTH * length, int(fitting)))
+            if rule and world.done % ASKED == 0 and world.is_running:
+                self._add()
+                if rule(self.tally):
+                    world.end()
+                    self.was_cut = True
+        if not world.is_running:
+            self._finish()
 
-    def _end(self, rule: Rule) -> None:
-        """End the worlds that a rule ends."""
-        going = np.flatnonzero(self._ends() > self.batch.done)
-        ended = going[rule([self.members[w] for w in going], self._tallies[going])]
-        self.batch.worlds["ticks"][ended] = self.batch.done
-        self.ended[ended] = True
-
-    def _step_block(self, is_stopped: Callable[[], bool], last: int) -> int:
-        """Step up to a tick, or less if there is a stop; return how many worlds still run."""
-        batch, end, row = self.batch, time.perf_counter() + LONGEST_BLOCK, -1
-        running = len(self.members)
-        # where rows are used again, a block ends with the last of them
-        while running and batch.done < last and row != 0 and time.perf_counter() < end and not is_stopped():
-            running = batch.advance(last - batch.done, is_stopped)
-            row = batch.done % batch.ticks.shape[1]
-        return running
-
-    def run(self, w: int, first: int, last: int, names: Collection[str] | None = None) -> Run:
-        """Return the existing ticks of [first, last) of world w, with some columns or all."""
-        world = self.batch.worlds[w]
-        diverged = int(world["diverged"])
-        count = max(0, min(last, int(self._ends()[w])) - first)
-        begin = first % self.batch.ticks.shape[1]
-        rows = self.batch.ticks[w, begin:][:count]
-        width = {"n": int(world["n"]), "k": int(world["k"])}
-        qpos = self.batch.whole(w, begin, rows["q"][:, : width["n"]])
-        if not self.keeps and names is None:
-            rows, qpos = rows.copy(), qpos.copy()
-        columns: dict[str, NDArray[np.generic]] = {}
-        for name, column in COLUMNS.items():
-            if names is not None and name not in names and name != "time":
-                continue
-            values = qpos if column.width == "nq" else rows[name]
-            values = values[:, : width[column.width]] if column.width in width else values
-            columns[name] = values if self.keeps or names is None else values.copy()
-        divergence = self.divergence(w) if first <= diverged <= last else None
-        return self._about(w, columns, divergence)
-
-    def _abouts(self) -> list[Run]:
-        return [self._about(w, {}) for w in range(len(self.prepared))]
-
-    def _about(
-        self,
-        w: int,
-        columns: Mapping[str, NDArray[np.generic]],
-        divergence: Divergence | None = None,
-    ) -> Run:
-        """Return a run of a world with its columns and further data."""
-        contacts = self.batch.contacts
-        return replace(
-            self._facts[w],
-            columns=columns,
-            divergence=divergence,
-            wall_time=self.wall_time / len(self.members),
-            touching=contacts.first.get(w, ()) if contacts else (),
-            resting=tuple(contacts.resting.get(w, ())) if contacts else (),
-        )
-
-    def scorecards(self) -> list[Scorecard]:
-        """Return the metrics of each world so far."""
-        self._add()
-        return figures(self._abouts(), self._tallies)
+    def _note(self, first: int, show: Callable[[Run], None] | None) -> None:
+        """Show a piece, and add the ticks to the tally before their rows are used again."""
+        world = self.world
+        assert world is not None
+        self.divergence = world.divergence
+        if self.keeps:
+            self.columns = world.columns(0, world.done)
+        elif world.done % len(world.rows) == 0 or show:
+            self._add()
+        if show and (world.done > first or self.divergence):
+            columns = world.columns(first, world.done)
+            if not self.keeps:
+                columns = {name: column.copy() for name, column in columns.items()}
+            show(self.run(columns))
 
     def _add(self) -> None:
-        """Add the newly stepped ticks to the tallies: each tick once, wherever an interrupt came."""
-        with self._adding:  # another thread may ask for scorecards
-            self._adder(np.minimum(self._ends(), self.batch.done))
+        world = self.world
+        if world is not None and world.done > self.tally.ticks:
+            self.tally.add(world.columns(self.tally.ticks, world.done))
 
-    def _ends(self) -> NDArray[np.int64]:
-        """Return the tick before which each world ends, or the latest possible one, (w,)."""
-        worlds = self.batch.worlds
-        return np.where(worlds["diverged"] >= 0, worlds["diverged"], worlds["ticks"])
+    def _finish(self) -> None:
+        """Keep the results, and let the world go, so that the next one can use its model."""
+        assert self.world is not None
+        if not self.keeps:
+            self._add()
+        self.facts, self.warnings = self.run({}), self.world.warnings
+        self.world.release()
+        self.world, self.has_ended = None, True
 
-    def divergence(self, w: int) -> Divergence | None:
-        """Return the divergence of world w."""
-        world = self.batch.worlds[w]
-        tick, joint = int(world["diverged"]), int(world["diverged_joint"])
-        if tick < 0:
-            return None
-        reason = self.batch.error(w) or "position, rate or command is not finite or beyond 1e10"
-        name = self.prepared[w].arm.joints[joint] if joint >= 0 else ""
-        return Divergence(tick, tick * float(world["period"]), name, reason)
+    def run(self, columns: Mapping[str, NDArray[np.generic]]) -> Run:
+        """Return columns of it as a run."""
+        contacts = self.world.contacts if self.world else None
+        facts = self.facts
+        if contacts:
+            facts = replace(facts, touching=contacts.first, resting=tuple(contacts.resting))
+        return replace(facts, columns=columns, divergence=self.divergence, wall_time=self.wall_time)
+
+    def scorecard(self) -> Scorecard:
+        """Return its metrics so far."""
+        if self.keeps:
+            return self.run(self.columns).scorecard
+        self._add()
+        return figures(self.run({}), self.tally)
 
 
 class Simulation:
     """Prepared scenarios during their run; all records so far are available at any time.
 
-    Without columns, the results of the runs are their scorecards. Only the references then take more memory
-    for longer runs.
+    Without columns, the results of the runs are their scorecards, and longer runs take no more memory.
     """
 
-    def __init__(
-        self,
-        prepared: Sequence[Prepared],
-        threads: int = 1,
-        keep_columns: bool = True,
-        batches: Batches | None = None,
-        is_shown: bool = False,
-    ) -> None:
-        """Wire the worlds to MuJoCo.
+    def __init__(self, prepared: Sequence[Prepared], threads: int = 1, keep_columns: bool = True) -> None:
+        """Compile or load the law of the worlds.
 
         Args:
             prepared: One or more scenarios.
-            threads: Number of threads; each steps its share of the worlds.
+            threads: Number of threads; each steps one world at a time.
             keep_columns: Whether to keep every tick, for `run` and `runs`.
-            batches: Batches of earlier simulations, to be used again; see `release`.
-            is_shown: Whether blocks will be shown to a watcher; without columns they are longer then.
 
         Raises:
             ScenarioError: They do not fit into memory.
         """
-        refuse_excess(prepared, keep_columns, is_shown=is_shown)
-        batches = batches or Batches()
+        refuse_excess(prepared, keep_columns)
+        for one in prepared:
+            compile_for(one)
         self._threads, self._keeps = threads, keep_columns
-        self._shards = [
-            _shard(prepared, members, (keep_columns, is_shown), batches)
-            for members in _groups(prepared, threads)
-        ]
+        self._courses = [_Course(one, keep_columns) for one in prepared]
 
     def run(self, on_block: Watcher | None = None, stop: threading.Event | None = None) -> list[Run]:
         """Step every world to its end and return a run for each, in the order of `prepared`.
@@ -222,43 +168,46 @@ class Simulation:
         return self.runs()
 
     def step(
-        self,
-        on_block: Watcher | None = None,
-        stop: threading.Event | None = None,
-        rule: Rule | None = None,
-        columns: Collection[str] | None = None,
+        self, on_block: Watcher | None = None, stop: threading.Event | None = None, rule: Rule | None = None
     ) -> None:
         """Step every world to its end.
 
         Args:
-            on_block: Called after each block of ticks with the index of a world and the run of that
-                block alone; from any thread, one call at a time.
+            on_block: Called after each piece of ticks with the index of a world and the run of that piece
+                alone; from any thread, but never two at a time.
             stop: Once it is set, every world stops within a moment.
             rule: Ends worlds early.
-            columns: Columns that `on_block` gets beside `time`; None: all, which takes longer.
 
         Raises:
-            KeyboardInterrupt: Passed on, after `on_block` saw the last, shorter block.
+            KeyboardInterrupt: Passed on, after `on_block` saw the last, shorter piece.
         """
         stop, failed, lock = stop or threading.Event(), threading.Event(), threading.Lock()
 
         def is_stopped() -> bool:
             return stop.is_set() or failed.is_set()
 
-        def work(shard: _Shard) -> None:
-            while not is_stopped() and shard.advance(on_block, lock, is_stopped, rule, columns):
-                pass
+        def work(index: int) -> None:
+            def show(part: Run) -> None:
+                assert on_block is not None
+                with lock:
+                    on_block(index, part)
 
-        if len(self._shards) == 1:  # in the caller's thread, where Ctrl-C arrives
-            work(self._shards[0])
-        else:
-            with side_by_side(self._threads) as pool:
-                try:
-                    for result in [pool.submit(work, shard) for shard in self._shards]:
-                        result.result()
-                except BaseException:  # an interrupt, or an error of one thread: the others must stop
-                    failed.set()
-                    raise
+            ends = None if rule is None else lambda tally: rule(index, tally)
+            if not is_stopped():
+                self._courses[index].step(show if on_block else None, is_stopped, ends)
+
+        indices = range(len(self._courses))
+        if min(self._threads, len(indices)) == 1:  # in the caller's thread, where Ctrl-C arrives
+            for index in indices:
+                work(index)
+            return
+        with side_by_side(self._threads) as pool:
+            try:
+                for result in [pool.submit(work, index) for index in indices]:
+                    result.result()
+            except BaseException:  # an interrupt, or an error of one thread: the others must stop
+                failed.set()
+                raise
 
     def runs(self) -> list[Run]:
         """Return the records so far, one run per world.
@@ -267,43 +216,37 @@ class Simulation:
             ValueError: Columns are not kept.
         """
         self._refuse_without_columns()
-        return self._in_order(
-            [[s.run(w, 0, s.batch.done) for w in range(len(s.members))] for s in self._shards]
-        )
+        return [course.run(course.columns) for course in self._courses]
 
     def scorecards(self) -> list[Scorecard]:
         """Return the metrics of each world so far: those of `scorecard(run)`."""
-        return self._in_order([shard.scorecards() for shard in self._shards])
+        return [course.scorecard() for course in self._courses]
 
     def divergences(self) -> list[Divergence | None]:
         """Return the divergence of each world, or None."""
-        return self._in_order([[s.divergence(w) for w in range(len(s.members))] for s in self._shards])
+        return [course.divergence for course in self._courses]
 
     def ended(self) -> list[bool]:
         """Return whether a rule ended each world."""
-        return self._in_order([shard.ended.tolist() for shard in self._shards])
+        return [course.was_cut for course in self._courses]
 
     def warnings(self) -> list[dict[str, int]]:
         """Return the number of MuJoCo's warnings in each world, by their names."""
-        return self._in_order([list(map(s.batch.warnings, range(len(s.members)))) for s in self._shards])
-
-    def release(self) -> None:
-        """Return the batches that `batches` lent, for other simulations; this one cannot continue."""
-        for shard in self._shards:
-            shard.batch.release()
+        return [course.world.warnings if course.world else course.warnings for course in self._courses]
 
     def _refuse_without_columns(self) -> None:
         if not self._keeps:
             raise ValueError("columns are not kept: call step(), then scorecards() and divergences()")
 
-    def _in_order(self, of_shards: Sequence[Sequence[_Result]]) -> list[_Result]:
-        """Return the results of the shards by world, in the order of `prepared`."""
-        found = {
-            index: one
-            for shard, results in zip(self._shards, of_shards, strict=True)
-            for index, one in zip(shard.members, results, strict=True)
-        }
-        return [found[index] for index in sorted(found)]
+
+def _no_columns(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
+    """Return the columns of a run without ticks."""
+    n = prepared.arm.n
+    sizes = {"n": n, "k": min(n, len(prepared.task.rows)), "nq": len(prepared.qpos)}
+    return {
+        name: np.empty((0, sizes.get(column.width) or int(column.width)) if column.width else 0)
+        for name, column in COLUMNS.items()
+    }
 
 
 def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run:
@@ -342,37 +285,3 @@ def _damping_below(inverse: InverseSection) -> float:
     method, schedule = INVERSES[inverse.method], SCHEDULES[inverse.damping.schedule]
     read = (*method.parameters, *(schedule.parameters if method.is_scheduled else ()))
     return inverse.damping.below if DAMPING_BELOW in read else 0.0
-
-
-def _groups(prepared: Sequence[Prepared], threads: int) -> list[list[int]]:
-    """Split worlds by the properties that a batch must share, then among the threads."""
-    alike: dict[object, list[int]] = {}
-    for i, one in enumerate(prepared):
-        alike.setdefault(one.plant.shares, []).append(i)
-    return [
-        members[part::threads] for members in alike.values() for part in range(min(threads, len(members)))
-    ]
-
-
-def _shard(
-    prepared: Sequence[Prepared], members: list[int], held: tuple[bool, bool], batches: Batches
-) -> _Shard:
-    chosen = [prepared[i] for i in members]
-    references = {id(one.reference): one.reference for one in chosen}
-    order = {key: r for r, key in enumerate(references)}
-    longest = max(reference.ticks for reference in references.values())
-    wanted = np.empty((len(references), longest, 13))
-    for r, reference in enumerate(references.values()):
-        reference.write(wanted[r, : reference.ticks])
-        wanted[r, reference.ticks :] = 0.0
-    worlds = world_records(chosen, [order[id(one.reference)] for one in chosen])
-    batch = Stepper(
-        [one.plant for one in chosen],
-        worlds,
-        np.array([one.qpos for one in chosen]),
-        (np.array([one.held[0] for one in chosen]), np.array([one.held[1] for one in chosen])),
-        wanted,
-        np.empty((len(chosen), rows_of(chosen, *held)), tick_type(chosen[0].arm.n)),
-        batches,
-    )
-    return _Shard(members, chosen, batch, held[0])

@@ -4,18 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm
-from rmrc.law.descent import search, unwound
 from rmrc.law.task import Task
 from rmrc.scenario import StartPose
+from rmrc.simulation.inverse_kinematics import search, unwound
+from rmrc.support import spatial
 from rmrc.support.errors import TargetError
-from rmrc.support.spatial import (
-    ORIGIN,
-    normalize,
-    pose_error,
-    pose_inverse,
-    pose_product,
-    quat_from_rpy,
-)
 
 Array = NDArray[np.float64]
 
@@ -41,31 +34,25 @@ def start_positions(arm: Arm, section: StartPose, near: Array, length: float) ->
     Raises:
         TargetError: The arm does not reach the pose; it reports how near it comes.
     """
-    goal = _goal(arm, section, arm.pose(near))
-    parts = ((section.position, (0, 1, 2)), (section.orientation, (3, 4, 5)))
-    rows = [row for given, some in parts if given is not None for row in some]
-    task = Task(arm, np.array(rows), length)
-    first = np.clip(near, *arm.position_limit.T)[None]
-    q, _, _ = search(task, arm.position_limit, False, AIM, STEPS, goal[None], first, arm.sampled(RESTARTS))
-    (found,) = unwound(arm, arm.position_limit, q, near)
-    error = pose_error(goal, arm.pose(found))[task.rows]
-    if np.linalg.norm(error * np.where(task.rows < 3, 1.0 / length, 1.0)) > TOLERANCE:
-        away = [f"{np.linalg.norm(error[task.rows < 3]):.4g} m"] if section.position else []
-        if section.orientation:
-            away.append(f"{np.degrees(np.linalg.norm(error[task.rows > 2])):.4g} deg")
-        raise TargetError(f"must be within reach, the nearest pose found is {' and '.join(away)} away")
-    return np.asarray(found)
-
-
-def _goal(arm: Arm, section: StartPose, now: Array) -> Array:
-    """Return the pose in the world, (7,); a position of 2 values keeps z of its frame."""
-    frame = arm.base_pose if section.frame == "base" else ORIGIN
-    goal = pose_product(pose_inverse(frame), now)
+    frame = arm.base_pose if section.frame == "base" else spatial.ORIGIN
+    goal = spatial.pose_product(spatial.pose_inverse(frame), arm.pose(near))
+    rows: list[int] = []
     if section.position is not None:
-        goal[: len(section.position)] = section.position
-    turn = section.orientation
-    if turn is not None and len(turn) == 4:
-        goal[3:] = normalize(turn)
-    elif turn is not None:
-        goal[3:] = quat_from_rpy(turn)
-    return pose_product(frame, goal)
+        goal[: len(section.position)] = section.position  # two values keep z of the frame
+        rows += 0, 1, 2
+    if section.orientation is not None:
+        is_quaternion = len(section.orientation) == 4
+        goal[3:] = (spatial.normalize if is_quaternion else spatial.quat_from_rpy)(section.orientation)
+        rows += 3, 4, 5
+    goal, task = spatial.pose_product(frame, goal), Task(arm, np.array(rows), length)
+    first = np.clip(near, *arm.position_limit.T)[None]
+    q, _, _ = search(task, arm.position_limit, AIM, STEPS, goal[None], first, arm.sampled(RESTARTS))
+    (nearest,) = unwound(arm, arm.position_limit, q, near)
+    error = spatial.pose_error(goal, arm.pose(nearest))
+    distance = float(np.linalg.norm(error[:3])) if section.position else 0.0
+    angle = float(np.linalg.norm(error[3:])) if section.orientation else 0.0
+    if np.hypot(distance / length, angle) > TOLERANCE:
+        away = [f"{distance:.4g} m"] if section.position else []
+        away += [f"{np.degrees(angle):.4g} deg"] if section.orientation else []
+        raise TargetError(f"must be within reach, the nearest pose found is {' and '.join(away)} away")
+    return np.asarray(nearest)

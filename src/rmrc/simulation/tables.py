@@ -55,10 +55,10 @@ def read_table(path: Path, is_log: bool = False) -> Table:
 
     skipped: list[Any] = []
     try:
-        is_csv = path.suffix != ".parquet"
-        # pyarrow reports a bad row to its handler as UTF-8, and ends where it is not
-        text = path.read_bytes().decode("utf-8", "replace") if is_csv else ""
-        table: Any = _csv(text.encode(), is_log, skipped) if is_csv else pq.read_table(path)
+        if path.suffix == ".parquet":
+            table: Any = pq.read_table(path)
+        else:  # pyarrow reports a bad row to its handler as UTF-8, and ends where it is not
+            table = _csv(path.read_bytes().decode("utf-8", "replace"), is_log, skipped)
     except pa.ArrowException as error:
         raise ValueError(str(error).splitlines()[0]) from None
     numbers, texts = dict[str, Array](), dict[str, str]()
@@ -68,31 +68,26 @@ def read_table(path: Path, is_log: bool = False) -> Table:
         if values.dtype.kind in "iuf":
             numbers[name.strip()] = values.astype(np.float64)
         else:
-            texts[name.strip()] = next((str(one) for one in values if not _is_number(str(one))), "")
+            texts[name.strip()] = next((str(cell) for cell in values if not _is_number(str(cell))), "")
     return Table(numbers, texts, len(skipped))
 
 
-def _csv(data: bytes, is_log: bool, skipped: list[Any]) -> Any:
-    """Return a CSV file as a pyarrow table, whose types mypy does not know."""
+def _csv(text: str, is_log: bool, skipped: list[Any]) -> Any:
+    """Return the text of a CSV file as a pyarrow table, whose types mypy does not know."""
     from pyarrow import csv as untyped
 
     csv: Any = untyped
 
-    lines = data[:HEAD].decode("utf-8", "replace").removeprefix("\ufeff").splitlines()
+    lines = text[:HEAD].removeprefix("\ufeff").splitlines() or [""]
     start = next((i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS)), 0)
-    first, before = (lines[start], lines[start - 1] if start else "") if lines else ("", "")
-    mark = next((one for one in ",;\t" if one in first.replace(",", "" if ";" in first else ",")), " ")
-    if mark == " " and len(first.split()) > 1:
-        data = b"\n".join(b",".join(line.split()) for line in data.splitlines()[start:])
-        first, before, start, mark = (
-            *(",".join(re.sub(r"^[#%/]+", "", one).split()) for one in (first, before)),
-            0,
-            ",",
-        )
-    names = None
-    if before and _is_number(first.split(mark if mark != " " else ",")[0]):
-        names = [one.strip() for one in re.sub(r"^[#%/\s]+", "", before).split(mark)]
-    has_commas = mark == ";" and any("," in line for line in lines[start : start + 50])
+    first, comment = lines[start], re.sub(r"^[#%/\s]+", "", lines[start - 1] if start else "")
+    has_commas = any("," in line for line in lines[start : start + 50])
+    mark = next((mark for mark in ";,\t" if mark in first), " ")
+    if mark == " ":
+        text = "\n".join(",".join(line.split()) for line in text.splitlines()[start:])
+        first, comment, start, mark = ",".join(first.split()), ",".join(comment.split()), 0, ","
+    has_names = not comment or not _is_number(first.split(mark)[0])
+    data = text.encode()
 
     def skip(row: Any) -> str:
         skipped.append(row)
@@ -100,12 +95,13 @@ def _csv(data: bytes, is_log: bool, skipped: list[Any]) -> Any:
 
     return csv.read_csv(
         io.BytesIO(data),
-        # in one block: all rows decide whether a column is of integers
-        csv.ReadOptions(skip_rows=start, column_names=names, block_size=min(len(data) + 1, 2**31 - 1)),
-        csv.ParseOptions(
-            delimiter=mark if mark != " " else ",", invalid_row_handler=skip if is_log else None
+        csv.ReadOptions(
+            skip_rows=start,
+            column_names=None if has_names else comment.split(mark),
+            block_size=min(len(data) + 1, 2**31 - 1),  # all rows decide whether a column is of integers
         ),
-        csv.ConvertOptions(decimal_point="," if has_commas else "."),
+        csv.ParseOptions(delimiter=mark, invalid_row_handler=skip if is_log else None),
+        csv.ConvertOptions(decimal_point="," if mark == ";" and has_commas else "."),
     )
 
 

@@ -1,4 +1,4 @@
-"""Run a few scenarios as one batch in this process, record them, and write files at the end."""
+"""Run a few scenarios in this process, record them, and write files at the end."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Compare variants of a scenario: run them as one batch, score them, and draw them together."""
+"""Compare variants of a scenario: run them, score them, and draw them together."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import reduce

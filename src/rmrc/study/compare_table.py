@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rmrc.results.metrics import joint_changes
 from rmrc.results.run import Run
-from rmrc.results.scorecard import joint_changes
 from rmrc.scenario import Variant
 from rmrc.scenario.choices import IN_RUNS
 from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.jit import machine_code
-from rmrc.law.law import TaskLaw, resolve
-from rmrc.law.record import records, tick_type
-from rmrc.law.sight import Sight
+from rmrc.law.record import capacity, new_worlds
+from rmrc.law.settings import TaskLaw, link
+from rmrc.law.step import resolve_alone
 from rmrc.results.run import Run
 from rmrc.scenario import LimitsSection, NullspaceSection
 from rmrc.simulation.prepare import Prepared
@@ -57,18 +56,16 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
     task, n = prepared.task, prepared.arm.n
     at, k = _world_at(prepared, run, tick), min(len(task.rows), n)
     scale = np.outer(task.row_scale, task.joint_scale)
-    u, sigmas, v = np.linalg.svd(scale * at["J"][0, task.rows, :n], full_matrices=False)
+    u, sigmas, v = np.linalg.svd(scale * at["state"]["J"][0, task.rows, :n], full_matrices=False)
     largest = float(sigmas[0] if k > 1 else run["sigma"].max())
     end = float(sigmas[-2]) if k > 1 else 1.2 * largest
-
-    out, world = np.zeros(1, tick_type(n)), at.copy()
-    law = machine_code(resolve, at, out)  # it fills in `at`, the same for every σ
+    resolve = resolve_alone.entry(_capacity(prepared))
 
     def gain(sigma: float) -> float:
-        world.view(np.uint8)[:] = at.view(np.uint8)  # as bytes: numpy copies a record field by field
-        world["J"][0, task.rows, :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
-        law(world, out)
-        return float(out["gain"][0, k - 1])
+        world = at.copy()  # the law writes into it
+        world["state"]["J"][0, task.rows, :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
+        resolve(world.ctypes.data)
+        return float(world["first"]["gain"][0, k - 1])
 
     sigma = np.geomspace(min(NEAREST * largest, 0.1 * end), end, POINTS)
     sigma_min = float(run["sigma"][tick, -1])
@@ -77,30 +74,37 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
 
 def compile_for(prepared: Prepared) -> None:
     """Load the compiled law for a single problem, or compile it on first use, which takes seconds."""
-    machine_code(resolve, _record(prepared), np.zeros(1, tick_type(prepared.arm.n)))
+    link(_record(prepared), _law(prepared).methods | {"control": resolve_alone}, late=())
+
+
+def _capacity(prepared: Prepared) -> int:
+    return capacity(max(prepared.arm.n, len(prepared.arm.axis_names)))
+
+
+def _law(prepared: Prepared) -> TaskLaw:
+    """Return the law alone: limits, policies and the null space come after the gains, and are left out."""
+    nothing = {"nullspace": NullspaceSection(), "limits": LimitsSection(on_excess="none")}
+    alone = prepared.scenario.control.model_copy(update={**nothing, "at_singularity": "damp"})
+    return TaskLaw(prepared.task, alone, np.zeros(prepared.arm.n))
 
 
 def _record(prepared: Prepared) -> NDArray[np.void]:
-    """Return the record of the law alone, (1,): of the type of `resolve_rates`, and so compiled once.
-
-    Limits, policies and the null space come after the gains, and are left out.
-    """
-    arm, task, control = prepared.arm, prepared.task, prepared.scenario.control
-    nothing = {"nullspace": NullspaceSection(), "limits": LimitsSection(on_excess="none")}
-    alone = control.model_copy(update={**nothing, "at_singularity": "damp"})
-    law = TaskLaw(task, alone, np.zeros(arm.n))
-    return records(arm.n, [task, law], beside=Sight.fields, axes=len(arm.axis_names))
+    """Return the record of the law alone, (1,)."""
+    worlds = new_worlds(1, prepared.arm.n, len(prepared.arm.axis_names))
+    _law(prepared).write(worlds[0])
+    return worlds
 
 
 def _world_at(prepared: Prepared, run: Run, tick: int) -> NDArray[np.void]:
     """Return the record of a world, (1,), as input of the law at a tick."""
     control, arm, task, world = prepared.scenario.control, prepared.arm, prepared.task, _record(prepared)
+    link(world, _law(prepared).methods | {"control": resolve_alone}, late=())
     q = run["q_believed"][tick]
-    pose = arm.pose(q)
-    world["J"][0, :, : arm.n] = task.turned(arm.jacobian(q), pose)
+    pose, scratch = arm.pose(q), world["scratch"]
+    world["state"]["J"][0, :, : arm.n] = task.turned(arm.jacobian(q), pose)
     error = task.view.error(run["pose_ref"][tick], pose)
-    world["twist_cmd"] = (
+    scratch["twist_cmd"] = (
         control.feedforward * task.turned(run["twist_ref"][tick], pose) + control.feedback * error
     )
-    world["error"] = np.linalg.norm(task.row_scale * error[task.rows])
+    scratch["error"] = np.linalg.norm(task.row_scale * error[task.rows])
     return world

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from rmrc.recording import unlogged
+from rmrc.results.expectations import check
 from rmrc.results.run import Run
-from rmrc.results.scorecard import check
 from rmrc.scenario import Variant
 from rmrc.show.tables import markdown
 from rmrc.simulation.prepare import Prepared

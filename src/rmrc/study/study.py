@@ -12,15 +12,15 @@ A crew of `rmrc.study.executors` works on the pieces of many, in threads or on o
 import math
 import sys
 import threading
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field
 from typing import Any, Generic, Protocol, TypeVar
 
-from rmrc.plants.batches import Batches
 from rmrc.results.columns import Divergence
+from rmrc.results.expectations import Outcome, check, refuse_unknown
 from rmrc.results.run import Run
-from rmrc.results.scorecard import Outcome, Scorecard, check, refuse_unknown
+from rmrc.results.scorecard import Scorecard
 from rmrc.scenario import Change, Draft, Scenario, Source, Variant, draft_of
 from rmrc.simulation.footprint import Footprint, footprint
 from rmrc.simulation.prepare import Cache, Prepared, prepare
@@ -256,7 +256,7 @@ class Study:
             cache: Earlier results, such as the arm.
         """
         self._base = base if isinstance(base, Scenario) else draft_of(base)
-        self._cache, self._batches = cache or Cache(), Batches()
+        self._cache = cache or Cache()
         self._lock = threading.Lock()
         self._kept: dict[int, Prepared] = {}
         if isinstance(self._base, Draft):
@@ -335,7 +335,7 @@ class Study:
         Args:
             worlds: Worlds to run, or one of each kind.
         """
-        Simulation(worlds, keep_columns=False, batches=self._batches).release()
+        Simulation(worlds, keep_columns=False)
 
     def step(
         self,
@@ -343,7 +343,7 @@ class Study:
         stop: threading.Event | None = None,
         watchers: Sequence[Watcher] = (),
     ) -> list[Ran]:
-        """Return the results of a few variants, stepped as one batch on this thread, with all ticks.
+        """Return the results of a few variants, one after another on this thread, with all ticks.
 
         Args:
             worlds: The variants.
@@ -358,7 +358,7 @@ class Study:
             for watcher in watchers:
                 watcher(index, part)
 
-        stop, simulation = stop or threading.Event(), Simulation(worlds, batches=self._batches)
+        stop, simulation = stop or threading.Event(), Simulation(worlds)
         runs = simulation.run(watch if watchers else None, stop)
         results = _results(simulation, range(len(worlds)), worlds, stop)
         return [Ran(**vars(one), run=run) for one, run in zip(results, runs, strict=True)]
@@ -369,23 +369,21 @@ class Study:
         watcher: Watcher,
         stop: threading.Event,
         threads: int = 1,
-        columns: Collection[str] | None = None,
     ) -> list[Result]:
-        """Return the results of a few variants, stepped together; only a watcher sees their ticks.
+        """Return the results of a few variants; only a watcher sees their ticks.
 
         Args:
             worlds: The variants.
             watcher: Called with each block of ticks, from any thread, one call at a time.
             stop: Event that ends the runs.
             threads: Number of threads.
-            columns: Columns for the watcher besides `time`; None: all, which takes longer.
 
         Raises:
             ScenarioError: They do not fit into memory.
         """
         with self._lock:
-            simulation = Simulation(worlds, threads, keep_columns=False, batches=self._batches, is_shown=True)
-        simulation.step(watcher, stop, columns=columns)
+            simulation = Simulation(worlds, threads, keep_columns=False)
+        simulation.step(watcher, stop)
         return _results(simulation, range(len(worlds)), worlds, stop)
 
     # Many variants, by a crew ----------------------------------------------------------------
@@ -438,7 +436,7 @@ class Study:
     def results(
         self, variants: Variants, piece: range, stop: threading.Event, rule: Rule | None = None
     ) -> list[Result]:
-        """Return the results of some variants, stepped as one batch on this thread; none if interrupted.
+        """Return the results of some variants, one after another on this thread; none if interrupted.
 
         Args:
             variants: All of them.
@@ -454,8 +452,8 @@ class Study:
             ]
             if stop.is_set():
                 return []
-            simulation = Simulation(prepared, keep_columns=False, batches=self._batches)
-        of_variants: Rule | None = rule and (lambda some, seen: rule([piece[i] for i in some], seen))
+            simulation = Simulation(prepared, keep_columns=False)
+        of_variants: Rule | None = rule and (lambda index, tally: rule(piece[index], tally))
         simulation.step(stop=stop, rule=of_variants)
         return [] if stop.is_set() else _results(simulation, piece, prepared, stop)
 
@@ -485,8 +483,7 @@ class Study:
 def _results(
     simulation: Simulation, indices: Iterable[int], worlds: Sequence[Prepared], stop: threading.Event
 ) -> list[Result]:
-    """Return the results of a simulation, which releases its batch."""
-    simulation.release()
+    """Return the results of a simulation."""
     cards, ends, ended = simulation.scorecards(), simulation.divergences(), simulation.ended()
     return [
         Result(index, one, card, tuple(check(card, one.scenario.expect)), end, stop.is_set(), early)

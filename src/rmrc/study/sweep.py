@@ -11,7 +11,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self, cast
 
-from rmrc.law.jit import all_at_once
 from rmrc.results import facts
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Change, Problems, Source, draft_of
@@ -242,12 +241,8 @@ class Sweep:
         return self._study.prepare(self.plan.changes(index))
 
     def compile(self) -> None:
-        """Load the compiled law, or compile it on first use, which takes seconds.
-
-        Late functions too: some run will need them, and each worker process would compile them again.
-        """
-        with all_at_once():
-            self._study.compile([self._prepare(0)])
+        """Load the compiled law, or compile it on first use, which takes seconds."""
+        self._study.compile([self._prepare(0)])
 
     def check(self, on_runs: OnRuns | None = None) -> Contents:
         """Validate every run before the first one starts, unless already done.
@@ -267,22 +262,22 @@ class Sweep:
         with self:
             found = self._study.check(self.plan, self._crew(), on_runs)
         size = batch_size(found.runs, found.ticks, found.longest)
-        self._refuse_excess(found.world.times(size), found.longest, math.ceil(found.runs / size))
+        self._refuse_excess(found.world, found.longest, math.ceil(found.runs / size))
         figures = figure_columns(map(self._prepare, sorted(found.kinds.values())))
         columns = [*own_columns(self.plan), *figures, *last_columns()]
         self._contents = Contents(self._identity, found.runs, size, columns)
         self.dataset.begin(self._contents)
         return self._contents
 
-    def _refuse_excess(self, batch: Footprint, longest: int, batches: int) -> None:
-        """Refuse batches that do not fit into this machine's memory together."""
+    def _refuse_excess(self, world: Footprint, longest: int, batches: int) -> None:
+        """Refuse runs of which those at a time do not fit into this machine's memory."""
         here = self._cluster.here or 1 if self._cluster else self._threads
         at_once = min(here, batches)
-        excess = batch.times(at_once).excess
+        excess = world.times(at_once).excess
         if excess:
             fewer = " or lower --threads" if at_once > 1 else ""
             wrong = (
-                f"has up to {longest} ticks, and its {at_once} simultaneous batches need {excess}; "
+                f"has up to {longest} ticks, and its {at_once} simultaneous runs need {excess}; "
                 f"shorten it, raise control.period{fewer}"
             )
             raise ScenarioError([self.scenario.problem("target.path", wrong)])

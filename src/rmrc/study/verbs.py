@@ -54,7 +54,7 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
 def compare(
     scenario: Source, vary: Values, *, out: str | os.PathLike[str] | None = None, record: bool = True
 ) -> Runs:
-    """Run variants of a scenario side by side, as one batch; the function behind `rmrc compare`.
+    """Run variants of a scenario side by side; the function behind `rmrc compare`.
 
     Args:
         scenario: The scenario, its file, or the name of a shipped one.

@@ -6,7 +6,7 @@ Nothing is reported without a listener, such as the command line.
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
-# Sent by `rmrc.law.jit` while it compiles, with the name of the compiled part.
+# Sent by `rmrc.law.compiling` while it compiles, with the name of the compiled part.
 COMPILING = "compiling {} ({}) ..."
 KEPT, NOT_KEPT = "once; kept for the next time", "this time and each other time; it cannot be kept"
 # Sent by verbs that wait for a model, if that takes long.

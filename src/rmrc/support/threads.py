@@ -1,9 +1,10 @@
 """Threads that step worlds side by side and share one interpreter."""
 
 import gc
+import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
@@ -59,3 +60,20 @@ class _Interpreter:
 
 
 _interpreter = _Interpreter()
+
+
+def work_in_shares(work: Callable[[slice], None], count: int, size: int, threads: int | None = None) -> None:
+    """Let threads work on many items, some at a time.
+
+    Args:
+        work: Does the items of a slice, and lets other threads run meanwhile.
+        count: Number of items.
+        size: Items of a slice.
+        threads: None: one per core.
+    """
+    parts = [slice(begin, begin + size) for begin in range(0, count, size)]
+    if len(parts) == 1:  # starting a thread would take longer
+        work(parts[0])
+        return
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        list(pool.map(work, parts))

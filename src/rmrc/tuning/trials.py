@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.results.scorecard import Scorecard
-from rmrc.results.tally import ACCELERATION, RATE, WHOLE
+from rmrc.results.tally import Tally
 from rmrc.scenario import Change, Variant, changes_of
 from rmrc.scenario.choices import POLICIES
 from rmrc.simulation.prepare import Prepared
@@ -25,7 +25,7 @@ from rmrc.tuning.space import Setting
 # servos overshoot.
 TOLERANCE = 0.01
 
-# Changes of a commanded acceleration's sign per second, as `rmrc.results.tally` counts them: a path with
+# Changes of a commanded acceleration's sign per second, as `rmrc.results.events` counts them: a path with
 # corners and limits has some, and a loop that rings 15 and more.
 CHATTER = 5.0
 # Share of the time in which actuators may be at their limit, for starting.
@@ -169,18 +169,17 @@ class Limits:
             j, jerk = self.joints.index(joint), float(card["joint_jerk_cmd.peak"].value)
             yield _over("commanded jerk", joint, jerk, self.jerk[j], f"{self.units[j]}/s³")
 
-    def exceeded(self, tallies: NDArray[np.void]) -> NDArray[np.bool_]:
-        """Return whether runs have exceeded the limit of a joint already, by their tallies, (w,)."""
-        n, most = len(self.joints), 1.0 + TOLERANCE
-        peaks = tallies["peak"][:, :, :n]
-        over = (peaks[:, RATE] > most * self.rate) | (peaks[:, ACCELERATION] > most * self.acceleration)
-        return np.asarray(over.any(axis=1))
+    def is_exceeded(self, tally: Tally) -> bool:
+        """Return whether a run has exceeded the limit of a joint already."""
+        most, rate, acceleration = 1.0 + TOLERANCE, tally.peak("joint_rate"), tally.peak("joint_acceleration")
+        over = (rate.value > most * self.rate) | (acceleration.value > most * self.acceleration)
+        return bool(over.any())
 
-    def points(self, tallies: NDArray[np.void]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the peak rates and errors of runs so far, (w,) each, as `measure` has them."""
-        rates = tallies["peak"][:, RATE, : len(self.joints)] / self.scale
-        errors = tallies["error_max"][:, WHOLE : WHOLE + 2] * (1.0, self.length)
-        return rates.max(axis=1), errors.max(axis=1)
+    def point(self, tally: Tally) -> tuple[float, float]:
+        """Return the peak rate and the error of a run so far, as `measure` has them."""
+        position, orientation = (tally.peak(f"{part}_error").value[0] for part in ("position", "orientation"))
+        rate = (tally.peak("joint_rate").value / self.scale).max()
+        return float(rate), float(np.maximum(position, self.length * orientation))
 
 
 def _over(what: str, joint: str, peak: float, limit: float, unit: str) -> tuple[float, str]:
@@ -224,12 +223,12 @@ class Ending:
     limits: Limits
     rivals: NDArray[np.float64]
 
-    def __call__(self, indices: Sequence[int], tallies: NDArray[np.void]) -> NDArray[np.bool_]:
-        """Return which runs end here, (w,)."""
-        rates, errors = self.limits.points(tallies)
-        return self.limits.exceeded(tallies) | self.bar.beats(
-            rates, errors, self.rivals[list(indices)], 1.0 + ALIKE
-        )
+    def __call__(self, index: int, tally: Tally) -> bool:
+        """Return whether a run ends here."""
+        if self.limits.is_exceeded(tally):
+            return True
+        rate, error = np.array([self.limits.point(tally)]).T
+        return bool(self.bar.beats(rate, error, self.rivals[[index]], 1.0 + ALIKE)[0])
 
 
 @dataclass

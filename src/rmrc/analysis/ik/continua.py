@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from rmrc.analysis.ik.self_motion import BRANCHING, LONGEST, Curve, SelfMotion
 from rmrc.analysis.ik.solve import STEPS
-from rmrc.law.descent import search
 from rmrc.law.task import Array
+from rmrc.simulation.inverse_kinematics import search
 
 # All searches end at rounding.
 SHARP = 1e-13
@@ -330,7 +330,5 @@ class _Chains:
         limit = np.stack([motion.low, motion.high], axis=1) * scale[:, None]
         first = np.clip(x * scale, *limit.T)
         goals, none = np.tile(motion.goal, (len(x), 1)), np.empty((0, motion.task.arm.n))
-        q, error, _ = search(
-            motion.task, limit, False, SHARP, STEPS["damped"], goals, first, none, self.threads
-        )
+        q, error, _ = search(motion.task, limit, SHARP, STEPS["damped"], goals, first, none, self.threads)
         return q / scale, error <= 1e-9

@@ -19,8 +19,8 @@ from rmrc.analysis.ik.solve import (
     solve_ik,
 )
 from rmrc.analysis.subject import Model, Packages, numbers, subject
-from rmrc.law.descent import unwound
 from rmrc.law.task import Array, Task
+from rmrc.simulation.inverse_kinematics import unwound
 from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import AXES

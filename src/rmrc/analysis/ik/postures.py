@@ -17,8 +17,8 @@ from rmrc.analysis.ik.solve import (
     random_starts,
     solve_ik,
 )
-from rmrc.law.descent import search, unwound
 from rmrc.law.task import Array, Task
+from rmrc.simulation.inverse_kinematics import search, unwound
 
 # Starts of a search for all postures. A posture that a hundredth of them reaches is missed with probability
 # 1e-9.
@@ -133,7 +133,7 @@ def _sharpest(
     """Return q (S, n) and |e| (S,) of one goal from each of S starts, to rounding."""
     goals = np.tile(goal, (len(first), 1))
     q, error, _ = search(
-        task, limit, False, SHARP, STEPS["damped"], goals, first, np.empty((0, task.arm.n)), threads
+        task, limit, SHARP, STEPS["damped"], goals, first, np.empty((0, task.arm.n)), threads
     )
     return q, error
 

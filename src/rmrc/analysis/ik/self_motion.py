@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.analysis.survey import jacobians, survey
-from rmrc.law.descent import SMALL_TURN
 from rmrc.law.task import Array, Task
+from rmrc.simulation.inverse_kinematics import SMALL_TURN
 from rmrc.support.spatial import pose_error, skew
 
 End = Literal["closed", "limit", "singular", "open"]

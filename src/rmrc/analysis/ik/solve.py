@@ -1,7 +1,7 @@
 """Inverse kinematics of any arm: joint positions that bring its site to a pose, or as near as they can.
 
-It is a search (`rmrc.law.descent`) from a start and from random but always equal others. Forward kinematics
-proves its results; other solutions may still exist.
+It is a search (`rmrc.simulation.inverse_kinematics`) from a start and from random but always equal others.
+Forward kinematics proves its results; other solutions may still exist.
 """
 
 from dataclasses import dataclass, replace
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.arm import Arm
-from rmrc.law.descent import search, unwound
 from rmrc.law.task import Array, Task
+from rmrc.simulation.inverse_kinematics import newton, search, unwound
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import exp_rotation, normalize, pose_error, quat_multiply
 
@@ -166,8 +166,7 @@ def solve_ik(
     damped: z = Σ_i σ_i/(σ_i² + λ²) v_i u_iᵀ e, with λ² proportional to |e|² and limits as an active set
     [Levenberg44], [Chan88], [Sugihara11], [Fan03]; from other starts if it does not succeed.
     newton: q⁺ = q + S_q A⁺ e, the Newton-Raphson method of the notes [Selig92, §6.3], from one start; limits
-        are
-    ignored until it ends. They are `descend` and `newton` of `rmrc.law.descent`.
+    are ignored until it ends. They are `descend` and `newton` of `rmrc.simulation.inverse_kinematics`.
 
     Args:
         task: The arm and the rows that count, and the length L that weighs rotation against position.
@@ -198,23 +197,27 @@ def solve_ik(
         (False, 1.0)
     """
     arm, goals, begin = task.arm, checked_goals(goal, 1), checked_starts(task.arm, start, 1)
-    limit, undamped, most = kept_limit(arm, limits), method == "newton", STEPS[method]
-    bound = kept_limit(arm, limits and not undamped)
-    first, more = np.clip(begin, *bound.T), random_starts(task, 0 if undamped else restarts, limits)
-    _, _, tally = search(task, bound, undamped, AIM * tolerance, most, goals, first, more)
-    winner = int(tally[0, 2])
-    # Once more from the successful start, now with all iterates.
-    if winner > 0:
-        first = more[winner - 1 : winner]
-    trace = np.full((most + 1, arm.n + 2), np.nan)
-    q, _, tally = search(task, bound, undamped, AIM * tolerance, most, goals, first, more[:0], trace=trace)
+    limit, most, aim = kept_limit(arm, limits), STEPS[method], AIM * tolerance
+    trace, winner = np.full((most + 1, arm.n + 2), np.nan), 0
+    if method == "newton":
+        restarts = 0
+        q, steps = newton(task, aim, most, goals[0], begin[0], trace)
+    else:
+        first, more = np.clip(begin, *limit.T), random_starts(task, restarts, limits)
+        _, _, tally = search(task, limit, aim, most, goals, first, more)
+        winner = int(tally[0, 1])
+        # Once more from the successful start, now with all iterates.
+        if winner > 0:
+            first = more[winner - 1 : winner]
+        (q,), _, tally = search(task, limit, aim, most, goals, first, more[:0], trace=trace)
+        steps = int(tally[0, 0])
     trace = trace[~np.isnan(trace[:, 0])]
-    solution = judge(task, limit, unwound(arm, limit, q, begin)[0], goals[0], tolerance)
+    solution = judge(task, limit, unwound(arm, limit, q[None], begin)[0], goals[0], tolerance)
     return replace(
         solution,
         method=method,
-        steps=int(tally[0, 0]),
-        tries=1 + (winner if solution.found else len(more)),
+        steps=steps,
+        tries=1 + (winner if solution.found else restarts),
         iterates=Iterates(trace[:, :-2], trace[:, -2], trace[1:, -1]),
     )
 
@@ -253,11 +256,9 @@ def solve_many(
     begin, limit = checked_starts(task.arm, starts, len(goals)), kept_limit(task.arm, limits)
     more = random_starts(task, restarts, limits)
     first = np.clip(begin, *limit.T)
-    q, error, tally = search(
-        task, limit, False, AIM * tolerance, STEPS["damped"], goals, first, more, threads
-    )
+    q, error, tally = search(task, limit, AIM * tolerance, STEPS["damped"], goals, first, more, threads)
     found = error <= tolerance
-    tries = 1 + np.where(found, tally[:, 2], len(more))
+    tries = 1 + np.where(found, tally[:, 1], len(more))
     return Solutions(unwound(task.arm, limit, q, begin), error, found, tally[:, 0], tries)
 
 

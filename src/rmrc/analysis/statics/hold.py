@@ -8,7 +8,7 @@ torques.
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,6 @@ from rmrc.scenario import Scenario
 from rmrc.scenario.choices import SERVO
 from rmrc.simulation.footprint import footprint
 from rmrc.simulation.prepare import Cache
-from rmrc.simulation.simulation import Watcher
 from rmrc.study.study import Study
 from rmrc.support.errors import DivergenceError, QuestionError
 from rmrc.support.spatial import AXES, pose_error
@@ -37,6 +36,8 @@ PERIOD, TIMESTEP = 1e-3, 2.5e-4
 FEEDBACK = 50.0
 # An arm is at rest if no joint was faster in the last tenth of a second [rad/s or m/s].
 STILL, LAST = 1e-8, 0.1
+# Time between two looks at the arm [s]: fixed, so that the result does not depend on the machine's load.
+LOOK = 1.0
 # Below its dry friction a joint creeps, as MuJoCo's friction is soft. It is at rest at a rate at which its
 # servo brakes by this share of the friction.
 CREEP = 1e-2
@@ -132,14 +133,28 @@ def hold_wrench(
             allowed=np.asarray(share * ended.size.max() + moving + arm.friction), run=run,
         )  # fmt: skip
 
-    # An arm that is at rest waits until everything beside it is at rest.
-    watchers: list[Watcher] = [lambda _, part: stop.set() if result(part).agrees else None]
-    if on_ticks is not None:
-        watchers.insert(0, lambda _, part: on_ticks(len(part)))
-    run = study.step([prepared], stop, watchers)[0].run
+    look, done = round(LOOK / PERIOD), 0
+
+    def settled(run: Run, before: int = 0) -> HoldResult | None:
+        """Return the first look at which an arm is at rest; some ticks came before the run."""
+        for last in range(look - before % look, len(run) + 1, look):
+            ended = result(replace(run, columns={name: one[:last] for name, one in run.columns.items()}))
+            if ended.agrees:
+                return ended
+        return None
+
+    def watch(_: int, part: Run) -> None:
+        nonlocal done
+        if settled(part, done):
+            stop.set()
+        done += len(part)
+        if on_ticks is not None:
+            on_ticks(len(part))
+
+    run = study.step([prepared], stop, [watch])[0].run
     if not len(run):
         raise DivergenceError(f"cannot hold: {run.divergence}")
-    return result(run)
+    return settled(run) or result(run)
 
 
 def most_ticks(seconds: float) -> int:

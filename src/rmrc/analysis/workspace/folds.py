@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.jit import compiled, long_entry, machine_code
+from rmrc.law.compiling import compiled
 from rmrc.law.task import Array
 
 
@@ -33,12 +33,11 @@ def covering(
         >>> np.unique(np.bincount(cells, minlength=16)).tolist()
         [0, 2]
     """
-    at = np.ascontiguousarray(at, np.float64)
-    counts, nothing, nowhere = np.array(shape), np.empty(0, np.int64), np.empty((0, 2))
-    kernel = machine_code(scan, at, origin, size, counts, nothing, nowhere)
-    found = kernel(at, origin, size, counts, nothing, nowhere)
-    cells, where = np.empty(found, np.int64), np.empty((found, 2))
-    kernel(at, origin, size, counts, cells, where)
+    # Writable copies in order: for arrays of another type, all would be compiled again.
+    at, origin, counts = np.array(at, np.float64, order="C"), np.array(origin), np.array(shape)
+    count = scan(at, origin, size, counts, np.empty(0, np.int64), np.empty((0, 2)))
+    cells, where = np.empty(count, np.int64), np.empty((count, 2))
+    scan(at, origin, size, counts, cells, where)
     return cells, where
 
 
@@ -53,7 +52,7 @@ def is_left(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> b
     return (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0
 
 
-@long_entry
+@compiled
 def scan(  # noqa: C901 - a loop for each of squares, halves, columns, rows
     at: Array, origin: Array, size: float, shape: NDArray[np.int64], cells: NDArray[np.int64], where: Array
 ) -> int:

@@ -11,8 +11,8 @@ from rmrc.analysis.ik.solve import STEPS
 from rmrc.analysis.survey import Survey, survey
 from rmrc.analysis.workspace.reach import MEASURES, Measure, Reach
 from rmrc.analysis.workspace.slices import Slice
-from rmrc.law.descent import search
 from rmrc.law.task import Array, Task
+from rmrc.simulation.inverse_kinematics import search
 
 # Number of examined points of curves, those with the worst postures first, and starts of searches for others.
 POINTS, STARTS = 32, 40
@@ -108,7 +108,7 @@ def _best(
     goals = np.tile(own.pose[i], (len(first), 1))
     place = Task(task.arm, np.arange(3), task.length)
     none = np.empty((0, task.arm.n))
-    q, error, _ = search(place, limit, False, 1e-12, STEPS["damped"], goals, first, none)
+    q, error, _ = search(place, limit, 1e-12, STEPS["damped"], goals, first, none)
     found = survey(task, q[error <= 1e-9])
     fused = found.sigma[:, -1] <= FUSED * found.sigma[:, 0]
     if fused.all():

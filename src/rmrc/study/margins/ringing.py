@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.law.jit import Array
+from rmrc.law.task import Array
 from rmrc.results.run import Run
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
@@ -122,7 +122,7 @@ def _judged(
         return [None] * len(worlds)
     pairs = [one for world in worlds for one in (world, twin_of(world, _starts(world), kick_of(world)))]
     tracks = [_Track() for _ in pairs]
-    results = study.watch(pairs, lambda index, part: tracks[index].add(part), stop, threads, columns=_COLUMNS)
+    results = study.watch(pairs, lambda index, part: tracks[index].add(part), stop, threads)
     if stop.is_set():
         return [None] * len(worlds)
     return [_judge(results[i : i + 2], tracks[i : i + 2]) for i in range(0, len(pairs), 2)]

@@ -1,0 +1,156 @@
+"""The settings of a law: what the section `control` means for the joints of an arm."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rmrc.law import damping, inverses, jerk, law, limits, metric, nullspace, policies, priority, svd
+from rmrc.law.compiling import Array, Method
+from rmrc.law.inertia import Inertia, find_metric
+from rmrc.law.stops import give_way
+from rmrc.law.task import BareTask, Joints, SecondTask, Task
+from rmrc.scenario import ControlSection, LimitsSection
+from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, write_choices
+from rmrc.scenario.profile import load_profile
+
+# Between these, quotients and cubes of rates over steps of jerk are finite. Beyond them, a joint may not
+# change its rate at all, or may change it without limit [rad/s or m/s].
+JERK_STEPS = 1e-30, 1e30
+
+
+class TaskLaw:
+    """The law of a scenario for the joints of a task.
+
+    Attributes:
+        task: The task of the site.
+        second: The second task, if any.
+        rate_limit: Largest rates, from the model where the scenario has none, (n,); infinite for none.
+        acceleration_limit: Largest accelerations, (n,); infinite for none.
+        jerk_limit: Largest jerks, (n,); infinite for none.
+        braking: Decelerations before position limits, (n,).
+        position_limit: Lower and upper, (2, n); infinite where they are not enforced.
+        posture: Posture of the objective with this name, (n,).
+    """
+
+    def __init__(self, task: Task | BareTask, control: ControlSection, start: Array) -> None:
+        """Bind parameters to joints.
+
+        Args:
+            task: The task of the site.
+            control: The control section; its lists over joints fit the arm.
+            start: Start configuration, (n,).
+        """
+        arm, section, nullspace_ = task.arm, control.limits, control.nullspace
+        self.task, self._control = task, control
+        self.rate_limit = rate_limit(arm, section)
+        self.acceleration_limit = _each(arm, section.acceleration)
+        self.jerk_limit = _each(arm, section.jerk)
+        self.braking = np.minimum(section.braking, self.acceleration_limit)
+        nowhere = np.array([arm.n * [-math.inf], arm.n * [math.inf]])
+        self.position_limit = arm.position_limit.T if section.position else nowhere
+        if section.profile and section.position:
+            lower, upper = load_profile(section.profile).stops
+            least, most = self.position_limit
+            self.position_limit = np.array([np.maximum(least, lower), np.minimum(most, upper)])
+        self.posture = start if nullspace_.posture is None else np.array(nullspace_.posture)
+        self.second: SecondTask | None = None
+        self._inertia: Inertia | None = None
+        if isinstance(task, Task):  # with an arm
+            if nullspace_.objective == "secondary":
+                self.second = SecondTask(task, nullspace_.secondary, start)
+            if control.inverse.metric == "inertia":
+                self._inertia = Inertia(task.arm, task.length)
+
+    @property
+    def is_eased(self) -> bool:
+        """Whether a jerk is limited."""
+        return bool(np.isfinite(self.jerk_limit).any())
+
+    @property
+    def methods(self) -> dict[str, Method]:
+        """The methods that it calls, by their fields in a world's record."""
+        control = self._control
+        inverse, objective = control.inverse, control.nullspace.objective
+        names = {
+            "gains": (inverses, inverse.method),
+            "damping": (damping, schedule_of(inverse.method, inverse.damping.schedule)),
+            "null_space": (nullspace, "move_in_null_space" if OBJECTIVES[objective].acts else ""),
+            "objective": (nullspace, objective if OBJECTIVES[objective].acts else ""),
+            "priority": (priority, control.nullspace.secondary.priority if self.second else ""),
+            "policy": (policies, control.at_singularity if POLICIES[control.at_singularity].acts else ""),
+            "hold_off": (policies, "hold_off" if control.at_singularity == "keep_out" else ""),
+            "limit": (limits, control.limits.on_excess if LIMITS[control.limits.on_excess].acts else ""),
+        }
+        methods = {field: getattr(module, name) for field, (module, name) in names.items() if name}
+        methods |= {"control": law.control, "decompose": svd.decompose, "complete": svd.complete}
+        if isinstance(self.task, Task) and self.task.frame != "world":
+            methods["turn"] = law.turn
+        if inverse.metric == "inertia":
+            methods["weigh"] = metric.weigh
+        if self._inertia is not None:
+            methods["metric"] = find_metric
+        if self.is_eased:
+            methods |= {"ease": limits.ease_rates, "stops": jerk.rest_bounds, "remember": jerk.remember}
+        is_in_range = np.isfinite(self.position_limit).any()
+        if is_in_range or control.limits.on_excess not in ("scale", "clamp", "none"):
+            methods["give_way"] = give_way
+        return methods
+
+    def write(self, world: np.void) -> None:
+        """Write parameters into a world's record."""
+        control, n, bounds = self._control, self.task.arm.n, world["limits"]
+        self.task.write(world)
+        world["first"]["rows"], world["period"] = world["m"], control.period
+        world["task"]["feedback"], world["task"]["feedforward"] = control.feedback, control.feedforward
+        bounds["range"][:, :n] = self.task.arm.position_limit.T
+        bounds["rate"][:n], bounds["is_eased"] = self.rate_limit, self.is_eased
+        # The limits on changes also keep them within the acceleration limit.
+        bounds["acceleration"][:n] = math.inf if self.is_eased else self.acceleration_limit
+        bounds["change"][:n] = self.acceleration_limit * control.period
+        if self.is_eased:
+            bounds["jerk_step"][:n] = np.clip(self.jerk_limit * control.period**2, *JERK_STEPS)
+        bounds["braking"][:n], bounds["position"][:, :n] = self.braking, self.position_limit
+        bounds["keep_direction"] = control.limits.keep_direction
+        if self.second is not None:
+            self.second.write(world)
+        if self._inertia is not None:
+            self._inertia.write(world)
+        write_choices(world["law"], control)
+        world["law"]["nullspace_posture"][:n] = self.posture
+
+
+def rate_limit(arm: Joints, section: LimitsSection) -> Array:
+    """Return the largest rates of an arm's joints, (n,), from the model where the limits give none."""
+    return arm.rate_limit if section.rate is None else np.full(arm.n, section.rate)
+
+
+def _each(arm: Joints, limit: float | tuple[float, ...] | None) -> Array:
+    """Return a limit of each joint, (n,), infinite without one."""
+    return np.full(arm.n, math.inf if limit is None else limit)
+
+
+def schedule_of(method: str, schedule: str) -> str:
+    """Return the name of the function that gives the λ of an inverse."""
+    if INVERSES[method].is_scheduled:
+        return schedule
+    return "smallest_singular_value" if method == "filtered" else "undamped"
+
+
+# Methods that most worlds never call: they are compiled when one does.
+LATE = "give_way", "complete"
+
+
+def link(worlds: Any, methods: Mapping[str, Method], late: Sequence[str] = LATE) -> None:
+    """Write the addresses of methods into worlds' records; they are compiled or loaded now, unless late.
+
+    Args:
+        worlds: The records.
+        methods: Methods by their fields.
+        late: Fields of those that are compiled when they are called.
+    """
+    capacity = worlds["limits"]["rate"].shape[-1]
+    for field, method in methods.items():
+        address = method.address_at_need if field in late else method.address
+        worlds["methods"][field] = address(capacity)

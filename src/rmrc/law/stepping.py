@@ -1,0 +1,287 @@
+"""A law that Python steps: the input, memory, watchdog and output that `Controller` and `Law` share."""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rmrc.law.command import Command
+from rmrc.law.compiling import Array
+from rmrc.law.joint_motion import ease_joints, move_joints
+from rmrc.law.record import new_worlds, reset
+from rmrc.law.settings import TaskLaw, link
+from rmrc.law.sight import CHAIN_ALONE
+from rmrc.law.step import OVERDUE, RATES, REFUSED, STOPPED, step
+from rmrc.support.errors import QuestionError
+from rmrc.support.legible import shortened
+
+# The most periods that are braked when no step came in time: any arm is at rest by then.
+MOST_LATE = 1_000_000
+# The part of a period by which clocks may differ.
+ON_TIME = 1e-6
+
+
+class UnusableInputError(Exception):
+    """Input that no step can take; its text says why."""
+
+
+class SteppedLaw:
+    """A law that Python steps, for one world or a batch of worlds.
+
+    Attributes:
+        joints: Names of the n joints.
+        period: Time from one step to the next [s].
+        command: Result of the last step; the next one overwrites it.
+    """
+
+    command: Command
+
+    def __init__(
+        self, joints: Sequence[str], period: float, watchdog: float | None, clock: Callable[[], float]
+    ) -> None:
+        """Keep the constants; `_renew` makes the records."""
+        self.joints, self.period, self._clock = tuple(joints), period, clock
+        self._watchdog = _checked_time(watchdog)
+        self._shadow: _Shadow | None = None
+
+    # Records --------------------------------------------------------------------------------------
+
+    def _renew(self, laws: Sequence[TaskLaw], axes: int, is_single: bool) -> None:
+        """Make the records of worlds anew, and the views through which steps write.
+
+        Args:
+            laws: The law of each world.
+            axes: Number of axes of the chain.
+            is_single: Whether arrays have no axis of worlds.
+        """
+        n = len(self.joints)
+        self._worlds = worlds = new_worlds(len(laws), n, axes)
+        for world, law in zip(worlds, laws, strict=True):
+            law.write(world)
+        self._methods = laws[0].methods | {"move_joints": move_joints}
+        if laws[0].is_eased:
+            self._methods["ease_joints"] = ease_joints
+        self._is_single, self._steps = is_single, list[Callable[[], None]]()
+        self.command = Command(worlds, self.joints, is_single)
+        state, input_ = worlds["state"], worlds["input"]
+        self._places: dict[str, tuple[Array, Sequence[tuple[int, ...]]]] = {}
+        for name in ("q", "qdot"):
+            self._place(name, state[name][:, :n])
+            self._place(f"{name}_target", input_[f"{name}_target"][:, :n])
+        self._given, self._last_given = input_["given"], 0
+        self._watch()
+
+    def _place(self, name: str, values: Array) -> None:
+        """Have `_take` write an argument of all worlds here, (w, ...); worlds may share it."""
+        self._places[name] = (
+            values,
+            [values.shape[1:]] if self._is_single else [values.shape, values.shape[1:]],
+        )
+
+    def warm_up(self) -> None:
+        """Compile the law (seconds) or load its machine code (tenths), before the first step does."""
+        link(self._worlds, self._methods, late=())  # as a step must not take seconds
+        self._steps = _steps(self._worlds)
+
+    def _forget(self) -> None:
+        """Forget all steps."""
+        reset(self._worlds)
+        input_ = self._worlds["input"]
+        input_["q_cmd"] = input_["called"] = math.nan
+        input_["returning"] = 0.0
+
+    # Steps ----------------------------------------------------------------------------------------
+
+    def _take(self, name: str, values: ArrayLike) -> Array:
+        """Write an argument of a step where the law reads it; return where that is.
+
+        Raises:
+            UnusableInputError: It is not an array of the right shape.
+        """
+        place, shapes = self._places[name]
+        numbers = self._numbers(name, values)
+        if numbers.shape not in shapes:
+            raise self._unusable(f"{name} must be {' or '.join(map(str, shapes))}, got {numbers.shape}")
+        place[...] = numbers
+        return place
+
+    def _numbers(self, name: str, values: ArrayLike) -> Array:
+        """Return values of any array-like type as numbers.
+
+        Raises:
+            UnusableInputError: They are no real numbers.
+        """
+        if isinstance(values, np.ndarray) and values.dtype.char == "d":
+            return values
+        try:
+            numbers = np.asarray(values)
+            if numbers.dtype.kind != "c":
+                return numbers.astype(np.float64)
+        except Exception:  # any error of an object that is no array
+            raise self._unusable(f"{name} must be numbers, got {type(values).__name__}") from None
+        raise self._unusable(f"{name} must be real, got complex numbers")
+
+    def _unusable(self, text: str) -> UnusableInputError:
+        """Return an error with the number of worlds of a batch."""
+        batch = "" if self._is_single else f"; reset made a batch of {len(self._worlds)}"
+        return UnusableInputError(text + batch)
+
+    def _finish(self, given: int, refused: Sequence[int] = (), why: str = "") -> Command:
+        """Call the law, once the records hold all input.
+
+        Args:
+            given: Its bits.
+            refused: Worlds whose input is not usable.
+            why: The reason.
+        """
+        if given != self._last_given:
+            self._given[:] = self._last_given = given
+            if not given & RATES:  # rates of an earlier step are not measurements any more
+                self._worlds["state"]["qdot"] = math.nan
+        if refused:
+            self.command.refusal = why
+            self._given[refused], self._last_given = REFUSED, -1
+        late = self._watchdog is not None and self._look_at_the_clock(self._watchdog)
+        if not self._steps:
+            self.warm_up()
+        for call in self._steps:
+            call()
+        if late:
+            self._worlds["tick"]["status"] |= OVERDUE
+        if self._shadow is not None:
+            self._shadow.publish()
+        return self.command
+
+    def _refuse(self, why: str) -> Command:
+        """Brake because the input is not usable; the text says why."""
+        self.command.refusal = why
+        return self._finish(REFUSED)
+
+    # Watchdog -------------------------------------------------------------------------------------
+
+    @property
+    def watchdog(self) -> float | None:
+        """Time after which a step is overdue [s]; None: steps may come at any time.
+
+        A command holds for this time after its step. From then on, it is braked by one period for each period
+        that passes: `command_at` returns the command to send meanwhile. The next step starts from there, and
+        reports OVERDUE. No thread is started.
+
+        Raises:
+            QuestionError: The value is not a positive time.
+        """
+        return self._watchdog
+
+    @watchdog.setter
+    def watchdog(self, seconds: float | None) -> None:
+        self._watchdog = _checked_time(seconds)
+        self._watch()
+
+    def _watch(self) -> None:
+        is_watched = self._watchdog is not None
+        self._shadow = _Shadow(self._worlds, self.joints, self._is_single) if is_watched else None
+
+    def _periods_late(self, watchdog: float, gap: float) -> int:
+        """Return the number of periods for which to brake a command of this age."""
+        over = (gap - watchdog) / self.period - ON_TIME
+        return min(MOST_LATE, math.ceil(over)) if over > 0.0 else 0  # NaN is not late
+
+    def _look_at_the_clock(self, watchdog: float) -> bool:
+        """Have the law brake for the periods without a step; return whether this step is overdue."""
+        now, input_ = self._clock(), self._worlds["input"]
+        late = self._periods_late(watchdog, now - input_["called"].item(0))
+        if late > 1:
+            input_["late"] = late - 1  # the last of them belongs to this step
+        input_["called"] = now
+        return late > 0
+
+    def command_at(self, time: float | None = None) -> Command:
+        """Return the command to send at a time: the last command, or a braked one if a step is overdue.
+
+        One other thread than that of `step` may call it, such as that of a driver that sends at a fixed rate.
+        The law does not change.
+
+        Args:
+            time: Time by the clock of the controller [s]; None: now.
+
+        Returns:
+            Views that the next call overwrites.
+
+        Raises:
+            QuestionError: There is no watchdog.
+        """
+        shadow, watchdog = self._shadow, self._watchdog
+        if shadow is None or watchdog is None:
+            raise QuestionError(
+                "command_at needs a watchdog: set it to the time after which a step is overdue"
+            )
+        called = shadow.read()
+        now = self._clock() if time is None else time
+        return shadow.braked(self._periods_late(watchdog, now - called))
+
+
+class _Shadow:
+    """A copy of the records as the last step left them, for another thread to read during a step.
+
+    The bytes are copied in one operation, which Python's lock does not interrupt.
+    """
+
+    def __init__(self, worlds: NDArray[np.void], joints: Sequence[str], is_single: bool) -> None:
+        self._worlds = worlds.copy()
+        self._source, self._copy = _bytes(worlds), _bytes(self._worlds)
+        self._published = memoryview(bytearray(self._source))
+        self._steps = list[Callable[[], None]]()
+        self.command = Command(self._worlds, joints, is_single)
+
+    def publish(self) -> None:
+        self._published[:] = self._source
+
+    def read(self) -> float:
+        self._copy[:] = self._published
+        return float(self._worlds["input"]["called"].item(0))
+
+    def braked(self, periods: int) -> Command:
+        input_ = self._worlds["input"]
+        if periods:
+            self._steps = self._steps or _steps(self._worlds)
+            input_["given"], input_["late"], input_["sites"] = REFUSED, periods - 1, CHAIN_ALONE
+            for call in self._steps:
+                call()
+            self._worlds["tick"]["status"] = OVERDUE | STOPPED
+        return self.command
+
+
+def _bytes(worlds: NDArray[np.void]) -> memoryview:
+    return memoryview(cast(Any, worlds.view(np.uint8)))
+
+
+def _steps(worlds: NDArray[np.void]) -> list[Callable[[], None]]:
+    """Return calls that step each world, compiled or loaded now if necessary."""
+    entry = step.entry(worlds["limits"]["rate"].shape[-1])
+    return [partial(entry, worlds.ctypes.data + w * worlds.itemsize) for w in range(len(worlds))]
+
+
+def _checked_time(seconds: float | None) -> float | None:
+    if seconds is not None and not 0.0 < seconds < math.inf:
+        raise QuestionError(f"watchdog must be > 0 and finite [s], or None, got {seconds}")
+    return seconds
+
+
+def started(q: ArrayLike, n: int) -> Array:
+    """Return the initial joint positions, (n,) or (w, n).
+
+    Raises:
+        QuestionError: They have another shape, or are not finite.
+    """
+    try:
+        values = np.array(q, np.float64)
+    except (TypeError, ValueError):
+        raise QuestionError(f"q must be numbers, got {shortened(repr(q))}") from None
+    if values.ndim not in (1, 2) or values.shape[-1] != n or not values.size:
+        raise QuestionError(f"q must be ({n},) or (w, {n}), got {values.shape}")
+    if not np.isfinite(values).all():
+        raise QuestionError(f"q must be finite, got {shortened(str(values.tolist()))}")
+    return values

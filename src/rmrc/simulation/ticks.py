@@ -1,0 +1,223 @@
+"""The ticks of a world in one compiled loop: sense, law, obey, step. No Python, no clock, no files."""
+
+import numpy as np
+
+from rmrc.law.compiling import Method, Record, at, call, carray, compiled, pointer
+from rmrc.law.kinematics import (
+    WORLD,
+    follow_chain,
+    follow_second,
+    frame_error,
+    geometric_jacobian,
+    pose_error,
+    second_jacobian,
+)
+from rmrc.law.priority import second_error
+from rmrc.law.sight import read_axes
+from rmrc.plants.engine import BAD_FIRST, BAD_LAST
+from rmrc.scenario.choices import Status
+from rmrc.simulation.reference import PIECE, ROW, read_reference
+
+# MuJoCo calls a larger position, velocity or acceleration bad (its mjMAXVAL).
+LARGEST = 1e10
+# An actuator is at its limit when it gives all of it, up to the rounding of a gear.
+AT_LIMIT = 1.0 - 1e-9
+TORQUE_LIMITED = int(Status.TORQUE_LIMITED)
+# Results of a check of finite numbers.
+ALL_FINE, OTHER_JOINT = -2, -1
+
+
+@Method
+def ticks(model: int, data: int, number: int, world: Record) -> None:  # noqa: ARG001 - of MuJoCo's guard
+    """Do the ticks of a piece, from `engine.next` to `engine.last`, or until the world ends.
+
+    After an error of the engine, `engine.next` is the tick whose step failed, plus 1.
+    """
+    engine = world.engine
+    while engine.next < engine.last and engine.diverged < 0:
+        call(engine.begin, engine.model, engine.data)
+        if not do_tick(world):
+            return
+        engine.next += 1
+        if engine.next < engine.ticks and engine.substeps > 0:
+            call(engine.advance, engine.model, engine.data)
+            for _ in range(1, engine.substeps):
+                call(engine.step, engine.model, engine.data)
+
+
+@compiled
+def do_tick(world: Record) -> bool:
+    """Control the arm for one tick; return False where its state or its command is not finite."""
+    engine, tick, methods = world.engine, world.tick, world.methods
+    call(methods.sense, world)
+    call(methods.path, world)
+    sense(world)
+    if methods.believe != 0:
+        call(methods.believe, world)
+    engine.diverged_joint = bad_state(world)
+    if engine.diverged_joint == ALL_FINE:
+        tick.time = engine.next * world.period
+        call(methods.control, world)
+        engine.diverged_joint = bad_command(world)
+    if engine.diverged_joint != ALL_FINE:
+        engine.diverged = engine.next
+        return False
+    read_loads(world)
+    if engine.watch != 0:
+        call(engine.watch, engine.next)
+    send(world)
+    call(methods.obey, world)
+    record(world)
+    proceed(world)
+    return True
+
+
+@Method
+def follow_path(world: Record) -> None:
+    """Read the target pose and twist, at full pace, at the present tick of the path."""
+    engine, tick = world.engine, world.tick
+    pieces = carray(pointer(engine.pieces), (engine.piece_count,), PIECE)
+    rows = carray(pointer(engine.motions), (engine.motion_rows, ROW), np.float64)
+    sample = engine.reference
+    engine.piece = read_reference(pieces, rows, world.period, world.memory.path_tick, engine.piece, sample)
+    tick.path_time = world.memory.path_tick * world.period
+    for i in range(7):
+        tick.pose_ref[i] = sample[0, i]
+    for i in range(6):
+        tick.twist_ref[i] = sample[0, 7 + i]
+
+
+@compiled
+def sense(world: Record) -> None:
+    """Write joints, site and Jacobian as MuJoCo has them: what the law takes the arm to do."""
+    engine, state, tick = world.engine, world.state, world.tick
+    positions, turns = at(engine.site_xpos, 3 * engine.nsite), at(engine.site_xquat, 4 * engine.nsite)
+    for j in range(world.n):
+        state.q[j] = tick.q_believed[j] = tick.q[j]
+        state.qdot[j] = tick.qdot[j]
+    for i in range(7):
+        tick.pose[i] = positions[3 * engine.site_id + i] if i < 3 else turns[4 * engine.site_id + i - 3]
+        state.pose[i] = tick.pose[i]
+    if engine.positions != 0:  # those of all joints of the model are kept
+        qpos, row = at(engine.qpos, engine.nq), engine.next % engine.rows
+        positions = at(engine.positions + 8 * engine.nq * row, engine.nq)
+        for i in range(engine.nq):
+            positions[i] = qpos[i]
+    read_axes(world)
+    geometric_jacobian(world)
+    if world.methods.second != 0:
+        call(world.methods.second, world)
+
+
+@Method
+def measure_second(world: Record) -> None:
+    """Write pose and Jacobian of the second task's site as MuJoCo has them."""
+    engine, second = world.engine, world.second
+    positions, turns = at(engine.site_xpos, 3 * engine.nsite), at(engine.site_xquat, 4 * engine.nsite)
+    for i in range(7):
+        second.pose[i] = positions[3 * second.site + i] if i < 3 else turns[4 * second.site + i - 3]
+    second_jacobian(world)
+
+
+@Method
+def believe(world: Record) -> None:
+    """Replace the state by the readings of encoders, and note the true errors."""
+    true_error, task, tick = world.plant.true_error, world.task, world.tick
+    call(world.methods.readings, world)
+    for j in range(world.n):
+        tick.q_believed[j] = world.plant.q_last[j] = world.state.q[j]
+    pose_error(tick.pose, tick.pose_ref, true_error)
+    if task.frame != WORLD:
+        frame_error(task.frame, task.base_quat, task.free, tick.pose, tick.pose_ref, true_error)
+    follow_chain(world, world.state.q)
+    geometric_jacobian(world)
+    if world.second.m > 0:
+        world.second.true_error = second_error(world)
+        follow_second(world, world.state.q)
+
+
+@compiled
+def read_loads(world: Record) -> None:
+    """Read gravity compensation; add TORQUE_LIMITED to the status if an actuator is at its limit."""
+    engine, plant, tick = world.engine, world.plant, world.tick
+    compensation = at(engine.qfrc_gravcomp, engine.nv)
+    for j in range(world.n):
+        tick.tau_gravity[j] = plant.gravity_apart[j] * compensation[engine.dof[j]]
+        if abs(tick.tau[j]) >= AT_LIMIT * world.limits.torque[j] > 0.0:
+            tick.status |= TORQUE_LIMITED
+    for f in range(engine.followers):
+        leader = engine.follows[f]
+        load = engine.follower_ratio[f] * compensation[engine.follower_dof[f]]
+        tick.tau_gravity[leader] += plant.gravity_apart[leader] * load
+
+
+@compiled
+def bad_state(world: Record) -> int:
+    """Return the joint whose state is not finite, OTHER_JOINT if it is none of the arm's, or ALL_FINE."""
+    engine = world.engine
+    for j in range(world.n):
+        if not (abs(world.state.q[j]) <= LARGEST and abs(world.state.qdot[j]) <= LARGEST):
+            return j
+    # a warning of MuJoCo holds what it is about, and how often it came
+    counts = carray(pointer(engine.warning_count), (2 * BAD_LAST + 1,), np.int32)
+    infos = carray(pointer(engine.warning_info), (2 * BAD_LAST + 1,), np.int32)
+    for warning in range(BAD_FIRST, BAD_LAST + 1):
+        if counts[2 * warning] > 0:
+            for j in range(world.n):
+                if engine.dof[j] == infos[2 * warning]:
+                    return j
+            for f in range(engine.followers):
+                if engine.follower_dof[f] == infos[2 * warning]:
+                    return int(engine.follows[f])
+            return OTHER_JOINT
+    return ALL_FINE
+
+
+@compiled
+def bad_command(world: Record) -> int:
+    """Return the joint whose command is not finite, or ALL_FINE; MuJoCo would take it for 0 and continue."""
+    for j in range(world.n):
+        if not abs(world.tick.qdot_cmd[j]) <= LARGEST:
+            return j
+    return ALL_FINE
+
+
+@compiled
+def send(world: Record) -> None:
+    """Send the command through the stages after the law, and record what arrives, and the true errors."""
+    plant, memory, tick = world.plant, world.memory, world.tick
+    if world.methods.believe != 0:  # the law took the arm to be elsewhere
+        for i in range(6):
+            tick.pose_error[i] = plant.true_error[i]
+        if world.second.m > 0:
+            tick.secondary_error = world.second.true_error
+    if world.methods.remember != 0:
+        call(world.methods.remember, world)
+    for j in range(world.n):
+        memory.qdot_cmd[j] = plant.qdot_sent[j] = tick.qdot_cmd[j]
+    if world.methods.transmission != 0:
+        call(world.methods.transmission, world)
+    for j in range(world.n):
+        tick.qdot_arrived[j] = plant.qdot_sent[j]
+
+
+@compiled
+def record(world: Record) -> None:
+    """Write the columns of this tick."""
+    engine = world.engine
+    row = engine.next % engine.rows
+    words = carray(pointer(engine.record), (engine.record_size,), np.int64)
+    sources = carray(pointer(engine.sources), (engine.width,), np.int64)
+    columns = carray(pointer(engine.columns + 8 * engine.width * row), (engine.width,), np.int64)
+    for c in range(engine.width):
+        columns[c] = words[sources[c]]
+
+
+@compiled
+def proceed(world: Record) -> None:
+    """Advance along the path; the world ends with the tick at the end of its path."""
+    engine, memory = world.engine, world.memory
+    end = engine.path_ticks - 1.0
+    if memory.path_tick >= end:
+        engine.ticks = engine.last = engine.next + 1
+    memory.path_tick = min(memory.path_tick + memory.pace, end)
