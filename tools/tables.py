@@ -16,7 +16,8 @@ import typer
 
 from rmrc import cli
 from rmrc.results.columns import COLUMNS, Recorded
-from rmrc.results.scorecard import figures, tallies_of
+from rmrc.results.scorecard import figures
+from rmrc.results.tally import Tally
 from rmrc.scenario import schema_rows
 from rmrc.scenario.choices import CHOICES, INVERSES, PLANTS, PRIORITIES
 
@@ -52,7 +53,7 @@ def keys() -> str:
 def metrics() -> str:
     """Return all metrics of a run with one joint and all axes."""
     run = Recorded("", ("JOINT",), (False,), ("x", "y", "z", "rx", "ry", "rz"), 1.0, 1.0, {}, 0)
-    (card,) = figures([run], tallies_of([run]))
+    card = figures(run, Tally(run))
     rows = [(code(name), one.unit, one.meaning) for name, one in card.items()]
     return table(("metric", "unit", "meaning"), *rows)
 
