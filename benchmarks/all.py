@@ -1,13 +1,13 @@
-"""All benchmarks in one go, beside the figures that are kept in the repository.
+"""All benchmarks in one go, beside the figures of an earlier run.
 
-    python benchmarks/all.py [--only PART ...] [--out FILE] [--keep]
+    python benchmarks/all.py [--only PART ...] [--out FILE] [--before FILE]
 
 Each part is one of the other programs with few rounds, in a process of its own; together they take some ten
-minutes of CPU time. All figures are written to a file of JSON, and compared with those in
-benchmarks/kept.json: a row is worse where it is so beyond the noise of both, that is, where its best round is
-worse than the kept median, and its median worse than the worst kept round, both by more than 5 %. Seconds are
-compared only on the machine that they are kept of. The exit code is 1 where a row is worse, or a part failed.
-`--keep` writes the figures to benchmarks/kept.json, those of other parts staying as they are.
+minutes of CPU time. All figures are written to a file of JSON. `--before` names such a file of an earlier
+run, for example of another checkout: a row is worse where it is so beyond the noise of both, that is, where
+its best round is worse than the median before, and its median worse than the worst round before, both by more
+than 5 %. Seconds are compared only on the same machine. The exit code is 1 where a row is worse, or a part
+failed.
 """
 
 import argparse
@@ -28,7 +28,6 @@ from typing import Any
 
 from measure import ROOT, SPREAD, Row, Rows
 
-KEPT = Path(__file__).with_name("kept.json")
 # Least rounds that give a spread; where a round is long, fewer.
 PARTS = {
     "arms": "loop.py --only arms --rounds 3",
@@ -89,18 +88,19 @@ def measured(command: str) -> tuple[Rows, float, str]:
     return dict(rows_of(json.loads(done.stdout[start.start() :]))) if start else {}, cpu, ""
 
 
-def worse_by(name: str, row: Row, kept: Row) -> float:
-    """Return by what factor a row is worse than the kept one beyond the noise of both; 1 if it is not.
+def worse_by(name: str, row: Row, before: Row) -> float:
+    """Return by what factor a row is worse than an earlier one beyond the noise of both; 1 if it is not.
 
     The median stands for a least or a largest value that a row does not have.
     """
     if MORE.search(name):
-        row, kept = (
-            {MIRRORED[key]: -value for key, value in one.items() if key in MIRRORED} for one in (row, kept)
+        row, before = (
+            {MIRRORED[key]: -value for key, value in each.items() if key in MIRRORED}
+            for each in (row, before)
         )
-    margin, middle = MARGIN * abs(kept["median"]), kept["median"]
+    margin, middle = MARGIN * abs(before["median"]), before["median"]
     beyond = (
-        row.get("min", row["median"]) > middle + margin and row["median"] > kept.get("max", middle) + margin
+        row.get("min", row["median"]) > middle + margin and row["median"] > before.get("max", middle) + margin
     )
     return 1.0 + (row["median"] - middle) / abs(middle) if beyond and margin else 1.0
 
@@ -113,18 +113,18 @@ def machine() -> str:
     return f"{cpu}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}"
 
 
-def compare(found: dict[str, Rows], kept: dict[str, Any]) -> list[str]:
-    """Print each row beside the kept one; return those that are worse."""
-    is_same, worse = kept.get("machine") == machine(), []
-    print(f"{'':<78}" + "".join(f"{key:>9}" for key in (*SPREAD, "kept")))
+def compare(found: dict[str, Rows], earlier: dict[str, Any]) -> list[str]:
+    """Print each row beside that of an earlier run; return those that are worse."""
+    is_same, worse = earlier.get("machine") == machine(), []
+    print(f"{'':<78}" + "".join(f"{key:>9}" for key in (*SPREAD, "before")))
     for part, rows in found.items():
         for name, row in rows.items():
-            before = kept.get("parts", {}).get(part, {}).get(name)
+            before = earlier.get("parts", {}).get(part, {}).get(name)
             counts = before and not COUNTS.search(name) and (is_same or not SECONDS.search(name))
             factor = worse_by(name, row, before) if counts else 1.0
             mark = f"  WORSE by {factor - 1:.0%}" if factor > 1.0 else ""
             cells = "".join(f"{row[key]:>9.4g}" if key in row else " " * 9 for key in SPREAD)
-            last = f"{before['median']:>9.4g}" if before else f"{'new':>9}"
+            last = f"{before['median']:>9.4g}" if before else ""
             print(f"{f'{part}: {name}':<78}{cells}{last}{mark}")
             if mark:
                 worse.append(f"{part}: {name}")
@@ -136,9 +136,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=[*PARTS], default=[*PARTS], metavar="PART")
     parser.add_argument("--out", type=Path, default=Path(tempfile.gettempdir()) / "benchmarks.json")
-    parser.add_argument("--keep", action="store_true", help="write them to benchmarks/kept.json as well")
+    parser.add_argument("--before", type=Path, help="figures of an earlier run")
     arguments = parser.parse_args()
-    kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
+    earlier = json.loads(arguments.before.read_text()) if arguments.before else {}
     found: dict[str, Rows] = {}
     failed, begun = [], time.perf_counter()
     for part in arguments.only:
@@ -151,12 +151,8 @@ def main() -> None:
             found[part] = rows
     about = {"machine": machine(), "date": f"{date.today()}"}
     arguments.out.write_text(json.dumps(about | {"parts": found}, indent=1) + "\n")
-    worse = compare(found, kept)
+    worse = compare(found, earlier)
     print(f"{time.perf_counter() - begun:.0f} s in all; wrote {arguments.out}")
-    if arguments.keep:
-        whole = (kept.get("parts", {}) if kept.get("machine") == machine() else {}) | found
-        KEPT.write_text(json.dumps(about | {"parts": whole}, indent=1) + "\n")
-        print(f"wrote {KEPT.relative_to(ROOT)}")
     if worse or failed:
         sys.exit(f"worse: {'; '.join(worse) or 'none'}. Failed: {', '.join(failed) or 'none'}.")
 

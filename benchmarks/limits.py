@@ -22,8 +22,8 @@ CASES = {
     "6 joints": ("stanford_wrist", HURRIED),
     "7 joints": ("xarm7_wrist", HURRIED),
 }
-KEPT = "optimal, direction kept"
-POLICIES = (*LIMITS.names, KEPT)
+DIRECTED = "optimal, direction kept"
+POLICIES = (*LIMITS.names, DIRECTED)
 
 
 def main() -> None:
@@ -35,7 +35,7 @@ def main() -> None:
         shares: dict[str, float] = {}
         for _ in range(arguments.rounds + 1):  # the first loads the machine code
             for policy in POLICIES:
-                keep = f"control.limits.keep_direction={str(policy == KEPT).lower()}"
+                keep = f"control.limits.keep_direction={str(policy == DIRECTED).lower()}"
                 chosen = f"control.limits.on_excess={policy.partition(',')[0]}"
                 world = prepare(load(ROOT / f"scenarios/{scenario}.yaml", [*overrides, chosen, keep]))
                 simulation = Simulation([world])

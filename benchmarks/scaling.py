@@ -126,8 +126,8 @@ def model(measured: Mapping[str, float], runs: float, workers: int) -> dict[str,
         "one file, in the client": runs * measured["one file of parts [s a run]"],
     }
     return {name: seconds / 3600 for name, seconds in hours.items()} | {
-        "runs in a batch": batch,
-        "pieces, checks and batches": pieces,
+        "runs in a piece": batch,
+        "pieces, checks and runs": pieces,
         "file [GB]": runs * measured["row [byte a run]"] / 1e9,
     }
 

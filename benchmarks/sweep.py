@@ -3,8 +3,8 @@
     python benchmarks/sweep.py [--rounds 5] [--json] [--only scorecards|overhead|threads|cluster|plain|memory]
 
 - scorecards: worlds whose columns are not kept, over those whose are, and over the physics alone, in C.
-- overhead: a whole sweep on one thread over its loop alone: what is not the loop is reading and checking each
-  run, its target, its scorecard, its row, and the files.
+- overhead: a whole sweep on one thread over stepping its runs alone: the rest is reading and checking each
+  run, its target, its row, and the files.
 - threads: a whole sweep on one thread over the same one on two, and over half as many runs in each of two
   processes, which tells what the cores of the machine give; and the second over the third, which tells what
   threads lose to that. By the clock: only an idle machine shows it.
@@ -26,13 +26,14 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from loop import ARMS, closed_loop, floor, world
+from loop import ARMS, closed_loop, controls_of, floor, model_of, world
 from measure import ROOT, Rows, options, ratios, show, spread
 
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load
 from rmrc.simulation.prepare import Prepared, prepare
 from rmrc.simulation.simulation import Simulation
+from rmrc.study.study import Study
 from rmrc.study.sweep import Sweep
 
 SCENARIO = """
@@ -78,24 +79,16 @@ def swept(path: Path, runs: int, *overrides: str, threads: int = 1, cluster: str
             return time.perf_counter() - started
 
 
-def over_its_loop(path: Path, runs: int, *overrides: str) -> float:
-    """Return seconds of a sweep on one thread over the seconds that it stepped."""
-    step, seconds = Simulation.step, 0.0
-
-    def timed(simulation: Simulation, *arguments, **options) -> None:
-        nonlocal seconds
-        started = time.perf_counter()
-        step(simulation, *arguments, **options)
-        seconds += time.perf_counter() - started
-
-    Simulation.step = timed
-    try:
-        return swept(path, runs, *overrides) / seconds
-    finally:
-        Simulation.step = step
+def stepped(path: Path, runs: int, *overrides: str) -> float:
+    """Return seconds of stepping the runs of a sweep alone, with their scorecards, on one thread."""
+    sweep = Sweep(path, [*overrides, f"sweep.samples={runs}"])
+    study = Study(sweep.scenario)
+    prepared = [study.prepare(sweep.plan.changes(index)) for index in range(runs)]
+    study.compile(prepared[:1])
+    return streamed(prepared)
 
 
-def kept(prepared: list[Prepared]) -> float:
+def with_columns(prepared: list[Prepared]) -> float:
     """Return seconds of stepping with all columns, and of the scorecards made of them."""
     simulation = Simulation(prepared)
     started = time.perf_counter()
@@ -113,40 +106,44 @@ def streamed(prepared: list[Prepared], threads: int = 1) -> float:
     return time.perf_counter() - started
 
 
-def scorecard_rows(rounds: int, worlds: int = 64) -> Rows:
-    """Streamed scorecards over those of kept columns, over no scorecards at all, and over the floor."""
+def scorecard_rows(rounds: int, worlds: int = 16) -> Rows:
+    """Return worlds without columns over those with, with and without scorecards, and over the floor."""
     prepared = [world("stanford")] * worlds
-    controls = np.array([run["qdot_cmd"] for run in closed_loop(prepared)[1].runs()])
+    (run,) = closed_loop(prepared[:1])[1].runs()
+    controls = controls_of(prepared[0], run["qdot_cmd"])
     below = {
-        "stepping with kept columns + scorecard(run)": lambda: kept(prepared),
-        "stepping with kept columns, no scorecards": lambda: closed_loop(prepared)[0],
-        "C floor": lambda: floor(prepared[0], controls),
+        "stepping with columns + scorecard(run)": lambda: with_columns(prepared),
+        "stepping with columns, no scorecards": lambda: closed_loop(prepared)[0],
+        "C floor": lambda: worlds * floor(prepared[0], controls),
     }
     return {
-        f"streamed / {name}": ratios(rounds, lambda: streamed(prepared), of) for name, of in below.items()
+        f"scorecards without columns / {name}": ratios(rounds, lambda: streamed(prepared), of)
+        for name, of in below.items()
     }
 
 
-def overhead_rows(rounds: int, runs: int = 1000) -> Rows:
-    """Whole sweeps over their loops, where runs share a target and where each has its own."""
+def overhead_rows(rounds: int, runs: int = 400) -> Rows:
+    """Return whole sweeps over their steps, where runs share a target and where each has its own."""
     rows = {}
     for arm, start in STARTS.items():
         with scenario_of(arm) as path:
             for what, overrides in (("damping drawn", [DAMPING]), ("start drawn", start)):
-                found = [over_its_loop(path, runs, *overrides) for _ in range(rounds)]
-                rows[f"whole sweep / its loop, {arm}, {what}, {runs} runs"] = spread(found)
+                pairs = [
+                    (swept(path, runs, *overrides), stepped(path, runs, *overrides)) for _ in range(rounds)
+                ]
+                rows[f"whole sweep / its steps, {arm}, {what}, {runs} runs"] = spread(pairs)
     return rows
 
 
 def thread_rows(rounds: int, runs: int = 1000) -> Rows:
-    """One thread over two, of stepping with scorecards and of whole sweeps; and beside two processes.
+    """Return one thread over two, of stepping with scorecards and of whole sweeps; and beside two processes.
 
     The three ways of a whole sweep take turns. Two threads over the slower of two processes, which share
     nothing but the machine, is what threads lose.
     """
     prepared = [world("stanford")] * 128
     rows = {
-        "1 thread / 2 threads, stanford, 128 worlds, streamed": ratios(
+        "1 thread / 2 threads, stanford, 128 worlds without columns": ratios(
             rounds, lambda: streamed(prepared, 1), lambda: streamed(prepared, 2)
         )
     }
@@ -166,7 +163,7 @@ def thread_rows(rounds: int, runs: int = 1000) -> Rows:
 
 
 def cluster_rows(rounds: int, runs: int = 1000) -> Rows:
-    """One worker over two."""
+    """Return one worker over two."""
     with scenario_of("stanford") as path:
         one, two = (lambda n=n: swept(path, runs, DAMPING, cluster=f"local:{n}") for n in (1, 2))
         return {f"Dask: 1 worker / 2 workers, stanford, {runs} runs": ratios(rounds, one, two, least=1)}
@@ -176,7 +173,7 @@ def user_loop(path: Path, damping: float) -> list[float]:
     """Return largest rate and position error and smallest σ of one run, by a loop as one writes it."""
     prepared = prepare(load(path))
     control, arm = prepared.scenario.control, prepared.arm
-    model = prepared.plant.model([prepared.plant])
+    model = model_of(prepared)
     data, site = mujoco.MjData(model), model.site(arm.site).id
     data.qpos[:] = prepared.qpos
     pose, twist, rows = prepared.reference.pose, prepared.reference.twist, prepared.task.rows
