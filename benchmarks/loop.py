@@ -9,12 +9,10 @@ are noisy: what is compared takes turns, time is that of the thread (of the cloc
 ratio is given as min, median and max over the rounds, beside that of the least times of all rounds.
 """
 
-import copy
 import sys
 import time
 from collections.abc import Callable
 
-import mujoco
 import numpy as np
 from measure import ROOT, options, ratios, show, spread
 from mujoco.batch import Batch
@@ -79,17 +77,9 @@ def controls_of(prepared: Prepared, rates: np.ndarray) -> np.ndarray:
     return held
 
 
-def model_of(prepared: Prepared) -> mujoco.MjModel:
-    """Return the model of a world, with the gains of its servos."""
-    model = copy.copy(prepared.plant.model())
-    for name, values in prepared.plant.difference(model, prepared.arm.wire(model)).items():
-        getattr(model, name)[:] = values
-    return model
-
-
 def floor(prepared: Prepared, controls: np.ndarray) -> float:
     """Return seconds of stepping the same motion open loop, in C; controls are (ticks, nu)."""
-    batch = Batch(model_of(prepared), 1, 1, persistent=True)
+    batch = Batch(prepared.plant.own_model(), 1, 1, persistent=True)
     batch.bind("qpos")[:] = prepared.qpos
     batch.forward()
     started = time.thread_time()

@@ -26,7 +26,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from loop import ARMS, closed_loop, controls_of, floor, model_of, world
+from loop import ARMS, closed_loop, controls_of, floor, world
 from measure import ROOT, Rows, options, ratios, show, spread
 
 from rmrc.results.scorecard import scorecard
@@ -173,7 +173,7 @@ def user_loop(path: Path, damping: float) -> list[float]:
     """Return largest rate and position error and smallest σ of one run, by a loop as one writes it."""
     prepared = prepare(load(path))
     control, arm = prepared.scenario.control, prepared.arm
-    model = model_of(prepared)
+    model = prepared.plant.own_model()
     data, site = mujoco.MjData(model), model.site(arm.site).id
     data.qpos[:] = prepared.qpos
     pose, twist, rows = prepared.reference.pose, prepared.reference.twist, prepared.task.rows

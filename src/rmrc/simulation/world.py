@@ -153,7 +153,8 @@ class World:
         self._wire(world["engine"], plant, wiring, known)
         mujoco.mj_step1(self._model, self._data)  # for tables that need the kinematics of the start
         self._own_models = [own] if known is own else [own, known]
-        self._kept: list[Any] = [*plant.wire(world, base, wiring, self._data)]
+        # Compiled code has addresses of these.
+        self._referenced: list[Any] = [*plant.wire(world, base, wiring, self._data)]
         joints = world["limits"]["rate"].shape[0]
         self._layout = layout(joints, arm.n, int(world["k"]))
         self.rows = np.empty((rows, len(self._layout.sources)), np.int64)
@@ -164,7 +165,7 @@ class World:
             self.contacts = Contacts(self._model, wiring, self._data)
             watch = _Watch(callback(_adds_contacts(world, self.contacts)))
             world["engine"]["watch"] = ctypes.cast(watch, ctypes.c_void_p).value
-            self._kept.append(watch)
+            self._referenced.append(watch)
         self._error = ""
 
     def _begin(self, data: mujoco.MjData) -> None:
@@ -225,7 +226,7 @@ class World:
         group["sources"], group["width"] = self._layout.sources.ctypes.data, self.rows.shape[1]
         group["positions"] = 0 if self.positions is None else self.positions.ctypes.data
         group["past"], group["past_rows"] = past.ctypes.data, len(past)
-        self._kept += [reference, past]
+        self._referenced += [reference, past]
 
     # Its run ---------------------------------------------------------------------------------------
 
