@@ -25,6 +25,11 @@ Own: TypeAlias = Literal["own"]
 # Number of the last compiled plant models that an arm keeps: few sweeps use more in turn.
 _MOST = 8
 
+# MuJoCo's own softness of an equality: solref and solimp where its author wrote none.
+UNSAID = (0.02, 1.0, 0.9, 0.95, 0.001, 0.5, 2.0)
+# The time constant of a stiff one [timestep], and its impedance, the largest that MuJoCo takes.
+_STEPS, _IMPEDANCE = 2.0, 0.9999
+
 
 @dataclass(frozen=True, eq=False)
 class Adaptations:
@@ -36,6 +41,7 @@ class Adaptations:
         spec: The same, without textures; it is copied.
         others: The parts that are not the arm.
         joints: Names of the arm's joints.
+        followers: Names of the joints that follow them.
         torque_limit: (n,) [N·m or N]; infinite where the model has none.
         site: Name of the controlled site.
         known: The compiled models, by their requests.
@@ -46,6 +52,7 @@ class Adaptations:
     spec: mujoco.MjSpec
     others: Others
     joints: tuple[str, ...]
+    followers: frozenset[str]
     torque_limit: Array
     site: str
     known: dict[object, mujoco.MjModel]
@@ -97,7 +104,9 @@ class Adaptations:
                 self.others.lock(spec, self.path)
         option = spec.option
         option.timestep = timestep
-        if drive != "own":
+        if drive is not None and self.followers:
+            self._hold_followers(spec, timestep, drive)
+        elif drive != "own":
             option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
@@ -131,6 +140,20 @@ class Adaptations:
             site = spec.site(self.site)
             site.parent.add_body(name=PAYLOAD, pos=site.pos, ipos=[0.0, 0.0, 0.0], explicitinertial=True)
             spec.compiler.fusestatic = False  # otherwise it would merge into the body that carries it
+
+    def _hold_followers(self, spec: mujoco.MjSpec, timestep: float, drive: Drive | Own) -> None:
+        """Have followers stay with their leaders: see `Arm.adapted`.
+
+        Servos and dampers are taken implicitly. The other integrators add their inertia after the equalities
+        are solved, which then answer forces that never come: followers slip, and the arm chatters.
+        """
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+        of_joints = [each for each in spec.equalities if each.type == mujoco.mjtEq.mjEQ_JOINT]
+        for equality in of_joints:
+            is_unsaid = (*equality.solref, *equality.solimp) == UNSAID
+            if equality.name1 in self.followers and (is_unsaid or drive != "own"):
+                equality.solref = [_STEPS * timestep, 1.0]
+                equality.solimp[:2] = _IMPEDANCE
 
     def _replace_actuators(
         self, spec: mujoco.MjSpec, replaced: Sequence[mujoco.MjsActuator], drive: Drive | None

@@ -434,6 +434,27 @@ class Arm:
         return self._followed(weight), self._followed(-self._data.qfrc_spring)
 
     @property
+    def has_springs(self) -> bool:
+        """Whether there is a spring in the model."""
+        model = self.model
+        springs = (
+            model.jnt_stiffness, model.jnt_stiffnesspoly, model.tendon_stiffness, model.tendon_stiffnesspoly
+        )  # fmt: skip
+        is_off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_SPRING
+        return not is_off and any(np.any(stiffness) for stiffness in springs)
+
+    def most_spring_torques(self, q: Array) -> Array:
+        """Return the largest actuator loads from springs, (n,), at q and with one joint at an end of its range.
+
+        The range of a joint without limits is half a turn, or π meters, to either side.
+        """
+        lower, upper = self.position_limit.T
+        ends = np.where(np.isfinite(lower), lower, q - np.pi), np.where(np.isfinite(upper), upper, q + np.pi)
+        places = [q, *(np.where(np.arange(self.n) == j, end, q) for j in range(self.n) for end in ends)]
+        torques: Array = np.max([np.abs(self.rest_torques(place)[1]) for place in places], axis=0)
+        return torques
+
+    @property
     def damping(self) -> Array:
         """Damping of each joint at rest, (n,) [N·m·s/rad or N·s/m]."""
         damping = np.array(self.model.dof_damping[self.wiring.dof])
@@ -559,7 +580,9 @@ class Arm:
         defaults for actuators do not apply to the added ones: a control of 1 is 1 rad/s or N·m. Controls are
         not clamped here, because the law limits the rates; torque limits are kept. Other joints that no
         actuator holds are locked, unless `frees_others`. Sensors are off, as nothing reads them. The
-        integrator is `implicitfast`, because servos stiff enough for tracking are unstable under Euler.
+        integrator is `implicitfast`, because servos stiff enough for tracking are unstable under Euler. If
+        joints follow others, it is `discrete`, also for the author's own actuators, and the equalities that
+        hold the followers are as stiff as the timestep bears; for own actuators, where he wrote no softness.
         Lengths are the author's even if bodies are stretched: worlds with different factors share this model.
 
         Args:
@@ -576,8 +599,8 @@ class Arm:
     @cached_property
     def _adaptations(self) -> Adaptations:
         return Adaptations(
-            self.path, self.model, self._bare_spec, self.others, self.joints, self.torque_limit, self.site,
-            self._adapted,
+            self.path, self.model, self._bare_spec, self.others, self.joints,
+            frozenset(one.name for one in self.followers), self.torque_limit, self.site, self._adapted,
         )  # fmt: skip
 
     def _descends(self, body: int, root: int) -> bool:

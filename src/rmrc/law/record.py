@@ -146,7 +146,8 @@ def world_type(joints: int) -> np.dtype[np.void]:
         ("qdot_arrived", f, J), ("qdot_plain", f, J), ("pose", f, (7,)), ("pose_ref", f, (7,)),
         ("twist_ref", f, (6,)), ("pose_error", f, (6,)), ("manipulability", f), ("condition", f),
         ("u_min", f, (6,)), ("v_min", f, J), ("tau", f, J), ("tau_gravity", f, J),
-        ("path_time", f), ("path_rate", f), ("secondary_error", f), ("secondary_sigma", f), ("status", i),
+        ("path_time", f), ("path_rate", f), ("secondary_error", f), ("secondary_sigma", f), ("slip", f),
+        ("status", i),
     ]  # fmt: skip
     input_ = [
         # of a step outside a run: the source of kinematics, its parts, the period without a step, and
@@ -166,7 +167,7 @@ def world_type(joints: int) -> np.dtype[np.void]:
         # resistance that they compensate: damping of q̇, q̇|q̇|, q̇³; dry friction up to a loss, its inertia
         # and decay
         ("resists", i, J), ("damping", f, (joints, 3)), ("friction_loss", f, J), ("friction_inertia", f, J),
-        ("friction_decay", f, J),
+        ("friction_decay", f, J), ("carries_springs", i),
         # encoders
         ("encoder_offset", f, J), ("differentiates", i), ("rate_decay", f),
         ("encoder_delay", f), ("is_noisy", i), ("encoder_noise", f, J), ("encoder_seed", i),
@@ -190,8 +191,8 @@ def world_type(joints: int) -> np.dtype[np.void]:
         # forces
         ("joint", i, J), ("qpos_at", i, J), ("dof", i, J), ("ctrl_at", i, J), ("force_at", i, J),
         ("site_id", i), ("body", i, (2,)), ("site_at", i, (2,)),
-        ("followers", i), ("follows", i, J), ("follower_ratio", f, J), ("follower_qpos", i, J),
-        ("follower_dof", i, J),
+        ("followers", i), ("follows", i, J), ("follower_ratio", f, J), ("follower_offset", f, J),
+        ("follower_qpos", i, J), ("follower_dof", i, J),
         # of the run: the next tick, the end of this piece and of the run, the path, rows of columns and of
         # positions, past ticks, the drives of the model, and a function that is called after the law
         ("next", i), ("last", i), ("ticks", i), ("path_ticks", i), ("diverged", i), ("diverged_joint", i),
@@ -220,7 +221,7 @@ def world_type(joints: int) -> np.dtype[np.void]:
 # Fields of MjData that compiled code reads or writes, by their names in MuJoCo.
 ENGINE_FIELDS = (
     "qpos", "qvel", "act", "ctrl", "xfrc_applied", "site_xpos", "site_xquat", "xanchor", "xaxis",
-    "actuator_force", "qfrc_actuator", "qfrc_gravcomp",
+    "actuator_force", "qfrc_actuator", "qfrc_gravcomp", "qfrc_spring",
     "actuator_moment", "moment_rowadr", "moment_rownnz", "moment_colind",
     "warning_info", "warning_count", "known_bias", "known_passive", "known_gravcomp", "known_M",
     "known_qpos", "known_qvel",
@@ -243,6 +244,7 @@ def new_worlds(count: int, n: int, axes: int = 0) -> NDArray[np.void]:
     worlds["task"]["free"] = worlds["second"]["free"] = -1
     worlds["input"]["q_cmd"] = worlds["input"]["called"] = math.nan
     worlds["engine"]["diverged"] = -1
+    worlds["tick"]["slip"] = math.nan
     return worlds
 
 

@@ -198,7 +198,9 @@ def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) 
 
 
 class Model(Physical):
-    """The actuators of the model as they are, with its integrator, timestep and gravity compensation.
+    """The actuators of the model as they are, with its timestep, gravity compensation and integrator.
+
+    The integrator of an arm with followers is another: see `Arm.adapted`.
 
     It has the knowledge of the torque plant. Where the arm has more, a second model computes the known
     dynamics for motors from the same states.
@@ -222,6 +224,13 @@ class Model(Physical):
         return np.where(self.arm.model.jnt_actgravcomp[self.arm.wiring.joint], 0.0, 1.0)
 
     @property
+    def carries_springs(self) -> NDArray[np.bool_]:
+        """Joints that no servo moves: the forces of motors include springs, (n,)."""
+        kinds, others = self.arm.drives.kinds, self.arm.others
+        served = frozenset().union(*(others.pulled(i) for i, kind in kinds.items() if kind != MOTOR))
+        return ~np.isin(self.arm.wiring.joint, list(served))
+
+    @property
     def drive(self) -> Own:
         """The model's own actuators."""
         return "own"
@@ -234,6 +243,7 @@ class Model(Physical):
     def assumed(self) -> Iterator[Assumed]:
         """Yield a timestep and gravity compensation that differ from the model's, and idle actuators."""
         own, drives = float(self.arm.model.opt.timestep), self.arm.drives
+        yield from self.assumed_steps()
         if self.timestep != own:
             why = "" if self.section.timestep else f", to divide the control period of {self.period:g} s"
             yield Assumed(f"timestep {self.timestep:g} s instead of the model's {own:g} s{why}", True)

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from rmrc.arm import Drive, Own, Wiring
+from rmrc.arm.adapting import UNSAID
 from rmrc.arm.differences import loaded_fields, rubbed_fields
 from rmrc.arm.inventory import actuators
 from rmrc.law.compiling import Array, Method, Record, at, compiled
@@ -22,7 +23,8 @@ MOST_STEPS = 10_000_000_000
 # A step this short [s] changes no position of an arm by a bit; gains of inertia over timestep stay finite.
 _SHORTEST_STEP = 1e-12
 # MuJoCo's own, for a model that names none [s].
-_UNSAID_TIMESTEP = 0.002
+_UNSAID_TIMESTEP, _UNSAID_INTEGRATOR = 0.002, "Euler"
+_INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
 
 # Flags of a model's option without which a kind of friction is absent.
 _LEFT_OUT = {
@@ -142,17 +144,23 @@ class Physical(Plant):
         for kind, names in self._replaced().items():
             text = f"{self.drives[0]} take the place of {kind} actuators: {listed(names)}"
             yield Assumed(text, kind != self.drives[1])
-        integrator = mujoco.mjtIntegrator(model.opt.integrator)
-        if integrator != mujoco.mjtIntegrator.mjINT_IMPLICITFAST:
-            name = integrator.name.removeprefix("mjINT_")
-            yield Assumed(
-                f"integrator implicitfast instead of the model's {name}",
-                integrator != mujoco.mjtIntegrator.mjINT_EULER,  # the integrator of a model that names none
-            )
+        yield from self.assumed_steps()
         if model.opt.timestep != self.timestep:
             text = f"timestep {self.timestep:g} s instead of the model's {model.opt.timestep:g} s"
             yield Assumed(text, model.opt.timestep != _UNSAID_TIMESTEP)
         yield from self.assumed_compensation()
+
+    def assumed_steps(self) -> Iterator[Assumed]:
+        """Yield an integrator, and a stiffness of the followers' equalities, that differ from the model's."""
+        used, written = self.model(), self.arm.model
+        steps, own = (_INTEGRATORS[model.opt.integrator] for model in (used, written))
+        if steps != own:
+            yield Assumed(f"integrator {steps} instead of the model's {own}", own != _UNSAID_INTEGRATOR)
+        softness = np.hstack([written.eq_solref, written.eq_solimp])
+        stiffened = (np.hstack([used.eq_solref, used.eq_solimp]) != softness).any(axis=1)
+        if stiffened.any():
+            text = "equalities of followers as stiff as the timestep bears, instead of the model's"
+            yield Assumed(text, bool((softness[stiffened] != UNSAID).any()))
 
     def assumed_compensation(self) -> Iterator[Assumed]:
         """Yield gravity compensation, if the model does not have it."""

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Wiring
 from rmrc.arm.differences import set_fields, stretched_fields
@@ -73,6 +74,11 @@ class Plant(ABC):
     def compensates(self) -> bool:
         """Whether its actuators compensate damping and dry friction of the joints."""
         return False
+
+    @property
+    def carries_springs(self) -> NDArray[np.bool_]:
+        """Joints whose springs do not hold it back: its actuators compensate them, (n,)."""
+        return np.ones(self.arm.n, np.bool_)
 
     @property
     @abstractmethod

@@ -60,14 +60,19 @@ def write_resistance(
 
 
 def _friction(model: mujoco.MjModel) -> tuple[NDArray[np.float64], ...]:
-    """Return loss, I and b of each degree of freedom, (nv,) each, by MuJoCo's definitions."""
+    """Return loss, I and b of each degree of freedom, (nv,) each, by MuJoCo's definitions.
+
+    The integrator `discrete` takes the rate at the end of its step, h q̈ later: I is so much larger.
+    """
     loss, inertia, decay = np.zeros((3, model.nv))
     if model.dof_frictionloss.any():
         data = mujoco.MjData(model)
-        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_forward(model, data)
         rows = np.flatnonzero(data.efc_type == _OF_JOINT)
         dof = data.efc_id[rows]
         loss[dof], inertia[dof], decay[dof] = (
             data.efc_frictionloss[rows], data.efc_D[rows], data.efc_KBIP[rows, 1]
         )  # fmt: skip
+        if model.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE:
+            decay /= 1.0 + model.opt.timestep * decay
     return loss, inertia, decay

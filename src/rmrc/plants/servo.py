@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
-from rmrc.law.compiling import Array, Method, Record
+from rmrc.law.compiling import Array, Method, Record, at, compiled
 from rmrc.plants.fields import ctrl_of
 from rmrc.plants.physics import Physical, push
 from rmrc.plants.resistance import damping_at, friction_at
@@ -23,6 +24,20 @@ def tell_servos(world: Record) -> None:
         if plant.resists[j]:
             resistance = damping_at(world, j, rate) + friction_at(world, j, 0.0, rate)
             ctrl[engine.ctrl_at[j]] += resistance / plant.kv[j]
+    if plant.carries_springs:
+        carry_springs(world, ctrl)
+
+
+@compiled
+def carry_springs(world: Record, ctrl: Array) -> None:
+    """Add the torque against the springs of the joints and of their followers, as a rate."""
+    engine, kv = world.engine, world.plant.kv
+    spring = at(engine.qfrc_spring, engine.nv)
+    for j in range(world.n):
+        ctrl[engine.ctrl_at[j]] -= spring[engine.dof[j]] / kv[j]
+    for f in range(engine.followers):
+        j = engine.follows[f]
+        ctrl[engine.ctrl_at[j]] -= engine.follower_ratio[f] * spring[engine.follower_dof[f]] / kv[j]
 
 
 @dataclass(frozen=True)
@@ -47,6 +62,11 @@ class Servo(Physical):
         return self.section.friction_compensation
 
     @property
+    def carries_springs(self) -> NDArray[np.bool_]:
+        """All joints, or none: a spring is a load at rest, as the weight."""
+        return np.full(self.arm.n, self.section.is_compensated)
+
+    @property
     def kv(self) -> Array:
         """Gains, (n,) [N·m·s/rad or N·s/m].
 
@@ -65,6 +85,7 @@ class Servo(Physical):
     def write(self, world: np.void) -> None:
         """Write the wrench and the gains."""
         super().write(world)
+        world["plant"]["carries_springs"] = self.section.is_compensated and self.arm.has_springs
         world["plant"]["kv"][: self.arm.n] = self.kv
 
     def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:

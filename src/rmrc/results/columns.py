@@ -53,6 +53,7 @@ COLUMNS: Mapping[str, Column] = {
     "path_rate": Column("1", "ṡ, the pace along the path"),
     "secondary_error": Column("m, rad", "norm of the second task's error; NaN without one"),
     "secondary_sigma": Column("1", "smallest singular value left to the second task by the first; or NaN"),
+    "slip": Column("rad or m", "largest distance of a follower from its equality; NaN without followers"),
     "status": Column("bits", ", ".join(f"{s.value} {s.name}" for s in IN_RUNS)),
 }
 

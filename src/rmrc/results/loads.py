@@ -1,4 +1,4 @@
-"""Loads on an arm that may be unintended, one line each: contact, actuators at their limits."""
+"""Loads on an arm that may be unintended, one line each: contact, actuators at their limits, followers that slip."""
 
 from collections.abc import Collection, Iterator
 
@@ -6,7 +6,7 @@ from rmrc.results.scorecard import Scorecard
 
 
 def told(card: Scorecard, expected: Collection[str]) -> Iterator[str]:
-    """Yield duration and start of contacts, and of actuators at their limit.
+    """Yield duration and start of contacts and of actuators at their limit, and duration and size of slips.
 
     Args:
         card: Scorecard of the run.
@@ -22,6 +22,13 @@ def told(card: Scorecard, expected: Collection[str]) -> Iterator[str]:
             card, "TORQUE_LIMITED", f'first joint "{card["torque_limited.first_joint"].value}"',
             "lower target.limits or control.limits",
         )  # fmt: skip
+    seconds = card["status_time.SLIPPED"].value
+    if seconds and not _is_about(expected, "slip.", "status_time.SLIPPED"):
+        slip, time = card["slip.max"].value, card["slip.max_time"].value
+        yield (
+            f"{card.name}: SLIPPED for {seconds:.3g} s, a follower {slip:.3g} rad or m off its equality at "
+            f"{time:.4g} s; write no solref and solimp there, or stiffer ones"
+        )
 
 
 def _line(card: Scorecard, status: str, which: str, cure: str) -> Iterator[str]:

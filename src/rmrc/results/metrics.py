@@ -217,11 +217,14 @@ def _statuses(run: Recorded, tally: Tally) -> Metrics:
 
 
 def _loads(run: Recorded, tally: Tally) -> Metrics:
-    """Yield duration and start of contacts and of actuators at their limit, with bodies and joints."""
+    """Yield duration and start of contacts and of actuators at their limit, and the slip of followers."""
     contact, limited = Status.CONTACT, Status.TORQUE_LIMITED
     yield "contact.time", tally.statuses.count(contact) * run.period, "s", "time in contact"
     yield "contact.first_time", tally.statuses.first_time(contact), "s", "time of the first contact"
     yield "contact.first_bodies", " – ".join(run.touching), "", "bodies of the first contact"
+    slip, time = tally.extreme("slip")
+    yield "slip.max", slip, "rad or m", "largest distance of a follower from its equality; undefined without"
+    yield "slip.max_time", time, "s", "when the largest slip was reached first"
     seconds, first = tally.statuses.count(limited) * run.period, tally.statuses.first_time(limited)
     joint = run.joints[tally.limited] if tally.limited >= 0 else ""
     yield "torque_limited.time", seconds, "s", "time with an actuator at its limit"

@@ -34,13 +34,13 @@ JOINTS = (
 SQUARED = 3
 # Columns whose smallest values are known, and those whose largest ones are.
 LOWEST = ("sigma", "manipulability", "path_rate", "secondary_sigma")
-HIGHEST = ("condition", "damping")
+HIGHEST = ("condition", "damping", "slip")
 
 # Columns that a tally reads.
 READ = (
     "time", "q", "qdot", "qdot_cmd", "qdot_plain", "pose_ref", "pose_error", "sigma", "damping",
     "manipulability", "condition", "u_min", "tau", "tau_gravity", "path_time", "path_rate",
-    "secondary_error", "secondary_sigma", "status",
+    "secondary_error", "secondary_sigma", "slip", "status",
 )  # fmt: skip
 
 

@@ -44,6 +44,7 @@ _TIMES = {
     Status.SLOWED: "slowed",
     Status.POSITION_LIMITED: "held back by joint limits",
     Status.TORQUE_LIMITED: "with an actuator at its torque limit",
+    Status.SLIPPED: "with a follower off its equality",
 }
 
 

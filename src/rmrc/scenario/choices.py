@@ -34,6 +34,7 @@ class Status(IntFlag):
     KEPT_OUT = 8192
     INVALID_INPUT = 16384
     OVERDUE = 32768
+    SLIPPED = 65536
 
 
 # Bits that only a loop outside a run can set: a simulation has no input that could be wrong or late.

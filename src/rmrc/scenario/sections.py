@@ -545,8 +545,8 @@ class PlantSection(_PlantKeys):
         "s",
     )
     gravity_compensation: Switch | None = key(
-        f"{PLANTS.physical}: whether the arm compensates for gravity; null: true, or for {PLANTS.own} as "
-        "in the model",
+        f"{PLANTS.physical}: whether the arm compensates for gravity, and the actuators of servo for springs "
+        f"of joints; null: true, or for {PLANTS.own} as in the model",
         None,
     )
     friction_compensation: Switch = key(

@@ -126,9 +126,25 @@ class Prepared:
     def assumed(self) -> tuple[Assumed, ...]:
         """The deviations of the run from the model as its author wrote it, and the missing limits."""
         of_law = (*_by_profile(self.scenario), *_not_shown(self), *_missing_limits(self))
+        of_springs = [Assumed(self.springs, True)] if self.springs else []
         starts_at_rest = "a start at rest: the keyframe's velocities are ignored"
         of_start = [Assumed(starts_at_rest, True)] if self.arm.moves_at(self.scenario.arm.start) else []
-        return (*self.plant.assumed(), *of_law, *of_start)
+        return (*self.plant.assumed(), *of_springs, *of_law, *of_start)
+
+    @property
+    def springs(self) -> str:
+        """The springs of joints that no actuator compensates, with their torques, in words; "" without."""
+        arm = self.arm
+        if not arm.has_springs:
+            return ""
+        q = self.qpos[arm.wiring.qpos]
+        start, most = arm.rest_torques(q)[1], arm.most_spring_torques(q)
+        parts = [
+            f"{joint} {abs(start[j]):.3g} {'N' if arm.is_slide[j] else 'N·m'} at the start, up to {most[j]:.3g}"
+            for j, joint in enumerate(arm.joints)
+            if most[j] and not self.plant.carries_springs[j]
+        ]
+        return f"springs are not compensated: {'; '.join(parts)}" if parts else ""
 
     def with_encoder_seed(self, seed: int) -> "Prepared":
         """Return the same world with encoder offsets drawn anew, without loading or timing anything again.

@@ -15,6 +15,7 @@ from rmrc.law.kinematics import (
 from rmrc.law.priority import second_error
 from rmrc.law.sight import read_axes
 from rmrc.plants.engine import BAD_FIRST, BAD_LAST
+from rmrc.plants.fields import qpos_of
 from rmrc.scenario.choices import Status
 from rmrc.simulation.reference import PIECE, ROW, read_reference
 
@@ -22,7 +23,10 @@ from rmrc.simulation.reference import PIECE, ROW, read_reference
 LARGEST = 1e10
 # An actuator is at its limit when it gives all of it, up to the rounding of a gear.
 AT_LIMIT = 1.0 - 1e-9
-TORQUE_LIMITED = int(Status.TORQUE_LIMITED)
+TORQUE_LIMITED, SLIPPED = int(Status.TORQUE_LIMITED), int(Status.SLIPPED)
+# A follower that is further from its equality [rad or m] moves a tip at a meter from it by a millimeter. Those
+# of stiff equalities stay within a hundredth of it, or with links of grams under their weight a fifth.
+MOST_SLIP = 1e-3
 # Results of a check of finite numbers.
 ALL_FINE, OTHER_JOINT = -2, -1
 
@@ -138,17 +142,24 @@ def believe(world: Record) -> None:
 
 @compiled
 def read_loads(world: Record) -> None:
-    """Read gravity compensation; add TORQUE_LIMITED to the status if an actuator is at its limit."""
+    """Read gravity compensation and the slip of followers, and add TORQUE_LIMITED and SLIPPED to the status."""
     engine, plant, tick = world.engine, world.plant, world.tick
     compensation = at(engine.qfrc_gravcomp, engine.nv)
     for j in range(world.n):
         tick.tau_gravity[j] = plant.gravity_apart[j] * compensation[engine.dof[j]]
         if abs(tick.tau[j]) >= AT_LIMIT * world.limits.torque[j] > 0.0:
             tick.status |= TORQUE_LIMITED
+    if engine.followers == 0:
+        return
+    qpos, tick.slip = qpos_of(world), 0.0
     for f in range(engine.followers):
-        leader = engine.follows[f]
-        load = engine.follower_ratio[f] * compensation[engine.follower_dof[f]]
+        leader, ratio = engine.follows[f], engine.follower_ratio[f]
+        load = ratio * compensation[engine.follower_dof[f]]
         tick.tau_gravity[leader] += plant.gravity_apart[leader] * load
+        slip = qpos[engine.follower_qpos[f]] - engine.follower_offset[f] - ratio * tick.q[leader]
+        tick.slip = max(tick.slip, abs(slip))
+    if tick.slip > MOST_SLIP:
+        tick.status |= SLIPPED
 
 
 @compiled

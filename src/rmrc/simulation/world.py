@@ -211,6 +211,7 @@ class World:
         group["followers"], group["mass_size"] = followers, data.M.size
         group["follows"][:followers] = [follower.leader for follower in arm.followers]
         group["follower_ratio"][:followers] = [follower.ratio for follower in arm.followers]
+        group["follower_offset"][:followers] = [follower.offset for follower in arm.followers]
         group["follower_qpos"][:followers] = wiring.follower_qpos
         group["follower_dof"][:followers] = wiring.follower_dof
 

@@ -41,6 +41,7 @@ CODES: dict[str, tuple[Level, str]] = {
     ),
     "motion-contact": ("warning", "bodies touched during one second of motion"),
     "torque-saturated": ("warning", "an actuator saturated during one second of motion"),
+    "spring-load": ("warning", "a plant does not compensate for the spring of a joint"),
     "mujoco-warning": ("warning", "MuJoCo issued a warning during one second of motion"),
     "range-missing": ("note", "a joint has no range"),
     "acceleration-limit": ("note", "MJCF cannot express acceleration limits"),
@@ -220,6 +221,9 @@ def _moving(facts: Facts) -> _Findings:
         if motion.diverged:
             way = "correct masses, armature or damping, or lower plant.timestep"
             yield "diverged", f"{how} diverged {motion.diverged}", way
+        if motion.springs:
+            way = "take the servo or torque plant, which compensate them, or drive these joints by motors"
+            yield "spring-load", f"on the {motion.plant} plant {motion.springs}", way
         if motion.contacts:
             yield "motion-contact", f"{how}: {_pairs(motion.contacts)}", "set arm.start, or exclude the pair"
         share = float(motion.scorecard["tau.share_of_limit"].value) if motion.scorecard else 0.0

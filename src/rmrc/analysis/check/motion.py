@@ -43,6 +43,7 @@ class Motion:
         contacts: Pairs of parts that the arm's joints move relative to each other, without those at the
             start.
         warnings: Number of MuJoCo's warnings, by their names.
+        springs: Springs that it does not compensate, a line; "" without.
     """
 
     plant: str
@@ -51,6 +52,7 @@ class Motion:
     diverged: str = ""
     contacts: tuple[Contact, ...] = ()
     warnings: Mapping[str, int] | None = None
+    springs: str = ""
 
 
 def motions(
@@ -85,14 +87,15 @@ def _motion(
     one: Scenario, plant: str, arm: Arm, touching: frozenset[tuple[str, str]], cache: Cache
 ) -> Motion:
     try:
-        simulation = Simulation([prepare(one.set({"plant.kind": plant}), cache)])
+        prepared = prepare(one.set({"plant.kind": plant}), cache)
+        simulation = Simulation([prepared])
     except ScenarioError as error:
         return Motion(plant, refused=error.problems[0].text)
     run = simulation.run()[0]
     looked = run["qpos"][:: max(1, len(run) // LOOKS)]
     met = contacts(arm, looked[np.isfinite(looked).all(axis=1)])
     new = tuple(contact for contact in met if contact.is_moved and contact.geoms not in touching)
-    return Motion(plant, "", scorecard(run), _divergence(run), new, simulation.warnings()[0])
+    return Motion(plant, "", scorecard(run), _divergence(run), new, simulation.warnings()[0], prepared.springs)
 
 
 def _divergence(run: Run) -> str:

@@ -1,0 +1,206 @@
+"""Arms whose followers carry a load through their equalities, in MuJoCo's physics: they move as the ideal arm does.
+
+The oracles are the equalities as they are written, the ideal plant, and a plain loop over MuJoCo.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from rmrc.results import loads
+from rmrc.results.scorecard import scorecard
+from rmrc.scenario import Scenario
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+
+PERIOD = 0.001
+START = (0.2, 0.4, 0.3)
+FINGER = """<body pos="0 .02 0"><joint name="finger" type="slide" axis="0 1 0"/>
+<inertial pos="0 0 0" mass=".01" diaginertia="1e-6 1e-6 1e-6"/></body>"""
+FOLLOWS = '<joint joint1="finger" joint2="q3" polycoef="0.01 0.02 0 0 0"/>'
+
+
+def palletizer(size, mass, wrist, rules=((0.0, -1.0), (0.1, -1.0)), softness="", hand="", finger="", more=""):
+    """Return an arm whose carrier q2b follows the shoulder, and whose wrist q3b follows the elbow.
+
+    Args:
+        size: Its lengths, as multiples of a desktop arm's.
+        mass: Of its links, as multiples of that of its turret [kg].
+        wrist: Mass and inertia of carrier and wrist [kg, kg·m²].
+        rules: Offset and ratio of both followers.
+        softness: Of both equalities.
+        hand: What the wrist carries.
+        finger: An equality of it.
+        more: More of the model.
+    """
+    inertia, small = 0.002 * mass * size**2, f'mass="{wrist[0]}" diaginertia="{wrist[1]} {wrist[1]} {wrist[1]}"'
+    big = f'diaginertia="{inertia} {inertia} {inertia}"'
+    first, second = (
+        f'polycoef="{offset} {ratio} 0 0 0" {softness}' for offset, ratio in rules
+    )
+    return f"""<mujoco><compiler angle="radian"/><default><geom contype="0" conaffinity="0"/></default><worldbody>
+<body pos="0 0 .1"><joint name="q1" axis="0 0 1"/><inertial pos="0 0 .05" mass="{mass}" {big}/>
+<body><joint name="q2" axis="0 1 0"/><inertial pos="0 0 {0.07 * size}" mass="{0.4 * mass}" {big}/>
+<body pos="0 0 {0.135 * size}"><joint name="q2b" axis="0 1 0"/><inertial pos="0 0 0" {small}/>
+<body><joint name="q3" axis="0 1 0"/><inertial pos="{0.08 * size} 0 0" mass="{0.3 * mass}" {big}/>
+<body pos="{0.147 * size} 0 0"><joint name="q3b" axis="0 1 0"/><inertial pos="0 0 0" {small}/>
+<site name="tip" pos=".06 0 -.05"/>{hand}</body></body></body></body></body></worldbody>
+<equality><joint joint1="q2b" joint2="q2" {first}/><joint joint1="q3b" joint2="q3" {second}/>{finger}</equality>
+{more}</mujoco>"""
+
+
+def drives(element, gain=""):
+    return "".join(f'<{element} joint="q{j}" {gain}/>' for j in (1, 2, 3))
+
+
+ARMS = {
+    "desktop": {"size": 1.0, "mass": 1.0, "wrist": (0.05, 1e-4)},
+    "ratio two with offsets": {
+        "size": 1.0, "mass": 1.0, "wrist": (0.05, 1e-4), "rules": ((0.3, -2.0), (-0.2, 1.5))
+    },
+    "light wrist, soft as written, finger": {
+        "size": 1.0, "mass": 1.0, "wrist": (0.005, 1e-6), "softness": 'solref=".05 1"', "hand": FINGER,
+        "finger": FOLLOWS,
+    },
+    "links of 10 kg": {"size": 4.0, "mass": 25.0, "wrist": (10.0, 0.02)},
+}  # fmt: skip
+
+
+def ran(path, kind, **plant):
+    """Return a world, and what it did: a short straight move of the tip and a pause."""
+    prepared = prepare(Scenario.model_validate({
+        "name": "palletizer", "arm": {"model": path, "site": "tip", "start": START}, "task": {"axes": ("x", "y", "z")},
+        "control": {"period": PERIOD, "feedback": 10.0, "inverse": {"method": "pseudoinverse"}},
+        "target": {"path": ({"line": {"by": (0.03, 0.02, 0.02)}}, {"hold": {"for": 0.2}}),
+                   "limits": {"velocity": 0.1, "acceleration": 0.5, "jerk": 5.0}},
+        "plant": {"kind": kind, **plant},
+    }))  # fmt: skip
+    (run,) = Simulation([prepared]).run()
+    assert run.divergence is None and run.is_complete
+    return prepared, run
+
+
+def gap(model, qpos):
+    """Return how far followers are from their equalities, at most, (T,): model is the author's, whose qpos0 is 0."""
+    gaps = []
+    for first, second, rule in zip(model.eq_obj1id, model.eq_obj2id, model.eq_data[:, :5], strict=True):
+        follower, leader = (qpos[:, model.jnt_qposadr[joint]] for joint in (first, second))
+        gaps.append(np.abs(follower - np.polynomial.Polynomial(rule)(leader)))
+    return np.max(gaps, axis=0)
+
+
+def error(run):
+    """Return the largest distance from the path [m]."""
+    return np.linalg.norm(run["pose_error"][:, :3], axis=1).max()
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(**about):
+        (tmp_path / "arm.xml").write_text(palletizer(**about))
+        return tmp_path / "arm.xml"
+
+    return write
+
+
+@pytest.mark.parametrize("about", ARMS.values(), ids=ARMS)
+def test_it_keeps_its_path_as_the_ideal_arm_does_on_every_plant(write, about):
+    """Within 0.1 mm, and 0.4 mm where the author's servos lag by M q̈/kv or by their time constant of some ms."""
+    _, ideal = ran(write(**about), "ideal")
+    assert ideal["slip"].max() < 1e-12
+    inertia = about["mass"] * about["size"] ** 2
+    own = {
+        drives("motor"): 1e-4, drives("velocity", f'kv="{5.0 * inertia}"'): 4e-4,
+        drives("position", f'kp="{2000.0 * inertia}" dampratio="1"'): 4e-4,
+    }  # fmt: skip
+    plants = [("servo", "", 1e-4), ("torque", "", 1e-4), *(("model", element, most) for element, most in own.items())]
+    if "softness" in about:  # on the author's own plant what he wrote stays: see below
+        plants = plants[:2]
+    for kind, element, most in plants:
+        path = write(**about, more=f"<actuator>{element}</actuator>")
+        prepared, run = ran(path, kind, gravity_compensation=True)
+        assert error(run) - error(ideal) < most, (kind, element)
+        assert_allclose(run["slip"], gap(prepared.arm.model, run["qpos"]), atol=1e-15)
+        # a light wrist is held as softly as it is light; see MOST_SLIP of `rmrc.simulation.ticks`
+        assert run["slip"].max() < 2e-5
+        assert not (run["status"] & (Status.SLIPPED | Status.RATE_LIMITED)).any()
+        assert np.abs(run["qdot"] - ideal["qdot"]).max() < 0.05
+
+
+def plain(prepared, run, integrator, solref, impedance):
+    """Return qpos, (T, nq), of the author's model with servos that gets the commands of a run.
+
+    Their gains are inertia over timestep, with the inertia of all that a joint moves with its followers.
+    """
+    arm = prepared.arm
+    spec = mujoco.MjSpec.from_file(str(arm.path))
+    spec.option.timestep, spec.option.integrator = PERIOD, integrator
+    data = mujoco.MjData(arm.model)
+    mujoco.mj_forward(arm.model, data)
+    M, F = np.zeros((arm.model.nv,) * 2), np.zeros((arm.model.nv, arm.n))
+    mujoco.mj_fullM(arm.model, data, M)
+    for j, row in enumerate(np.eye(arm.n)):
+        F[:, j] = arm.configuration(row) - arm.configuration(0.0 * row)
+    for name, inertia in zip(arm.joints, np.diag(F.T @ M @ F), strict=True):
+        actuator = spec.add_actuator(target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        actuator.set_to_velocity(kv=inertia / PERIOD)
+    for body in spec.bodies[1:]:
+        body.gravcomp = 1.0
+    for equality in spec.equalities:
+        equality.solref, equality.solimp[:2] = [solref, 1.0], impedance
+    model = spec.compile()
+    data, places = mujoco.MjData(model), []
+    data.qpos[:] = run["qpos"][0]
+    for rates in run["qdot_cmd"]:
+        places.append(np.array(data.qpos))
+        data.ctrl[:] = rates
+        mujoco.mj_step(model, data)
+    return np.array(places)
+
+
+def test_servos_are_a_plain_loop_over_mujoco_with_one_solution_for_servos_and_equalities(write):
+    """Equal to rounding that servos forget; with the inertia of servos beside the equalities, followers slip by 0.07 rad."""
+    prepared, run = ran(write(**ARMS["desktop"]), "servo")
+    discrete, fast = mujoco.mjtIntegrator.mjINT_DISCRETE, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    assert_allclose(plain(prepared, run, discrete, 2.0 * PERIOD, 0.9999), run["qpos"], rtol=0, atol=1e-9)
+    slipped = gap(prepared.arm.model, plain(prepared, run, fast, 0.02, (0.9, 0.95)))
+    assert slipped.max() > 0.05
+
+
+@pytest.mark.parametrize("kv", [1.0, 1e3, 1e7])
+def test_no_gain_is_too_stiff_for_the_equalities(write, kv):
+    _, run = ran(write(**ARMS["desktop"]), "servo", kv=kv)
+    assert error(run) < 1e-3 and run["slip"].max() < 1e-6
+    assert np.abs(np.diff(run["qdot"], axis=0)).max() < 0.01  # no chatter
+
+
+def test_a_soft_equality_of_the_author_slips_in_his_own_physics_and_is_told(write):
+    """τ/k of a spring: its followers give way to the weight, which no gravity compensation carries."""
+    about = ARMS["desktop"] | {"softness": 'solref="0.1 1"', "more": f"<actuator>{drives('motor')}</actuator>"}
+    prepared, run = ran(write(**about), "model", gravity_compensation=False)
+    slip = gap(prepared.arm.model, run["qpos"])
+    assert_allclose(run["slip"], slip, atol=1e-15)
+    assert slip.max() > 2e-3
+    np.testing.assert_array_equal((run["status"] & Status.SLIPPED) != 0, slip > 1e-3)
+    card = scorecard(run)
+    assert card["slip.max"].value == run["slip"].max()
+    assert run["time"][run["slip"].argmax()] == card["slip.max_time"].value
+    assert card["status_time.SLIPPED"].value == pytest.approx(PERIOD * (slip > 1e-3).sum())
+    (line,) = loads.told(card, ())
+    assert "SLIPPED" in line and "solref" in line and f"{slip.max():.3g}" in line
+    assert not list(loads.told(card, ["slip.max"]))
+    stiff = about | {"softness": ""}  # where he wrote none
+    _, run = ran(write(**stiff), "model", gravity_compensation=False)
+    assert run["slip"].max() < 1e-5 and not list(loads.told(scorecard(run), ()))
+
+
+def test_what_holds_followers_is_told_where_the_author_had_it_otherwise(write):
+    soft = ARMS["desktop"] | {"softness": 'solref="0.1 1"', "more": '<option integrator="implicitfast"/>'}
+    assumed = {one.text: one.is_otherwise for one in ran(write(**soft), "servo")[0].assumed}
+    assert assumed["integrator discrete instead of the model's implicitfast"]
+    assert assumed["equalities of followers as stiff as the timestep bears, instead of the model's"]
+    assumed = {one.text: one.is_otherwise for one in ran(write(**ARMS["desktop"]), "servo")[0].assumed}
+    assert assumed["integrator discrete instead of the model's Euler"] is False
+    assert assumed["equalities of followers as stiff as the timestep bears, instead of the model's"] is False
