@@ -76,6 +76,10 @@ def plain_loop(prepared, done, ctrl, act=0.0):
         servo = spec.add_actuator(name=f"own:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_velocity(kv=kv)
     spec.option.timestep, spec.option.integrator = TIMESTEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    if arm.followers:
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    for equality in (one for one in spec.equalities if one.name1 in [each.name for each in arm.followers]):
+        equality.solref, equality.solimp[:2] = [0.1 * TIMESTEP, 1.0], 0.9999
     own = [body for body in spec.bodies if any(joint.name in arm.joints for joint in body.joints)]
     for body in [*own, *(one for link in own for one in link.find_all("body"))]:
         body.gravcomp = float(plant.is_compensated and not body.name.startswith("rope"))

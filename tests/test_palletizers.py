@@ -35,11 +35,12 @@ def palletizer(size, mass, wrist, rules=((0.0, -1.0), (0.1, -1.0)), softness="",
         finger: An equality of it.
         more: More of the model.
     """
-    inertia, small = 0.002 * mass * size**2, f'mass="{wrist[0]}" diaginertia="{wrist[1]} {wrist[1]} {wrist[1]}"'
-    big = f'diaginertia="{inertia} {inertia} {inertia}"'
-    first, second = (
-        f'polycoef="{offset} {ratio} 0 0 0" {softness}' for offset, ratio in rules
+    inertia, small = (
+        0.002 * mass * size**2,
+        f'mass="{wrist[0]}" diaginertia="{wrist[1]} {wrist[1]} {wrist[1]}"',
     )
+    big = f'diaginertia="{inertia} {inertia} {inertia}"'
+    first, second = (f'polycoef="{offset} {ratio} 0 0 0" {softness}' for offset, ratio in rules)
     return f"""<mujoco><compiler angle="radian"/><default><geom contype="0" conaffinity="0"/></default><worldbody>
 <body pos="0 0 .1"><joint name="q1" axis="0 0 1"/><inertial pos="0 0 .05" mass="{mass}" {big}/>
 <body><joint name="q2" axis="0 1 0"/><inertial pos="0 0 {0.07 * size}" mass="{0.4 * mass}" {big}/>
@@ -115,7 +116,11 @@ def test_it_keeps_its_path_as_the_ideal_arm_does_on_every_plant(write, about):
         drives("motor"): 1e-4, drives("velocity", f'kv="{5.0 * inertia}"'): 4e-4,
         drives("position", f'kp="{2000.0 * inertia}" dampratio="1"'): 4e-4,
     }  # fmt: skip
-    plants = [("servo", "", 1e-4), ("torque", "", 1e-4), *(("model", element, most) for element, most in own.items())]
+    plants = [
+        ("servo", "", 1e-4),
+        ("torque", "", 1e-4),
+        *(("model", element, most) for element, most in own.items()),
+    ]
     if "softness" in about:  # on the author's own plant what he wrote stays: see below
         plants = plants[:2]
     for kind, element, most in plants:
@@ -123,8 +128,7 @@ def test_it_keeps_its_path_as_the_ideal_arm_does_on_every_plant(write, about):
         prepared, run = ran(path, kind, gravity_compensation=True)
         assert error(run) - error(ideal) < most, (kind, element)
         assert_allclose(run["slip"], gap(prepared.arm.model, run["qpos"]), atol=1e-15)
-        # a light wrist is held as softly as it is light; see MOST_SLIP of `rmrc.simulation.ticks`
-        assert run["slip"].max() < 2e-5
+        assert run["slip"].max() < 2e-6
         assert not (run["status"] & (Status.SLIPPED | Status.RATE_LIMITED)).any()
         assert np.abs(run["qdot"] - ideal["qdot"]).max() < 0.05
 
@@ -164,7 +168,7 @@ def test_servos_are_a_plain_loop_over_mujoco_with_one_solution_for_servos_and_eq
     """Equal to rounding that servos forget; with the inertia of servos beside the equalities, followers slip by 0.07 rad."""
     prepared, run = ran(write(**ARMS["desktop"]), "servo")
     discrete, fast = mujoco.mjtIntegrator.mjINT_DISCRETE, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    assert_allclose(plain(prepared, run, discrete, 2.0 * PERIOD, 0.9999), run["qpos"], rtol=0, atol=1e-9)
+    assert_allclose(plain(prepared, run, discrete, 0.1 * PERIOD, 0.9999), run["qpos"], rtol=0, atol=1e-9)
     slipped = gap(prepared.arm.model, plain(prepared, run, fast, 0.02, (0.9, 0.95)))
     assert slipped.max() > 0.05
 
@@ -172,13 +176,16 @@ def test_servos_are_a_plain_loop_over_mujoco_with_one_solution_for_servos_and_eq
 @pytest.mark.parametrize("kv", [1.0, 1e3, 1e7])
 def test_no_gain_is_too_stiff_for_the_equalities(write, kv):
     _, run = ran(write(**ARMS["desktop"]), "servo", kv=kv)
-    assert error(run) < 1e-3 and run["slip"].max() < 1e-6
+    assert error(run) < 1e-3 and run["slip"].max() < 1e-7
     assert np.abs(np.diff(run["qdot"], axis=0)).max() < 0.01  # no chatter
 
 
 def test_a_soft_equality_of_the_author_slips_in_his_own_physics_and_is_told(write):
     """τ/k of a spring: its followers give way to the weight, which no gravity compensation carries."""
-    about = ARMS["desktop"] | {"softness": 'solref="0.1 1"', "more": f"<actuator>{drives('motor')}</actuator>"}
+    about = ARMS["desktop"] | {
+        "softness": 'solref="0.1 1"',
+        "more": f"<actuator>{drives('motor')}</actuator>",
+    }
     prepared, run = ran(write(**about), "model", gravity_compensation=False)
     slip = gap(prepared.arm.model, run["qpos"])
     assert_allclose(run["slip"], slip, atol=1e-15)
@@ -193,7 +200,7 @@ def test_a_soft_equality_of_the_author_slips_in_his_own_physics_and_is_told(writ
     assert not list(loads.told(card, ["slip.max"]))
     stiff = about | {"softness": ""}  # where he wrote none
     _, run = ran(write(**stiff), "model", gravity_compensation=False)
-    assert run["slip"].max() < 1e-5 and not list(loads.told(scorecard(run), ()))
+    assert run["slip"].max() < 1e-6 and not list(loads.told(scorecard(run), ()))
 
 
 def test_what_holds_followers_is_told_where_the_author_had_it_otherwise(write):

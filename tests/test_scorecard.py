@@ -420,6 +420,7 @@ def test_figures_of_a_planar_arm_are_these():
     expected |= {"profile.refused", *(f"profile.first_{s}" for s in first)}
     expected |= {f"contact.{s}" for s in ("time", "first_time", "first_bodies")}
     expected |= {f"torque_limited.{s}" for s in ("time", "first_time", "first_joint")}
+    expected |= {"slip.max", "slip.max_time"}
     errors = ("position_error", "position_error_along", "position_error_across", "secondary_error")
     expected |= {f"{g}.{s}" for g in errors for s in ("rms", "max", "max_time", "end")}
     expected |= {"return.joint_change", "return.change_joint"}
@@ -674,7 +675,7 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "joint_rate, joint_rate_cmd, joint_rate_plain, joint_acceleration, joint_acceleration_cmd, "
         "joint_jerk_cmd, chatter, chatter_joint, tau, tau_total, position_error, "
         "position_error_along, position_error_across, secondary_error, return, sigma, condition, manipulability, damping, path_rate, "
-        "secondary_sigma, status_time, stuck, contact, torque_limited, profile, duration, ticks, completed, wall_time, speed"
+        "secondary_sigma, status_time, stuck, contact, slip, torque_limited, profile, duration, ticks, completed, wall_time, speed"
     )
     reasons = {
         "joint_rate.peek": '… metric … "joint_rate.peak"…',

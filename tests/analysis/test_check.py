@@ -74,6 +74,7 @@ FAULTS = {
     "torque-limit-missing": {"actuator": NO_LIMITS},
     "motion-contact": {"extra": ball(0.001)},
     "torque-saturated": {"actuator": SOUND["actuator"].replace("-200 200", "-.01 .01")},
+    "spring-load": {"third": 'axis="0 1 0" range="-2.5 2.5" stiffness="5"'},
     "range-missing": {"first": 'axis="0 0 1" range="-3 3" limited="false"'},
     "no-home": {"home": ""},
     "frame": {"more": '<site name="other"/>'},
@@ -82,7 +83,7 @@ FAULTS = {
     "joint-other": {"extra": '<body name="thing" pos="3 3 3"><freejoint name="float"/><geom size=".1"/></body>'},
 }  # fmt: skip
 # What is found in a second of motion, most of the time of a check; the others are found without.
-MOVED = {"diverged", "motion-contact", "torque-saturated"}
+MOVED = {"diverged", "motion-contact", "torque-saturated", "spring-load"}
 ALWAYS = {"acceleration-limit", "actuator-replaced", "axes"}
 
 

@@ -27,8 +27,9 @@ _MOST = 8
 
 # MuJoCo's own softness of an equality: solref and solimp where its author wrote none.
 UNSAID = (0.02, 1.0, 0.9, 0.95, 0.001, 0.5, 2.0)
-# The time constant of a stiff one [timestep], and its impedance, the largest that MuJoCo takes.
-_STEPS, _IMPEDANCE = 2.0, 0.9999
+# The time constant of a stiff one [timestep], of which the integrator `discrete` bears any: with this one, a
+# gap is gone after a step. And its impedance, the largest that MuJoCo takes.
+_STEPS, _IMPEDANCE = 0.1, 0.9999
 
 
 @dataclass(frozen=True, eq=False)

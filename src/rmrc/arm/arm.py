@@ -444,7 +444,7 @@ class Arm:
         return not is_off and any(np.any(stiffness) for stiffness in springs)
 
     def most_spring_torques(self, q: Array) -> Array:
-        """Return the largest actuator loads from springs, (n,), at q and with one joint at an end of its range.
+        """Return the largest actuator loads from springs, (n,), at q and with a joint at an end of its range.
 
         The range of a joint without limits is half a turn, or π meters, to either side.
         """

@@ -1,4 +1,4 @@
-"""Loads on an arm that may be unintended, one line each: contact, actuators at their limits, followers that slip."""
+"""Loads on an arm that may be unintended, one line each: contact, actuators at their limits, slips."""
 
 from collections.abc import Collection, Iterator
 

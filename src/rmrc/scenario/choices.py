@@ -644,7 +644,8 @@ SERVO = Plant(
             None, "N·m·s/rad or N·s/m", null=math.nan, kind="each",
         ),
     ),
-    equation="torque = kv · (qdot_cmd − qdot), plus the joint's resistance at qdot_cmd, in MuJoCo's physics",
+    equation="torque = kv · (qdot_cmd − qdot), plus the joint's resistance at qdot_cmd and the load "
+    "of its springs, in MuJoCo's physics",
     others="velocity velocity_servo rate_servo dynamics dynamic actuator pd p mujoco physics",
 )  # fmt: skip
 BANDWIDTH = Parameter(

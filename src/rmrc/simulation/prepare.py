@@ -138,9 +138,9 @@ class Prepared:
         if not arm.has_springs:
             return ""
         q = self.qpos[arm.wiring.qpos]
-        start, most = arm.rest_torques(q)[1], arm.most_spring_torques(q)
+        start, most = np.abs(arm.rest_torques(q)[1]), arm.most_spring_torques(q)
         parts = [
-            f"{joint} {abs(start[j]):.3g} {'N' if arm.is_slide[j] else 'N·m'} at the start, up to {most[j]:.3g}"
+            f"{joint} {start[j]:.3g} {'N' if arm.is_slide[j] else 'N·m'} at the start, up to {most[j]:.3g}"
             for j, joint in enumerate(arm.joints)
             if most[j] and not self.plant.carries_springs[j]
         ]

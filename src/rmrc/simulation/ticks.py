@@ -24,8 +24,8 @@ LARGEST = 1e10
 # An actuator is at its limit when it gives all of it, up to the rounding of a gear.
 AT_LIMIT = 1.0 - 1e-9
 TORQUE_LIMITED, SLIPPED = int(Status.TORQUE_LIMITED), int(Status.SLIPPED)
-# A follower that is further from its equality [rad or m] moves a tip at a meter from it by a millimeter. Those
-# of stiff equalities stay within a hundredth of it, or with links of grams under their weight a fifth.
+# A follower that is further from its equality [rad or m] moves a tip at a meter from it by a millimeter.
+# Stiff equalities give way by less than a twentieth of it, even under the weight of links of grams.
 MOST_SLIP = 1e-3
 # Results of a check of finite numbers.
 ALL_FINE, OTHER_JOINT = -2, -1
@@ -142,7 +142,7 @@ def believe(world: Record) -> None:
 
 @compiled
 def read_loads(world: Record) -> None:
-    """Read gravity compensation and the slip of followers, and add TORQUE_LIMITED and SLIPPED to the status."""
+    """Read gravity compensation and slip of followers; add TORQUE_LIMITED and SLIPPED to the status."""
     engine, plant, tick = world.engine, world.plant, world.tick
     compensation = at(engine.qfrc_gravcomp, engine.nv)
     for j in range(world.n):

@@ -95,7 +95,8 @@ def _motion(
     looked = run["qpos"][:: max(1, len(run) // LOOKS)]
     met = contacts(arm, looked[np.isfinite(looked).all(axis=1)])
     new = tuple(contact for contact in met if contact.is_moved and contact.geoms not in touching)
-    return Motion(plant, "", scorecard(run), _divergence(run), new, simulation.warnings()[0], prepared.springs)
+    (warnings,) = simulation.warnings()
+    return Motion(plant, "", scorecard(run), _divergence(run), new, warnings, prepared.springs)
 
 
 def _divergence(run: Run) -> str:

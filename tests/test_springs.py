@@ -1,0 +1,147 @@
+"""Springs of joints: the actuators carry them, as they carry weight, or it is told which ones they do not.
+
+The oracles are the springs as they are written, and a plain loop over MuJoCo that cancels `qfrc_spring`.
+"""
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import rmrc
+from rmrc.scenario import Scenario
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+
+PERIOD = 0.001
+# A slide under a hinge, which an arm of two joints moves in a plane; a third joint follows the hinge.
+ARM = """<mujoco><compiler angle="radian"/><default><geom contype="0" conaffinity="0" type="capsule" size=".03"/></default>
+<worldbody><body pos="0 0 .5"><joint name="slide" type="slide" axis="1 0 0" range="-.3 .3" {slide}/>
+<geom fromto="0 0 0 .2 0 0" mass="2"/><body><joint name="hinge" axis="0 1 0" range="-2 2" {hinge}/>
+<geom fromto="0 0 0 .4 0 0" mass="1"/><site name="tip" pos=".4 0 0"/>
+<body pos=".2 0 0"><joint name="side" axis="0 1 0" {side}/><geom fromto="0 0 0 0 .1 0" mass=".2"/></body></body></body>
+</worldbody>{tendon}<equality><joint joint1="side" joint2="hinge" polycoef=".1 -2 0 0 0"/></equality>{more}
+<keyframe><key name="home" qpos=".05 -.6 1.3"/></keyframe></mujoco>"""
+SLIDE, HINGE, SIDE = 0.05, -0.6, 1.3  # where they start
+TENDON = """<tendon><fixed stiffness="300" springlength=".1"><joint joint="slide" coef="1"/>
+<joint joint="hinge" coef=".5"/></fixed></tendon>"""
+# What is written, and the torques at the start by hand: −stiffness · (q − springref), with polynomials of MuJoCo 4.
+# The follower's counts −2 times at the hinge; the tendon's force acts with the coefficients.
+SPRINGS = {
+    "slide": ({"slide": 'stiffness="500" springref=".2"'}, (500.0 * (SLIDE - 0.2), 0.0)),
+    "hinge": ({"hinge": 'stiffness="40" springref=".5"'}, (0.0, 40.0 * (HINGE - 0.5))),
+    "follower": ({"side": 'stiffness="30" springref=".3"'}, (0.0, -2.0 * 30.0 * (SIDE - 0.3))),
+    "polynomial": (
+        {"hinge": 'stiffness="40 8 20" springref=".5"'},
+        (0.0, 40.0 * (HINGE - 0.5) + 8.0 * (HINGE - 0.5) ** 2 + 20.0 * (HINGE - 0.5) ** 3),
+    ),
+    "tendon": ({"tendon": TENDON}, tuple(c * 300.0 * (SLIDE + 0.5 * HINGE - 0.1) for c in (1.0, 0.5))),
+}
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(**parts):
+        text = ARM.format_map(dict.fromkeys(("slide", "hinge", "side", "tendon", "more"), "") | parts)
+        (tmp_path / "arm.xml").write_text(text)
+        return tmp_path / "arm.xml"
+
+    return write
+
+
+def ran(path, kind, by=(0.06, 0.0, -0.05), period=PERIOD, **plant):
+    """Return a world, and what it did: a move of the tip, if any, and a pause."""
+    move = ({"line": {"by": by}},) if any(by) else ()
+    prepared = prepare(Scenario.model_validate({
+        "name": "springs", "arm": {"model": path, "site": "tip"}, "task": {"axes": ("x", "z")},
+        "control": {"period": period, "feedback": 10.0, "inverse": {"method": "inverse"}},
+        "target": {"path": (*move, {"hold": {"for": 0.1}}), "limits": {"velocity": 0.1, "acceleration": 0.5, "jerk": 5.0}},
+        "plant": {"kind": kind, **plant},
+    }))  # fmt: skip
+    (run,) = Simulation([prepared]).run()
+    assert run.divergence is None and run.is_complete
+    return prepared, run
+
+
+def error(run):
+    return np.abs(run["pose_error"][:, [0, 2]]).max()
+
+
+@pytest.mark.parametrize("name", SPRINGS)
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+def test_an_arm_at_rest_gives_what_its_springs_take_and_stays(write, kind, name):
+    parts, torques = SPRINGS[name]
+    prepared, run = ran(write(**parts), kind, by=(0.0, 0.0, 0.0))
+    # the equality gives way to the follower's spring by 5e-5 rad
+    assert_allclose(run["tau"][-1], torques, rtol=0, atol=1e-4 * max(map(abs, torques)))
+    assert_allclose(run["q"], np.broadcast_to([SLIDE, HINGE], run["q"].shape), rtol=0, atol=1e-6)
+    assert not any("spring" in one.text for one in prepared.assumed)
+    if kind == "servo":  # negative control
+        prepared, run = ran(
+            write(**parts), kind, by=(0.0, 0.0, 0.0), gravity_compensation=False, gravity=(0.0, 0.0, 0.0)
+        )
+        assert np.abs(run["q"][-1] - [SLIDE, HINGE]).max() > 1e-4
+        told = prepared.springs
+        assert told in [one.text for one in prepared.assumed if one.is_otherwise]
+        moved = [joint for joint, torque in zip(prepared.arm.joints, torques, strict=True) if torque]
+        assert re.findall("slide|hinge", told) == moved
+        for torque in filter(None, torques):
+            assert f"{abs(torque):.3g} N" in told
+
+
+@pytest.mark.parametrize("name", SPRINGS)
+@pytest.mark.parametrize(("kind", "period"), [("servo", PERIOD), ("torque", PERIOD), ("servo", 0.01)])
+def test_an_arm_with_springs_moves_as_if_it_had_none(write, kind, period, name):
+    errors = [error(ran(write(**parts), kind, period=period)[1]) for parts in ({}, SPRINGS[name][0])]
+    # the torque is that of the tick's beginning, and the spring changes by stiffness · rate · period
+    assert errors[1] < 1.3 * errors[0] + 3e-2 * period
+
+
+@pytest.mark.parametrize("name", ["slide", "hinge", "polynomial"])
+def test_servos_are_a_plain_loop_that_cancels_the_springs(write, name):
+    prepared, run = ran(write(**SPRINGS[name][0]), "servo")
+    model = prepared.plant.own_model()
+    data, wiring = mujoco.MjData(model), prepared.arm.wire(model)
+    data.qpos[:] = run["qpos"][0]
+    for t, rates in enumerate(run["qdot_cmd"]):
+        mujoco.mj_step1(model, data)
+        # rounding that servos forget
+        assert_allclose(data.qpos, run["qpos"][t], rtol=0, atol=1e-9)
+        data.ctrl[:], data.qfrc_applied[wiring.dof] = rates, -data.qfrc_spring[wiring.dof]
+        mujoco.mj_step2(model, data)
+
+
+VELOCITY, POSITION = '<velocity joint="{}" kv="300"/>', '<position joint="{}" kp="5000" dampratio="1"/>'
+MOTOR = '<motor joint="{}"/>'
+
+
+@pytest.mark.parametrize(
+    ("slide", "hinge", "joints"),
+    [
+        (VELOCITY, VELOCITY, ["slide", "hinge"]),
+        (POSITION, POSITION, ["slide", "hinge"]),
+        (MOTOR, VELOCITY, ["hinge"]),
+        (MOTOR, MOTOR, []),
+    ],
+)
+def test_springs_that_no_drive_of_the_author_carries_are_told(write, slide, hinge, joints):
+    drives = f"<actuator>{slide.format('slide')}{hinge.format('hinge')}</actuator>"
+    path = write(**SPRINGS["slide"][0], **SPRINGS["hinge"][0], more=drives)
+    prepared, run = ran(path, "model", gravity_compensation=True)
+    assert re.findall("slide|hinge", prepared.springs) == joints
+    if joints:  # from its reference at 0.5 to the far end of its range
+        assert "hinge 44 N·m at the start, up to 100" in prepared.springs
+    else:
+        assert error(run) < 1e-3
+    found = [one for one in rmrc.check(path).findings if one.code == "spring-load"]
+    assert len(found) == bool(joints) and all("model plant" in one.text and one.way for one in found)
+
+
+def test_an_arm_without_springs_says_nothing_of_them(write):
+    for kind in ("ideal", "servo", "torque"):
+        assert (
+            ran(write(), kind, by=(0.0, 0.0, 0.0), gravity_compensation=kind == "torque" or None)[0].springs
+            == ""
+        )
