@@ -274,7 +274,8 @@ class NumpyLoop:
         M = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.known, known, M)
         qddot = (cmd - self.told) / self.scenario.control.period
-        qddot = qddot + self.scenario.plant.bandwidth * (cmd - qdot)
+        fastest = min(500.0, 1.0 / self.scenario.control.period)
+        qddot = qddot + (self.scenario.plant.bandwidth or fastest) * (cmd - qdot)
         bias = known.qfrc_bias - known.qfrc_passive
         tau = M[np.ix_(self.dof, self.dof)] @ qddot + bias[self.dof]
         if self.scenario.plant.friction_compensation:
@@ -785,7 +786,8 @@ def quat_of(matrix):
 def error_parts(error, jacobian, rows, weights, length, joint_scale):
     """Return the parts of an error along the direction that an arm is losing, and across it, six rows each.
 
-    By numpy's decomposition and a least-squares fit, and nothing of the law's records.
+    The direction is the force and torque that cost the least joint torques for their scaled size. By numpy's
+    decomposition and a least-squares fit for the rows of each unit, and nothing of the law's records.
 
     Args:
         error: Six rows [m, rad].
@@ -795,10 +797,12 @@ def error_parts(error, jacobian, rows, weights, length, joint_scale):
         length: Characteristic length [m].
         joint_scale: (n,).
     """
-    scale = np.diag(np.sqrt(weights) / np.where(np.array(rows) < 3, length, 1.0))
-    u = np.linalg.svd(scale @ jacobian[rows] * joint_scale, full_matrices=False)[0][:, -1:]
-    share = np.linalg.lstsq(u, scale @ error[rows], rcond=None)[0]
-    along, across = np.zeros(6), np.zeros(6)
-    along[rows] = np.linalg.solve(scale, u @ share)
-    across[rows] = error[rows] - along[rows]
+    rows = np.array(rows)
+    scale = np.diag(np.sqrt(weights) / np.where(rows < 3, length, 1.0))
+    lost, along, across = np.zeros(6), np.zeros(6), np.zeros(6)
+    lost[rows] = scale @ np.linalg.svd(scale @ jacobian[rows] * joint_scale, full_matrices=False)[0][:, -1]
+    for some in (rows[rows < 3], rows[rows >= 3]):
+        share = np.linalg.lstsq(lost[some, None], error[some], rcond=None)[0]
+        along[some] = lost[some, None] @ share
+        across[some] = error[some] - along[some]
     return along, across

@@ -218,7 +218,7 @@ def test_computed_torque_bears_followers_too(model):
     """tau = Fᵀ (M F q̈ + bias − passive) of the author's model where the run was, with nothing compensated."""
     prepared, run = ran(model, "torque", MOVES[model], gravity_compensation=False)
     arm, F, data = prepared.arm, moved(prepared.arm), mujoco.MjData(prepared.arm.model)
-    bandwidth = prepared.scenario.plant.bandwidth
+    bandwidth = prepared.plant.bandwidth
     both = []
     for t in range(1, len(run) - 1, 29):
         data.qpos[:], data.qvel[:] = run["qpos"][t], F @ run["qdot"][t]

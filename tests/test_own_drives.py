@@ -94,9 +94,7 @@ class Loop:
         """Return computed torque [Luh80]."""
         M = np.zeros((2, 2))
         mujoco.mj_fullM(self.model, self.data, M)
-        qddot = (rates - self.before) / self.period + self.prepared.scenario.plant.bandwidth * (
-            rates - self.data.qvel
-        )
+        qddot = (rates - self.before) / self.period + self.prepared.plant.bandwidth * (rates - self.data.qvel)
         return M @ qddot + self.load()
 
     def stretch(self, *sites):

@@ -87,9 +87,7 @@ def test_computed_torque_gives_the_acceleration_that_it_wants(wheel, joint, step
     """
     prepared, done = turning(wheel(joint), "torque", timestep=PERIOD / steps)
     sent, qdot = done["qdot_cmd"][:, 0], done["qdot"][:, 0]
-    wanted = (sent - np.concatenate([[0.0], sent[:-1]])) + PERIOD * prepared.scenario.plant.bandwidth * (
-        sent - qdot
-    )
+    wanted = (sent - np.concatenate([[0.0], sent[:-1]])) + PERIOD * prepared.plant.bandwidth * (sent - qdot)
     exact = (steps == 1 and joint != DRAG) or joint == DAMPED
     assert_allclose(np.diff(qdot), wanted[:-1], rtol=0, atol=1e-9 if exact else 1e-4)
     assert np.abs(wanted).max() > 1e-3
@@ -158,7 +156,7 @@ def test_computed_torque_beside_joints_that_give_way_gives_the_acceleration_that
     assert done.divergence is None and done.is_complete
     sent, qdot = done["qdot_cmd"], done["qdot"]
     before = np.vstack([np.zeros(2), sent[:-1]])
-    wanted = sent - before + PERIOD * prepared.scenario.plant.bandwidth * (sent - qdot)
+    wanted = sent - before + PERIOD * prepared.plant.bandwidth * (sent - qdot)
     assert_allclose(np.diff(qdot, axis=0), wanted[:-1], rtol=0, atol=1e-9)
     others = np.ptp(np.delete(done["qpos"], prepared.arm.wiring.qpos, axis=1), axis=0)
     assert others.min() > 0.01  # or there was nothing to feel

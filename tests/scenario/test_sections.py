@@ -1,6 +1,7 @@
 import json
 import math
 import pickle
+import re
 from pathlib import Path
 
 import pytest
@@ -32,7 +33,7 @@ def test_the_defaults_are_those_of_the_contract():
     assert (scenario.control.period, scenario.control.feedback) == (0.001, 20.0)
     assert scenario.control.inverse.method == "damped"
     assert (scenario.control.inverse.damping.maximum, scenario.control.inverse.damping.below) == (0.1, 0.3)
-    assert (scenario.plant.kind, scenario.plant.kv, scenario.plant.step) == ("servo", None, 0.001)
+    assert (scenario.plant.kind, scenario.plant.kv, scenario.plant.timestep) == ("servo", None, None)
     assert scenario.expect == {}
 
 
@@ -89,8 +90,41 @@ def test_a_period_of_whole_steps_is_accepted_and_an_ideal_plant_has_no_steps(per
 @pytest.mark.parametrize(("period", "timestep"), [("1.0e+300", "1.0e-300"), ("1.0e-300", "1.0e+300")])
 def test_a_period_of_no_or_of_uncountable_steps_is_refused(period, timestep):
     assert problems(MINIMAL, f"control.period={period}", f"plant.timestep={timestep}") == [
-        says(f"--set control.period: … plant.timestep … {float(period)} and {float(timestep)}")
+        says(f"--set control.period: … plant.timestep … {float(period)} and {float(timestep)} …")
     ]
+
+
+@pytest.mark.parametrize(
+    ("period", "timestep", "nearest"),
+    [
+        ("0.0333", "0.001", (0.0333 / 33, 0.033)),
+        ("0.001", "0.002", (0.001, 0.002)),
+        ("0.01", "0.0035", (0.01 / 3, 0.0105)),
+    ],
+)
+def test_a_period_that_no_step_divides_is_refused_with_the_nearest_numbers_which_are_accepted(
+    period, timestep, nearest
+):
+    (line,) = problems(MINIMAL, f"control.period={period}", f"plant.timestep={timestep}")
+    written = re.search(r"write plant.timestep: (\S+), control.period: (\S+), or plant.timestep: null", line)
+    assert list(map(float, written.groups())) == pytest.approx(nearest, rel=1e-11)  # of twelve digits
+    for one in ((period, written[1]), (written[2], timestep), (period, "null")):
+        loads(MINIMAL, overrides=[f"control.period={one[0]}", f"plant.timestep={one[1]}"])
+
+
+@pytest.mark.parametrize(
+    ("text", "period"),
+    [("30 Hz", 1 / 30), ("62.5Hz", 0.016), ("1/240", 1 / 240), ("1 / 300 s", 1 / 300), ("2.0e+2 Hz", 0.005)],
+)
+def test_a_period_may_be_written_as_a_rate(text, period):
+    assert loads(MINIMAL, overrides=[f"control.period={text}"]).control.period == period
+    assert loads(MINIMAL).set({"control.period": text}).control.period == period
+
+
+@pytest.mark.parametrize("text", ["0 Hz", "-30 Hz", "30 hertz", "1/0", "2/60", "30 ms"])
+def test_a_text_that_is_no_rate_is_no_period(text):
+    (line,) = problems(MINIMAL, f"control.period={text}")
+    assert line == says(f'--set control.period: must be a number … "{text}" …')
 
 
 # Round trip --------------------------------------------------------------------------------------
@@ -229,7 +263,7 @@ target:
 plant:
   kind: servo
   kv: null
-  bandwidth: 500.0
+  bandwidth: null
   timestep: null
   gravity_compensation: null
   friction_compensation: true

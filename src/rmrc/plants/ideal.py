@@ -8,6 +8,7 @@ import numpy as np
 from rmrc.law.compiling import Method, Record
 from rmrc.plants.fields import qpos_of
 from rmrc.plants.plant import Plant
+from rmrc.scenario.sections import TIMESTEP
 
 
 @Method
@@ -50,4 +51,4 @@ class Ideal(Plant):
 
     def model(self) -> mujoco.MjModel:
         """Return a model without actuators of the arm; its dynamics are not used."""
-        return self.arm.adapted(None, self.section.step, self.section.is_compensated)
+        return self.arm.adapted(None, TIMESTEP, self.section.is_compensated)

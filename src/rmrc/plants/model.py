@@ -24,8 +24,6 @@ RATE_LIMITED, POSITION_LIMITED = int(Status.RATE_LIMITED), int(Status.POSITION_L
 
 # Smaller shares of an actuator's largest moment, or of a joint's squared pivot, are rounding.
 _NO_MOMENT, _SINGULAR = 1e-12, 1e-18
-# Decimal fractions such as 0.003/0.001 are off by some 1e-16.
-_ROUNDING = 1e-9
 
 # An actuator in compiled code: its kind, index among actuator outputs, its control, and its activation or -1;
 # its control is scale · (length, speed or force) + offset; the ranges of its control and activation.
@@ -210,13 +208,9 @@ class Model(Physical):
     sense, obey = read_joints, drive_actuators
 
     @property
-    def timestep(self) -> float:
-        """MuJoCo's step [s]: the model's own, or the longest below it that divides the control period."""
-        if self.section.timestep is not None:
-            return float(self.section.timestep)
-        own = float(self.arm.model.opt.timestep)
-        steps = max(1, math.ceil(self.period / own * (1.0 - _ROUNDING)))
-        return own if abs(self.period - steps * own) <= _ROUNDING * self.period else self.period / steps
+    def usual_timestep(self) -> float:
+        """The model's own step [s]."""
+        return float(self.arm.model.opt.timestep)
 
     @property
     def gravity_apart(self) -> Array:
@@ -235,18 +229,11 @@ class Model(Physical):
         """The model's own actuators."""
         return "own"
 
-    def write(self, world: np.void) -> None:
-        """Write the bandwidth of motors as well."""
-        super().write(world)
-        world["plant"]["bandwidth"] = self.section.bandwidth
-
     def assumed(self) -> Iterator[Assumed]:
         """Yield a timestep and gravity compensation that differ from the model's, and idle actuators."""
-        own, drives = float(self.arm.model.opt.timestep), self.arm.drives
+        drives = self.arm.drives
         yield from self.assumed_steps()
-        if self.timestep != own:
-            why = "" if self.section.timestep else f", to divide the control period of {self.period:g} s"
-            yield Assumed(f"timestep {self.timestep:g} s instead of the model's {own:g} s{why}", True)
+        yield from self.assumed_timestep()
         yield from self.assumed_compensation()
         if drives.idle:
             yield Assumed(f"actuators of the arm keep their controls: {drives.named(drives.idle)}", True)

@@ -1,5 +1,6 @@
 """The common part of plants that MuJoCo steps: gravity, a payload, a wrench, and the actuators' sensors."""
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Any, ClassVar
@@ -16,6 +17,7 @@ from rmrc.law.kinematics import turned
 from rmrc.plants.fields import qpos_of, qvel_of
 from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.resistance import write_resistance
+from rmrc.scenario.sections import TIMESTEP
 from rmrc.support.legible import listed
 
 # Ten billion steps of MuJoCo take a day for a small arm on one core: more is an error of units.
@@ -25,6 +27,10 @@ _SHORTEST_STEP = 1e-12
 # MuJoCo's own, for a model that names none [s].
 _UNSAID_TIMESTEP, _UNSAID_INTEGRATOR = 0.002, "Euler"
 _INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
+# The largest bandwidth of motors by default [1/s].
+BANDWIDTH = 500.0
+# Decimal fractions such as 0.003/0.001 are off by some 1e-16.
+_ROUNDING = 1e-9
 
 # Flags of a model's option without which a kind of friction is absent.
 _LEFT_OUT = {
@@ -74,14 +80,29 @@ class Physical(Plant):
         """The actuators of the model that worlds share."""
 
     @property
+    def usual_timestep(self) -> float:
+        """MuJoCo's step where it divides the control period [s]."""
+        return TIMESTEP
+
+    @property
     def timestep(self) -> float:
-        """MuJoCo's step [s]."""
-        return self.section.step
+        """MuJoCo's step [s]: the scenario's, or the longest up to the usual one that divides the period."""
+        if self.section.timestep is not None:
+            return self.section.timestep
+        usual = self.usual_timestep
+        ratio = min(self.period / usual, 10.0 * MOST_STEPS)  # `excesses` refuses more
+        steps = max(1, math.ceil(ratio * (1.0 - _ROUNDING)))
+        return usual if abs(self.period - steps * usual) <= _ROUNDING * self.period else self.period / steps
 
     @property
     def substeps(self) -> int:
         """MuJoCo's steps in a control period."""
         return round(self.period / self.timestep)
+
+    @property
+    def bandwidth(self) -> float:
+        """Acceleration of motors per unit rate error [1/s], by default at most what ends it in a period."""
+        return self.section.bandwidth or min(BANDWIDTH, 1.0 / self.period)
 
     @property
     def is_loaded(self) -> bool:
@@ -122,10 +143,11 @@ class Physical(Plant):
         return fields if gravity is None else fields | {"opt.gravity": np.array(gravity)}
 
     def write(self, world: np.void) -> None:
-        """Write the wrench, the actuators' limits, and the joints whose gravity they do not compensate."""
+        """Write the wrench, limits and bandwidth, and whose gravity the actuators do not compensate."""
         n, plant = self.arm.n, world["plant"]
         plant["wrench"], plant["gravity_apart"][:n] = self.section.wrench, self.gravity_apart
         plant["substeps"], world["limits"]["torque"][:n] = self.substeps, self.arm.torque_limit
+        plant["bandwidth"] = self.bandwidth
 
     def wire(self, world: np.void, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> list[Any]:
         """Write the lever of the wrench, and the resistance of the joints."""
@@ -145,9 +167,7 @@ class Physical(Plant):
             text = f"{self.drives[0]} take the place of {kind} actuators: {listed(names)}"
             yield Assumed(text, kind != self.drives[1])
         yield from self.assumed_steps()
-        if model.opt.timestep != self.timestep:
-            text = f"timestep {self.timestep:g} s instead of the model's {model.opt.timestep:g} s"
-            yield Assumed(text, model.opt.timestep != _UNSAID_TIMESTEP)
+        yield from self.assumed_timestep(_UNSAID_TIMESTEP)
         yield from self.assumed_compensation()
 
     def assumed_steps(self) -> Iterator[Assumed]:
@@ -161,6 +181,19 @@ class Physical(Plant):
         if stiffened.any():
             text = "equalities of followers as stiff as the timestep bears, instead of the model's"
             yield Assumed(text, bool((softness[stiffened] != UNSAID).any()))
+
+    def assumed_timestep(self, unsaid: float | None = None) -> Iterator[Assumed]:
+        """Yield a step that is not the model's, or that is chosen to divide the control period.
+
+        Args:
+            unsaid: The step of a model whose author chose none; None: the author chose any.
+        """
+        step, own = self.timestep, float(self.arm.model.opt.timestep)
+        is_chosen = self.section.timestep is None and step != self.usual_timestep
+        if step != own or is_chosen:
+            instead = f" instead of the model's {own:g} s" if step != own else ""
+            why = f", to divide the control period of {self.period:g} s" if is_chosen else ""
+            yield Assumed(f"timestep {step:g} s{instead}{why}", is_chosen or own != unsaid)
 
     def assumed_compensation(self) -> Iterator[Assumed]:
         """Yield gravity compensation, if the model does not have it."""

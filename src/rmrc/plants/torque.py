@@ -176,11 +176,6 @@ class Torque(Physical):
         """A motor for each joint."""
         return Motors()
 
-    def write(self, world: np.void) -> None:
-        """Write the bandwidth as well."""
-        super().write(world)
-        world["plant"]["bandwidth"] = self.section.bandwidth
-
     def wire(self, world: np.void, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> list[Any]:
         """Write the tables of masses and of free degrees of freedom as well."""
         engine, free = world["engine"], _free(model, wiring, self.arm)

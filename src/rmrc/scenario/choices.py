@@ -183,7 +183,8 @@ PARAMETERS = (
     ),
     POSTURE := Parameter(
         "nullspace.posture",
-        "posture: desired joint positions; null: the start", None, "rad or m",
+        "posture: desired joint positions, the shorter way round for a hinge without range; null: the start",
+        None, "rad or m",
         null=math.nan, kind="positions",  # only the arm knows the start
     ),
     RATES := Parameter(
@@ -649,8 +650,11 @@ SERVO = Plant(
     others="velocity velocity_servo rate_servo dynamics dynamic actuator pd p mujoco physics",
 )  # fmt: skip
 BANDWIDTH = Parameter(
-    "bandwidth", "torque, and motors of the model: acceleration per unit rate error", 500.0, "1/s"
-)
+    "bandwidth",
+    "torque, and motors of the model: acceleration per unit rate error; null: 500, or 1/control.period if "
+    "that is less, as a larger one is unstable",
+    None, "1/s", null=math.nan,
+)  # fmt: skip
 TORQUE = Plant(
     "torque", "computed torques", "Luh80", (BANDWIDTH,),
     equation="computed torque: M (Δqdot_cmd/period + bandwidth · (qdot_cmd − qdot)) + bias + friction",

@@ -120,9 +120,7 @@ def _checked(document: Document) -> _Given:
             )
         found = _Given.model_validate(document.value, by_alias=True, by_name=False)
     except ValidationError as error:
-        plant = {"plant": {"kind": "ideal"}}  # its period fits any timestep
-        whole = Document(document.value | plant, document.sources, problems, document.hidden)
-        problems = problems + translate(error, whole)
+        problems = problems + translate(error, document)
     if problems:
         raise ScenarioError(in_order(problems))
     return found

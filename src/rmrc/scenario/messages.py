@@ -14,7 +14,7 @@ from rmrc.scenario.path import SEGMENTS
 from rmrc.scenario.reading import Document
 from rmrc.scenario.sections import ControlSection, PlantSection, Sections, uneven
 from rmrc.scenario.units import instead
-from rmrc.scenario.values import Section, is_spelled_as_number
+from rmrc.scenario.values import Section, is_spelled_as_number, seconds
 from rmrc.scenario.wording import brief, listed, show
 from rmrc.support.errors import did_you_mean
 from rmrc.support.problems import Key, Problem
@@ -49,7 +49,7 @@ def _uneven_period(document: Document, wrong: frozenset[Key]) -> list[Problem]:
         return []
     defaults = {"plant": PlantSection(), "control": ControlSection()}
     data = document.value
-    problem = uneven(*(data.get(a, {}).get(b, getattr(defaults[a], b)) for a, b in keys))
+    problem = uneven(*(seconds(data.get(a, {}).get(b, getattr(defaults[a], b))) for a, b in keys))
     return [document.sources.problem(("control", "period"), problem)] if problem else []
 
 

@@ -83,7 +83,7 @@ def _resolve(schema: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
 def _type(schema: dict[str, Any]) -> str:
     """Return the type of a value in words."""
     options = schema.get("anyOf", schema.get("oneOf"))
-    if schema.get("title", "").startswith("angle"):
+    if schema.get("title", "")[:1].islower():  # a title of our own
         return str(schema["title"])
     if options:
         return " or ".join(_type(o) for o in options if o.get("type") != "null")

@@ -45,6 +45,7 @@ from rmrc.scenario.values import (
     NotNegativeOrEach,
     Number,
     OneOrEach,
+    Period,
     Point,
     Positions,
     Positive,
@@ -63,7 +64,7 @@ from rmrc.scenario.values import (
     key,
     rule,
 )
-from rmrc.scenario.wording import show
+from rmrc.scenario.wording import inline, show
 from rmrc.support.problems import Key
 from rmrc.support.spatial import quat_from_rpy
 
@@ -429,7 +430,9 @@ class LimitsSection(Derived):
 class ControlSection(Derived):
     """The control law."""
 
-    period: Positive = key("control period: time between two ticks", 0.001, "s")
+    period: Period = key(
+        "control period: time between two ticks; or their rate, as 30 Hz or 1/30", 0.001, "s"
+    )
     state: Literal["measured", "integrated"] = key(
         "source of q in the control law: `measured` by the encoders, or `integrated` from its own "
         "commands, starting at the first reading",
@@ -515,7 +518,7 @@ class FrictionSection(Section):
     )
 
 
-# MuJoCo's step where neither the scenario nor the plant sets another [s].
+# MuJoCo's longest step where neither the scenario nor the plant sets another [s].
 TIMESTEP = 0.001
 
 
@@ -539,7 +542,7 @@ class PlantSection(_PlantKeys):
 
     timestep: Positive | None = key(
         f"{PLANTS.physical}: MuJoCo's time step; control.period is an integer multiple of it; null: "
-        f"{TIMESTEP:g}, or for {PLANTS.own} the model's step, or the next shorter one that divides "
+        f"{TIMESTEP:g}, for {PLANTS.own} the model's step, or the next shorter one that divides "
         "control.period",
         None,
         "s",
@@ -603,11 +606,6 @@ class PlantSection(_PlantKeys):
         0.0,
         "rad or m",
     )
-
-    @property
-    def step(self) -> float:
-        """MuJoCo's time step, where the model does not set it [s]."""
-        return TIMESTEP if self.timestep is None else self.timestep
 
     @property
     def is_compensated(self) -> bool:
@@ -824,16 +822,19 @@ class Sections(Section):
 
 
 def uneven(kind: str, period: float, timestep: float | None) -> str | None:
-    """Return why a control period is not a whole number of MuJoCo's steps, or None."""
-    if timestep is None and PLANTS[kind].own:
+    """Return why a control period is not a whole number of the given steps of MuJoCo, or None."""
+    if timestep is None or not PLANTS[kind].physics:
         return None
-    timestep = TIMESTEP if timestep is None else timestep
-    ratio = period / timestep
-    # 1e-9: decimal fractions such as 0.003/0.001 are off by some 1e-16, real mistakes by far more.
-    whole = 0.5 < ratio < math.inf and abs(ratio - round(ratio)) <= 1e-9 * ratio
-    if whole or not PLANTS[kind].physics:
-        return None
-    return f"must be an integer multiple of plant.timestep, got {show(period)} and {show(timestep)}"
+    ratio, way = period / timestep, "plant.timestep: null, which divides any period"
+    if ratio < math.inf:
+        steps = max(1, round(ratio))
+        # 1e-9: decimal fractions such as 0.003/0.001 are off by some 1e-16, real mistakes by far more.
+        if abs(ratio - steps) <= 1e-9 * ratio:
+            return None
+        step, multiple = (inline(float(f"{x:.12g}")) for x in (period / steps, steps * timestep))
+        way = f"plant.timestep: {step}, control.period: {multiple}, or {way}"
+    numbers = f"got {show(period)} and {show(timestep)}"
+    return f"must be an integer multiple of plant.timestep, {numbers}; write {way}"
 
 
 def listed_default(key: Key) -> list[object] | None:

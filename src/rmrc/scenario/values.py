@@ -36,6 +36,7 @@ _SHORTEST = 1e-9
 MOTIONS = (".csv", ".parquet", ".npz")
 
 _DECIMAL = rf"[-+]?{UNSIGNED}"
+_RATE = rf"\s*(?:({UNSIGNED})\s*Hz|1\s*/\s*({UNSIGNED})\s*s?)\s*"
 
 
 class Section(BaseModel):
@@ -119,6 +120,13 @@ def _radians(value: object) -> object:
         raise rule(f"{example}, got the text {show(value)}{instead(value, 'rad or m')}")
     number = float(match[1])
     return math.radians(number) if match[2] == "deg" else number
+
+
+def seconds(value: Any) -> Any:
+    """Turn `"30 Hz"` or `"1/30"` into a period [s]; leave anything else for the number check."""
+    match = re.fullmatch(_RATE, value) if isinstance(value, str) else None
+    rate = float(match[1] or match[2]) if match else 0.0
+    return 1.0 / rate if rate > 0.0 else value
 
 
 def angle(text: str) -> float:
@@ -230,6 +238,19 @@ Angle = Annotated[
         {
             "title": "angle",
             "anyOf": [{"type": "number"}, {"type": "string", "pattern": rf"^\s*{_DECIMAL}\s*(deg|rad)\s*$"}],
+        }
+    ),
+]
+Period = Annotated[
+    Positive,
+    BeforeValidator(seconds),
+    WithJsonSchema(
+        {
+            "title": "number > 0 or rate",
+            "anyOf": [
+                {"type": "number", "exclusiveMinimum": 0},
+                {"type": "string", "pattern": f"^{_RATE}$"},
+            ],
         }
     ),
 ]
