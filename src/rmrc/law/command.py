@@ -44,7 +44,7 @@ class Command:
         lost_motion: Joint motion that belongs to it, scaled, (n,).
         pose: Pose of the site, as the law sees it, [p, quat w x y z], (7,) [m, 1].
         pose_error: Error from the site to its wanted pose, [Δp; rotation vector], along the axes of the
-            task's frame, (6,) [m, rad].
+            task's frame, (6,) [m, rad]; if the site is free about one of its axes, the tilt of that axis.
     """
 
     def __init__(

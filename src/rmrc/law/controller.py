@@ -241,7 +241,8 @@ class Controller(SteppedLaw):
             frame: Frame of pose and twist: `world`; `base`, the body that carries the first joint; or
                 `site`, the site at its current pose. In `site`, pose is the remaining displacement, and twist
                 is along the site's axes.
-            q_target: Target positions of the joints, (n,) or (w, n) [rad or m].
+            q_target: Target positions of the joints, (n,) or (w, n) [rad or m]. A hinge without range takes
+                the shorter way round.
             qdot_target: Target rates of the joints, (n,) or (w, n) [rad/s or m/s].
 
         Returns:

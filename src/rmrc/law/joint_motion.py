@@ -8,6 +8,7 @@ import math
 from rmrc.law.braking import steady_stop
 from rmrc.law.compiling import Method, Record, call, compiled
 from rmrc.law.jerk import come_to_rest, ease, foresee, is_within_jerk, look_back
+from rmrc.law.kinematics import way_to
 from rmrc.law.law import aim, record_measures, scale_task, singular_status
 from rmrc.law.limits import broken, confine, exceeded, find_bounds, is_within
 from rmrc.law.sight import JACOBIAN_ALONE
@@ -91,9 +92,8 @@ def follow_joints(world: Record) -> int:
     for j in range(world.n):
         tick.qdot_cmd[j] = input_.qdot_target[j] if to_rates else 0.0
         if to_positions:
-            tick.qdot_cmd[j] += approach_rate(
-                world, j, input_.q_target[j] - world.state.q[j], world.task.feedback
-            )
+            way = way_to(world, j, input_.q_target[j])
+            tick.qdot_cmd[j] += approach_rate(world, j, way, world.task.feedback)
     tick.path_rate = 1.0
     return limit_joints(world)
 

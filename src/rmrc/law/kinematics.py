@@ -13,6 +13,8 @@ WORLD, BASE, SITE = range(3)
 
 # Squared tangents below which six terms of the series of the arc tangent are exact: the next is 2⁻⁶⁰/13.
 SERIES_BELOW = 2.0**-10
+# An angle beyond half a turn by no more than this does not wrap: rounding must not choose its sign.
+HALF_TURN = 1e-5
 
 
 @compiled
@@ -174,6 +176,18 @@ def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
         sine = math.sqrt(sine2)
         factor = 2.0 if sine == 0.0 else 2.0 * math.atan2(sine, w) / sine
     error[3], error[4], error[5] = factor * x, factor * y, factor * z
+
+
+@compiled
+def way_to(world: Record, j: int, position: float) -> float:
+    """Return the way of a joint to a position: the shorter way round where a whole turn changes nothing.
+
+    Half a turn goes upwards, whatever the number of turns and their rounding.
+    """
+    way = position - world.state.q[j]
+    if world.task.comes_round[j] != 0:
+        way -= math.tau * math.ceil((way - math.pi - HALF_TURN) / math.tau)
+    return float(way)
 
 
 @compiled

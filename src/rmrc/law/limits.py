@@ -50,11 +50,16 @@ def is_within(world: Record, rates: Array) -> bool:
 
 @compiled
 def exceeded(world: Record, rates: Array) -> int:
-    """Return the bits of the limits whose bounds are exceeded by more than rounding."""
+    """Return the bits of the limits whose bounds are exceeded by more than rounding.
+
+    A rate limit counts even where another limit gives the tighter bound.
+    """
     bounds = world.bounds
     bits = 0
     for j in range(world.n):
         slack = ROUNDING * abs(rates[j])
+        if abs(rates[j]) > world.limits.rate[j] + slack:
+            bits |= RATE_LIMITED
         if rates[j] > bounds.upper[j] + slack:
             bits |= limit_of(world, j, 1.0)
         elif rates[j] < bounds.lower[j] - slack:

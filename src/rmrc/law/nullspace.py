@@ -4,6 +4,7 @@ import math
 
 from rmrc.law.compiling import Array, Method, Record, call, compiled
 from rmrc.law.gradient import sigma_gradient
+from rmrc.law.kinematics import way_to
 from rmrc.law.metric import INERTIA, backward, times_transposed, weigh_wish
 from rmrc.law.priority import second_task
 from rmrc.law.svd import dot
@@ -11,10 +12,10 @@ from rmrc.law.svd import dot
 
 @Method
 def posture(world: Record) -> None:
-    """Write gain · (posture − q) [Liegeois77]."""
+    """Write gain · (posture − q) [Liegeois77]; a joint without range takes the shorter way round."""
     law, qdot0 = world.law, world.scratch.qdot0
     for j in range(world.n):
-        qdot0[j] = law.nullspace_gain * (law.nullspace_posture[j] - world.state.q[j])
+        qdot0[j] = law.nullspace_gain * way_to(world, j, law.nullspace_posture[j])
 
 
 @Method

@@ -59,8 +59,8 @@ def world_type(joints: int) -> np.dtype[np.void]:
     J, R = (joints,), (ROWS,)
     task = [
         # rows of the twist that count, S_x and S_q; the frame of the rows, the orientation of the base, and
-        # the axis about which the site is free, or -1
-        ("row", i, R), ("row_scale", f, R), ("joint_scale", f, J),
+        # the axis about which the site is free, or -1; the joints for which a whole turn changes nothing
+        ("row", i, R), ("row_scale", f, R), ("joint_scale", f, J), ("comes_round", i, J),
         ("frame", i), ("base_quat", f, (4,)), ("free", i), ("feedback", f), ("feedforward", f),
     ]  # fmt: skip
     second = [  # a second task: its rows, its site, the axes that move it, and its target

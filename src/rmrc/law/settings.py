@@ -104,7 +104,11 @@ class TaskLaw:
         self.task.write(world)
         world["first"]["rows"], world["period"] = world["m"], control.period
         world["task"]["feedback"], world["task"]["feedforward"] = control.feedback, control.feedforward
-        bounds["range"][:, :n] = self.task.arm.position_limit.T
+        ranges = self.task.arm.position_limit.T
+        bounds["range"][:, :n] = ranges
+        if isinstance(self.task, Task):  # joints without an arm may slide
+            is_bounded = np.isfinite([ranges, self.position_limit]).any(axis=(0, 1))
+            world["task"]["comes_round"][:n] = self.task.arm.comes_round & ~is_bounded
         bounds["rate"][:n], bounds["is_eased"] = self.rate_limit, self.is_eased
         # The limits on changes also keep them within the acceleration limit.
         bounds["acceleration"][:n] = math.inf if self.is_eased else self.acceleration_limit

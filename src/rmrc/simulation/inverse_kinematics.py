@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Arm
 from rmrc.law.compiling import Array, Method, Record, call, compiled
-from rmrc.law.kinematics import follow_chain, geometric_jacobian, pose_error
+from rmrc.law.kinematics import HALF_TURN, follow_chain, geometric_jacobian, pose_error
 from rmrc.law.metric import backward, factor, forward
 from rmrc.law.record import ROWS, copied, new_worlds
 from rmrc.law.settings import link
@@ -40,8 +40,6 @@ WELL = 1e-8
 
 # Goals that a thread takes at once: some milliseconds of work.
 SHARE = 32
-# An angle beyond half a turn by no more than this does not wrap: rounding must not choose its sign.
-HALF_TURN = 1e-5
 
 
 def search_type(joints: int) -> np.dtype[np.void]:
