@@ -476,3 +476,41 @@ def test_none_limits_nothing(simulate):
         assert_array_equal(run["qdot_cmd"], loose["qdot_cmd"])
         assert_array_equal(run["status"] & ALL, 0)
         assert outside(prepared, run) > 0.01 and np.abs(run["qdot_cmd"]).max() > 0.5
+
+
+# The request ----------------------------------------------------------------------------------------------------
+
+BESIDE = {
+    "rate alone": {}, "acceleration": {"acceleration": 4.0}, "jerk": {"acceleration": 8.0, "jerk": 400.0},
+    "position": {"position": True, "braking": 0.5},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("on_excess", [*LIMITING, "none"])
+@pytest.mark.parametrize("beside", BESIDE)
+def test_a_request_beyond_a_rate_limit_is_told_whatever_limits_act(scenario, tmp_path, on_excess, beside):
+    (tmp_path / "arm.xml").write_text(random_chain(7, 5, ranges=True))
+    limits = {"rate": [0.3, 0.5, 0.4, 0.6, 0.2], "position": False, "on_excess": on_excess, **BESIDE[beside]}
+    control = {"inverse": {"method": "pseudoinverse"}, "feedback": 8.0, "limits": limits}
+    prepared = prepare(scenario(
+        f"arm.model={tmp_path}/arm.xml", "arm.start=[0.1, -0.1, 0.1, 0.1, -0.1]", "task.axes=[x, y, z]",
+        f"control={json.dumps(control)}", "plant.kind=ideal", SPEED, "target.path=[{line: {by: [0.3, -0.2, 0.2]}}]",
+    ))  # fmt: skip
+    (run,) = Simulation([prepared]).run()
+    twist = run["twist_ref"] + 8.0 * run["pose_error"]
+    J = np.array([prepared.arm.jacobian(q)[:3] for q in run["q"]])
+    asked = np.einsum("tjr,tr->tj", np.linalg.pinv(J), twist[:, :3])
+    share = np.max(np.abs(asked) / limits["rate"], axis=1)
+    is_told = (run["status"] & Status.RATE_LIMITED) != 0
+    exceeds, keeps = share > 1 + 1e-9, share < 1 - 1e-9
+    assert exceeds.any() and keeps.any()
+    if on_excess == "none":  # nothing is limited
+        assert not is_told.any()
+        return
+    assert is_told[exceeds].all()
+    if (
+        on_excess in ("scale", "clamp") and beside != "position"
+    ):  # others hold joints at their rate limits too
+        assert not is_told[keeps].any()
+    if "acceleration" in limits:  # negative control: where acceleration is the tighter limit
+        assert (exceeds & (np.abs(run["qdot_cmd"]) < 0.9 * np.array(limits["rate"])).all(axis=1)).any()

@@ -138,20 +138,28 @@ def test_error_along_and_across_split_by_the_direction_of_each_tick():
     assert got["orientation_error_along.rms"] == math.sqrt(1.5**2 / 2.0)
 
 
-def test_error_along_a_slanted_direction_is_that_of_the_scaled_rows_in_meters_and_radians():
+def test_error_along_a_slanted_direction_is_that_along_its_part_of_the_same_unit():
     slanted = {
-        "axes": ("x", "rz"),
+        "axes": ("x", "z", "rz"),
         "length": 2.0,
-        "pose_error": [[4, 0, 0, 0, 0, 1.5]],
-        "u_min": [[0.6, 0, 0, 0, 0, 0.8]],
+        "pose_error": [[4, 0, 3, 0, 0, 1.5]],
+        "u_min": [[0.36, 0, 0.48, 0, 0, 0.8]],
     }
-    # Scaled: (4/2, 1.5); along u 0.6 * 2 + 0.8 * 1.5 = 2.4, which is (1.44, 1.92): 2 * 1.44 m and 1.92 rad.
+    # The linear part is (0.6, 0.8): 0.6 * 4 + 0.8 * 3 = 4.8, of a distance of 5; the only rotation is along.
     got = values(make_run(1, **slanted))
     # A few roundings of numbers below 10.
-    assert [got[f"{name}.end"] for name in SPLIT] == pytest.approx([2.88, 1.12, 1.92, 0.42], rel=1e-14)
-    # A weight of 4 on x: (2 * 4/2, 1.5); 0.6 * 4 + 0.8 * 1.5 = 3.6, which is (2.16, 2.88), where x is as it was.
-    got = values(make_run(1, **slanted, weights=(4.0, 1.0)))
-    assert [got[f"{name}.end"] for name in SPLIT] == pytest.approx([2.16, 1.84, 2.88, 1.38], rel=1e-14)
+    assert [got[f"{name}.end"] for name in SPLIT] == pytest.approx([4.8, 1.4, 1.5, 0.0], rel=1e-14)
+    # A weight of 16/9 on x: what costs the least torque is (4/3 * 0.36, 0.48), which is (1, 1) in meters.
+    got = values(make_run(1, **slanted, weights=(16 / 9, 1.0, 1.0)))
+    wanted = [7 / math.sqrt(2), 1 / math.sqrt(2), 1.5, 0.0]
+    assert [got[f"{name}.end"] for name in SPLIT] == pytest.approx(wanted, rel=1e-14)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-17])
+def test_of_a_direction_without_linear_part_all_of_the_position_error_is_across(noise):
+    error, lost = [[4, 3, 0, 0, 0, 1.5]], [[noise, -noise, 0, 0, 0, 1]]
+    got = values(make_run(1, axes=("x", "y", "rz"), pose_error=error, u_min=lost))
+    assert [got[f"{name}.end"] for name in SPLIT] == [0.0, 5.0, 1.5, 0.0]
 
 
 def unit_vectors(size):
@@ -165,19 +173,28 @@ def unit_vectors(size):
     st.sets(st.sampled_from(range(6)), min_size=1),
     st.floats(0.01, 10.0),
 )
-def test_parts_are_the_sides_of_a_right_triangle_over_an_error_of_one_kind(error, data, rows, length):
-    # Of rows of one kind the scale is one number: along and across are at right angles unscaled as well.
-    rows = sorted(row for row in rows if (row < 3) == (min(rows) < 3))
-    kind = "position" if rows[0] < 3 else "orientation"
+def test_parts_are_the_sides_of_a_right_triangle_over_the_error(error, data, rows, length):
+    rows = sorted(rows)
     u = np.zeros(6)
     u[rows] = data.draw(unit_vectors(len(rows)))
     axes = tuple(SPACE[row] for row in rows)
     got = values(make_run(1, axes=axes, length=length, pose_error=[error], u_min=[u]))
-    total = sum(error[row] ** 2 for row in rows)
-    # Squares of up to 3 products, each rounded a few times: some 20 roundings of 1e-16.
-    sides = got[f"{kind}_error_along.end"] ** 2 + got[f"{kind}_error_across.end"] ** 2
-    assert sides == pytest.approx(total, rel=1e-14, abs=1e-26)
-    assert [name in got for name in (f"{one}.end" for one in SPLIT)].count(True) == 2
+    for kind, some in (
+        ("position", [row for row in rows if row < 3]),
+        ("orientation", [row for row in rows if row >= 3]),
+    ):
+        assert (f"{kind}_error_along.end" in got) == bool(some)
+        if not some:
+            continue
+        size, along, across = (got[f"{kind}_error{part}.end"] for part in ("", "_along", "_across"))
+        assert along <= size and across <= size
+        # Squares of up to 3 products, each rounded a few times: some 20 roundings of 1e-16.
+        assert along**2 + across**2 == pytest.approx(
+            sum(error[row] ** 2 for row in some), rel=1e-14, abs=1e-26
+        )
+        if np.linalg.norm(u[some]) > 1e-6:
+            wanted = abs(u[some] @ error[some]) / np.linalg.norm(u[some])
+            assert along == pytest.approx(wanted, rel=1e-9, abs=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -218,6 +235,9 @@ def test_error_parts_of_a_run_past_a_wrist_singularity_are_those_that_numpy_find
         assert got[f"{name}.end"].value == pytest.approx(size[-1], rel=1e-9, abs=1e-13), name
         assert got[f"{name}.max"].unit == ("m" if name.startswith("position") else "rad")
         assert size.max() > 1e-6, "a part of nothing but rounding would show no slip"
+    for kind in ("position", "orientation"):
+        whole = got[f"{kind}_error.max"].value
+        assert max(got[f"{kind}_error_{part}.max"].value for part in ("along", "across")) <= whole
 
 
 def test_the_share_of_a_torque_is_the_largest_of_the_joints_that_have_a_limit():

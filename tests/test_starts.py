@@ -126,6 +126,22 @@ def test_the_error_of_a_run_is_that_of_its_true_pose_along_the_hand_and_its_file
     assert_equal(*values)
 
 
+def test_the_error_about_a_free_axis_is_the_tilt_that_the_page_defines(simulate):
+    _, run = simulate(*ARM, HAND, PATH, "arm.encoder.offset=2 deg", "control.inverse.method=pseudoinverse")
+    here, wanted = (Rotation.from_quat(run[name][:, 3:], scalar_first=True) for name in ("pose", "pose_ref"))
+    left = (here.inv() * wanted).as_quat(scalar_first=True, canonical=True)
+    w, u, t, k = left[:, :1], left[:, 1:] * [1, 1, 0], left[:, 3:], np.array([0.0, 0.0, 1.0])
+    c, sine = np.hypot(w, t), np.linalg.norm(u, axis=1, keepdims=True)
+    tilt = 2 * np.arctan2(sine, c) / sine * (w * u - t * np.cross(u, k)) / c
+    assert_allclose(run["pose_error"][:, 3:], tilt + 2 * np.arctan2(t, w) * k, rtol=0, atol=1e-12)
+    # its size is the angle between the axis and the wanted one
+    cosine = np.sum(here.apply(k) * wanted.apply(k), axis=1)
+    assert_allclose(np.cos(np.linalg.norm(tilt, axis=1)), cosine, rtol=0, atol=1e-12)
+    got = run.scorecard["orientation_error.max"].value
+    assert got == pytest.approx(np.linalg.norm(tilt, axis=1).max(), rel=1e-12)
+    assert got > 1e-3
+
+
 def test_what_dies_first_is_drawn_along_the_world(simulate):
     prepared, run = simulate(*ARM, HAND, PATH, "control.inverse.method=pseudoinverse")
     rows = np.array([0, len(run) // 2])

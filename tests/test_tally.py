@@ -64,11 +64,22 @@ def from_rest(column):
     return np.diff(column, axis=0, prepend=0.0) / PERIOD
 
 
+def defined(time, value):
+    """Return the time of a value, NaN where the value is."""
+    return np.where(np.isnan(value), math.nan, time)
+
+
 def columns_by_numpy(one):
     """Return magnitudes and values by name, computed from whole columns."""
     e, u = one["pose_error"][:, ROWS], one["u_min"][:, ROWS]
-    along = u * np.sum(u * SCALE * e, axis=1, keepdims=True) / SCALE
-    across = e - along
+    parts = []
+    for rows in ([0, 1], [2]):
+        lost = (SCALE * u)[:, rows]
+        is_lost = np.linalg.norm(u[:, rows], axis=1, keepdims=True) > 1e-9
+        direction = np.where(is_lost, lost / np.linalg.norm(lost, axis=1, keepdims=True), 0.0)
+        along = np.sum(direction * e[:, rows], axis=1)
+        size, across = np.linalg.norm(e[:, rows], axis=1), e[:, rows] - direction * along[:, None]
+        parts += [size, np.minimum(np.abs(along), size), np.minimum(np.linalg.norm(across, axis=1), size)]
     joints = {
         "joint_rate": one["qdot"], "joint_rate_cmd": one["qdot_cmd"],
         "joint_rate_plain": one["qdot_plain"],
@@ -76,11 +87,10 @@ def columns_by_numpy(one):
         "joint_jerk_cmd": from_rest(from_rest(one["qdot_cmd"])), "tau": one["tau"],
         "tau_total": one["tau"] + one["tau_gravity"],
     }  # fmt: skip
-    # two rows are translations and one is a rotation
     errors = {
-        "position_error": np.linalg.norm(e[:, :2], axis=1), "orientation_error": np.abs(e[:, 2]),
-        "position_error_along": np.linalg.norm(along[:, :2], axis=1), "orientation_error_along": np.abs(along[:, 2]),
-        "position_error_across": np.linalg.norm(across[:, :2], axis=1), "orientation_error_across": np.abs(across[:, 2]),
+        "position_error": parts[0], "orientation_error": parts[3],
+        "position_error_along": parts[1], "orientation_error_along": parts[4],
+        "position_error_across": parts[2], "orientation_error_across": parts[5],
         "secondary_error": np.abs(one["secondary_error"]),
     }  # fmt: skip
     lowest = {name: one[name] for name in LOWEST} | {"sigma": one["sigma"][:, K - 1]}
@@ -100,18 +110,19 @@ def test_means_extremes_and_times_are_those_of_whole_columns(seed, special):
     for name, size in joints.items():
         where, peak = size.argmax(axis=0), tally.peak(name)  # the first NaN, if there is one
         assert_array_equal(peak.value, size[where, range(N)])
-        assert_array_equal(peak.time, time[len(time) - len(size) :][where])
+        assert_array_equal(peak.time, defined(time[len(time) - len(size) :][where], peak.value))
         if name in JOINTS[:SQUARED]:
             assert_allclose(tally.rms(name), np.sqrt(np.square(size).mean(axis=0)), **rounding)
     for name, size in errors.items():
         assert_allclose(tally.peak(name).value, size.max(), **rounding)
-        assert tally.peak(name).time == time[size.argmax()]
+        assert_array_equal(tally.peak(name).time, defined(time[size.argmax()], tally.peak(name).value))
         assert_allclose(tally.last(name), size[-1], **rounding)
         assert_allclose(tally.rms(name), math.sqrt(np.square(size).mean()), **rounding)
     for name, value in lowest.items():
-        assert_array_equal(tally.extreme(name), (value.min(), time[value.argmin()]))
+        assert_array_equal(tally.extreme(name), (value.min(), defined(time[value.argmin()], value.min())))
     for name in HIGHEST:
-        assert_array_equal(tally.extreme(name), (run[name].max(), time[run[name].argmax()]))
+        most, when = run[name].max(), time[run[name].argmax()]
+        assert_array_equal(tally.extreme(name), (most, defined(when, most)))
     status = run["status"]
     for one in (Status.OK, *IN_RUNS):
         occurs = status & one != 0 if one else status == 0

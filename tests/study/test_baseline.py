@@ -151,3 +151,19 @@ def test_a_figure_stands_beside_that_of_the_scenario_and_what_neither_has_is_lef
         and "| tau" not in text
     )
     assert "secondary" not in text and "joint_jerk_cmd" not in text
+
+
+def test_the_wall_time_of_a_baseline_is_its_own():
+    """A run of a hundred steps a tick takes many times as long as its baseline without physics."""
+    slow = near(
+        **{
+            "plant.kind": "servo",
+            "plant.timestep": 5e-5,
+            "plant.kv": None,
+            "baseline": {"plant.kind": "ideal"},
+        }
+    )
+    rmrc.run(slow)  # compiles
+    run = rmrc.run(slow)
+    own, others = (one.scorecard["wall_time"].value for one in (run, run.baseline))
+    assert 0.0 < others < 0.5 * own

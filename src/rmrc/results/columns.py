@@ -39,7 +39,12 @@ COLUMNS: Mapping[str, Column] = {
     "pose": Column("m, quat w x y z", "true pose of the site in the world", "7"),
     "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
     "twist_ref": Column("m/s, rad/s", "reference twist, [v; ω] along world axes", "6"),
-    "pose_error": Column("m, rad", "[p_ref − p; log(R_ref Rᵀ)] of the true pose, along task.frame", "6"),
+    "pose_error": Column(
+        "m, rad",
+        "[p_ref − p; log(R_ref Rᵀ)] of the true pose, along task.frame; if the site is free about one of its "
+        "axes, the tilt of that axis",
+        "6",
+    ),
     "sigma": Column("1", "singular values of the scaled task Jacobian, in descending order", "k"),
     "gain": Column("1", "filter g(σ) of the inverse", "k"),
     "damping": Column("1", "λ, in the units of σ"),
@@ -94,7 +99,7 @@ class Recorded:
         columns: Arrays by the names of COLUMNS, time first: (T,) or (T, width).
         planned: Ticks of the path; T is smaller if the run was cut short, and larger if it was slowed.
         divergence: Where it diverged, or None.
-        wall_time: Seconds that the stepping took; worlds stepped together share it equally.
+        wall_time: Seconds that the stepping of this world took.
         weights: Task weights, one per axis; none: all 1.
         torque_limit: Torque limit of each joint [N·m or N], infinite without one; none: no joint has one.
         view: The frame of the task axes.

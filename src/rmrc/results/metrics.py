@@ -168,17 +168,20 @@ def _return(run: Recorded, tally: Tally) -> Metrics:
 
 
 def _errors(run: Recorded, tally: Tally) -> Metrics:
-    """Yield the errors of positions and orientations, with parts along and across u_min; of a second task."""
-    errors = []
+    """Yield the errors of positions and orientations, with their parts; of a second task."""
+    errors, half = [], {"m": "linear", "rad": "angular"}
     if set(run.axes) & set(AXES[:3]):
         errors.append(("position_error", "m", "distance to the reference position"))
     if set(run.axes) & set(AXES[3:]):
         errors.append(("orientation_error", "rad", "angle to the reference orientation"))
     errors += [
-        (f"{group}_{part}", unit, f"{group.replace('_', ' ')} {part} u_min")
+        (
+            f"{group}_{side}", unit,
+            f"{group.replace('_', ' ')} {side} the {half[unit]} part of the lost direction",
+        )
         for group, unit, _ in errors
-        for part in ("along", "across")
-    ]
+        for side in ("along", "across")
+    ]  # fmt: skip
     errors.append(("secondary_error", "m, rad", "error of the second task"))
     for group, unit, what in errors:
         peak = tally.peak(group)

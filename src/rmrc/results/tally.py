@@ -36,6 +36,9 @@ SQUARED = 3
 LOWEST = ("sigma", "manipulability", "path_rate", "secondary_sigma")
 HIGHEST = ("condition", "damping", "slip")
 
+# The lost direction has no linear or no angular part where that part of u_min is smaller: it is rounding.
+NO_PART = 1e-9
+
 # Columns that a tally reads.
 READ = (
     "time", "q", "qdot", "qdot_cmd", "qdot_plain", "pose_ref", "pose_error", "sigma", "damping",
@@ -50,7 +53,7 @@ class Peak:
 
     Attributes:
         value: (c,).
-        time: (c,) [s].
+        time: (c,) [s]; NaN where the value is NaN.
     """
 
     value: Array
@@ -60,7 +63,8 @@ class Peak:
     def of(cls, time: Array, values: Array) -> "Peak":
         """Return the peaks of values (c, T) at times (T,), T > 0."""
         first = values.argmax(axis=1)  # of equals, or of NaNs
-        return cls(values[np.arange(len(values)), first], time[first])
+        value = values[np.arange(len(values)), first]
+        return cls(value, np.where(np.isnan(value), math.nan, time[first]))
 
     def join(self, later: "Peak") -> "Peak":
         """Return the peaks of this and of a later piece."""
@@ -192,19 +196,13 @@ class Tally:
     def _of_task(self, columns: Mapping[str, Array]) -> list[Array]:
         """Return the quantities of ERRORS at each tick, (T,) each.
 
-        u_min is the direction of the scaled rows that the arm is losing at that tick. With the error e of the
-        rows that count, e_along = S_x⁻¹ u_min (u_minᵀ S_x e), and the remaining part is across.
+        The arm is losing the direction S_x u_min at that tick. Its linear part splits the error of positions
+        into parts along and across it, and its angular part that of orientations.
         """
-        e, u = (np.ascontiguousarray(columns[name][self._axes]) for name in ("pose_error", "u_min"))
-        along = u * sum(u * (self._scale * e)) / self._scale
+        error, u = (np.ascontiguousarray(columns[name][self._axes]) for name in ("pose_error", "u_min"))
         is_rotation = self._axes >= 3
-        # `sum` adds row to row, in the same order whatever the number of ticks
-        sizes = [
-            np.sqrt(sum(part[rows] ** 2, np.zeros(e.shape[1])))
-            for part in (e, along, e - along)
-            for rows in (~is_rotation, is_rotation)
-        ]
-        return [*sizes, columns["secondary_error"]]
+        parts = [_split(error[r], (self._scale * u)[r], _norm(u[r])) for r in (~is_rotation, is_rotation)]
+        return [size for sizes in zip(*parts, strict=True) for size in sizes] + [columns["secondary_error"]]
 
     def _find_limited(self, tau: Array) -> None:
         """Look for the first actuator at its limit, in torques at ticks with TORQUE_LIMITED, (n, …)."""
@@ -212,6 +210,26 @@ class Tally:
         ticks = np.flatnonzero(shares.any(axis=0))
         if len(ticks):
             self.limited = int(shares[:, ticks[0]].argmax())
+
+
+def _split(error: Array, lost: Array, share: Array) -> tuple[Array, Array, Array]:
+    """Return the norm of an error, and of its parts along and across the direction that is lost, (T,) each.
+
+    Args:
+        error: Rows of one unit, (r, T).
+        lost: The part of the lost direction in these rows, (r, T).
+        share: Norm of this part of u_min, whose norm is 1, (T,).
+    """
+    size, is_lost = _norm(error), share > NO_PART
+    direction = np.where(is_lost, lost / np.where(is_lost, _norm(lost), 1.0), 0.0)
+    along = sum(direction * error, np.zeros(len(size)))
+    # rounding makes no part larger than the whole
+    return size, np.minimum(np.abs(along), size), np.minimum(_norm(error - along * direction), size)
+
+
+def _norm(rows: Array) -> Array:
+    """Return the norms of vectors, (r, T); `sum` adds row to row, in the same order for any T."""
+    return np.sqrt(sum(rows**2, np.zeros(rows.shape[1])))
 
 
 def _nothing(size: int) -> Peak:
