@@ -217,7 +217,7 @@ REFUSED = {
     "ball joint": (
         '<mujoco><worldbody><body><joint name="b" type="ball"/><geom size="1"/><site name="tip"/></body></worldbody></mujoco>',
         "tip", None,
-        '{path}: … body "body1" … site "tip" … ball or free joint; … hinge and slide …',
+        '{path}: … body "body1" … site "tip" … ball joint; … hinge and slide …',
     ),
     "hinge beyond a ball": (
         '<mujoco><worldbody><body name="cart"><joint name="rail" type="ball"/><geom size="1"/><body pos="0 0 1">'

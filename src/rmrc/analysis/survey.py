@@ -151,7 +151,7 @@ def write_matrix(world: Record, q: Array, rows: Array) -> None:
     follow_chain(world, q)
     geometric_jacobian(world)
     if task.frame != WORLD:
-        turn_columns(frame_turn(task.frame, task.base_quat, state.pose), state.J, world.n)
+        turn_columns(frame_turn(task.frame, task.base, state.pose), state.J, world.n)
     scale_task(world)
     for i in range(world.m):
         for j in range(world.n):

@@ -6,7 +6,7 @@ plant needs. Nothing here steps the physics.
 """
 
 from rmrc.arm.adapting import Drive, Own
-from rmrc.arm.arm import Arm
+from rmrc.arm.arm import Arm, Positions
 from rmrc.arm.chain import Chain
 from rmrc.arm.drives import DriveKind, OwnDrives
 from rmrc.arm.followers import Follower
@@ -22,6 +22,7 @@ __all__ = [
     "Follower",
     "Own",
     "OwnDrives",
+    "Positions",
     "Shape",
     "Wiring",
     "files",

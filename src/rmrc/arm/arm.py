@@ -5,6 +5,7 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import mujoco
 import numpy as np
@@ -14,19 +15,23 @@ from rmrc.arm.adapting import Adaptations, Drive, Own, descends
 from rmrc.arm.chain import Chain, kinds_of
 from rmrc.arm.compiling import compiled
 from rmrc.arm.differences import check_stretch, stretched_fields
-from rmrc.arm.drives import OwnDrives
+from rmrc.arm.drives import OwnDrives, Servo
 from rmrc.arm.followers import Follower, Link
+from rmrc.arm.location import Location, copy_joint, locate, moved
 from rmrc.arm.masses import Masses, find_masses
 from rmrc.arm.mounting import NamedFrame
 from rmrc.arm.others import Others
 from rmrc.arm.shapes import Shape, visible
-from rmrc.arm.wiring import SLIDE, Wiring, find_chain, joints_above, wire
+from rmrc.arm.wiring import SLIDE, Wiring, find_chain, joint_name, joints_above, wire
 from rmrc.support.brief import brief
-from rmrc.support.errors import ModelError, did_you_mean
+from rmrc.support.errors import ModelError, QuestionError, did_you_mean
 from rmrc.support.legible import listed
 from rmrc.support.spatial import matrix_to_quat
 
 Array = NDArray[np.float64]
+
+Positions: TypeAlias = Sequence[float] | Array | mujoco.MjData
+"""Positions of an arm: of its joints, (n,), of all joints of its model, (nq,), or MuJoCo's data with them."""
 
 
 @brief
@@ -100,7 +105,7 @@ class Arm:
         self.place_mocap(data)
         return data
 
-    @property
+    @cached_property
     def _rest(self) -> Array:
         return self.configuration("home") if self.rest is None else self.rest
 
@@ -114,6 +119,28 @@ class Arm:
     def drives(self) -> OwnDrives:
         """The author's actuators that move the arm."""
         return OwnDrives(self.model, self.others, self.wiring, self.followers)
+
+    @cached_property
+    def servos(self) -> dict[int, Servo]:
+        """Its servos that move one joint each, by the ids of the actuators."""
+        return self.drives.servos(self.configuration("home"))
+
+    @property
+    def servo_positions(self) -> Array:
+        """Least and largest position that the servos of each joint take, (2, n); infinite without a range."""
+        ends = np.array([self.n * [-np.inf], self.n * [np.inf]])
+        for servo in self.servos.values():
+            ends[0, servo.joint] = max(ends[0, servo.joint], servo.position[0])
+            ends[1, servo.joint] = min(ends[1, servo.joint], servo.position[1])
+        return ends
+
+    @property
+    def servo_rates(self) -> Array:
+        """Largest rate that the servos of each joint take both ways, (n,); infinite without a range."""
+        most = np.full(self.n, np.inf)
+        for servo in self.servos.values():
+            most[servo.joint] = min(most[servo.joint], *np.abs(servo.rate))
+        return most
 
     def place_mocap(self, data: mujoco.MjData) -> None:
         """Set the mocap bodies to their poses at the start of a run."""
@@ -151,7 +178,7 @@ class Arm:
         if frees_others == self.frees_others and np.array_equal(rest, self._rest) and mocap is self.mocap:
             return self
         arm = replace(self, rest=rest, frees_others=frees_others, mocap=mocap)
-        shared = ("wiring", "axis_names", "others", "drives", "idle", "_bare_spec", "_untextured")
+        shared = ("wiring", "axis_names", "others", "drives", "servos", "idle", "_bare_spec", "_untextured")
         vars(arm).update({name: vars(self)[name] for name in shared if name in vars(self)})
         return arm
 
@@ -248,15 +275,18 @@ class Arm:
             tip_quat=matrix_to_quat(self._data.site_xmat[self.wiring.site].reshape(3, 3)),
         )
 
-    def configuration(self, start: str | Sequence[float] | Array) -> Array:
-        """Return all of qpos, (nq,), for a keyframe's name or for positions of the arm's joints (n,).
+    def configuration(self, start: str | Positions) -> Array:
+        """Return all of qpos of the arm's model, (nq,), for a keyframe's name or for positions.
 
         Args:
             start: Without a keyframe `home`, that name means the model's zero position. With positions of the
-                arm's joints, the other joints rest.
+                arm's joints, (n,), the other joints rest. An array (nq,) is returned as it is: where nq is n,
+                both mean the same. Of MuJoCo's data, joints count by their names; those that the data lack
+                rest.
 
         Raises:
-            ModelError: No such keyframe.
+            ModelError: There is no such keyframe, or the data lack a joint of the arm.
+            QuestionError: An array has another shape.
         """
         if isinstance(start, str):
             if start not in self.keyframes and start != "home":
@@ -269,8 +299,55 @@ class Arm:
             self._place(qpos, qpos[self.wiring.qpos])
             return qpos
         qpos = np.array(self._rest)
-        self._place(qpos, start)
+        if isinstance(start, mujoco.MjData):
+            self.located(start.model)  # or refuse
+            for joint in range(self.model.njnt):
+                copy_joint(start, self.model, joint, qpos)
+        elif np.shape(start) == qpos.shape:
+            qpos[:] = start
+        elif np.shape(start) == (self.n,):
+            self._place(qpos, start)
+        else:
+            raise QuestionError(f"q must be {self.forms}, got {np.shape(start)}")
         return qpos
+
+    @property
+    def forms(self) -> str:
+        """The forms of positions, in words."""
+        whole = f"all of qpos, ({self.model.nq},), " if self.model.nq != self.n else ""
+        return f"({self.n},), {whole}or mujoco.MjData of a model with the arm"
+
+    def positions(self, q: Any) -> Any:
+        """Return positions of the arm's joints, (..., n), in any of their forms; anything else as it is.
+
+        Args:
+            q: Those positions; configurations of the arm's model, (..., nq); MuJoCo's data of any model with
+                the arm; or a list of such data.
+
+        Raises:
+            ModelError: The data lack a joint of the arm.
+        """
+        if isinstance(q, mujoco.MjData):
+            return q.qpos[q.model.jnt_qposadr[self.located(q.model).joint]]
+        if isinstance(q, Sequence) and q and all(isinstance(each, mujoco.MjData) for each in q):
+            return np.array([self.positions(each) for each in q])
+        try:
+            is_whole = np.shape(q)[-1:] == (self.model.nq,)
+        except ValueError:  # rows of different lengths
+            return q
+        return np.asarray(q)[..., self.wiring.qpos] if is_whole else q
+
+    def located(self, model: mujoco.MjModel, *sites: str) -> Location:
+        """Return where another model has the arm, and some of its sites.
+
+        Raises:
+            ModelError: The model lacks a joint, or the body of a site.
+        """
+        try:
+            return locate(model, self.joints, self.axis_names, self.model, sites)
+        except KeyError as error:
+            text = " ".join(str(error).strip("'\"").split())
+            raise ModelError(f"the model of the data lacks a part of {self.path}: {text}") from None
 
     def held(self, start: str | Sequence[float], qpos: Array, own: bool = False) -> tuple[Array, Array]:
         """Return controls and activations of the actuators that are not the arm's, as `adapted` orders them.
@@ -373,8 +450,7 @@ class Arm:
     @cached_property
     def idle(self) -> tuple[str, ...]:
         """Names of the joints that move the controlled site and are not actuated."""
-        known = {*self.joints, *(one.name for one in self.followers)}
-        return tuple(name for name in find_chain(self.path, self.model, self.site) if name not in known)
+        return self.idle_before(self.site)[::-1]
 
     def moves(self, site: str) -> NDArray[np.bool_]:
         """Return which axes of the chain move a site, (ℓ,): those between the world and its body."""
@@ -393,36 +469,37 @@ class Arm:
         return last, pose[:3] - self._data.xanchor[self.wiring.axis[last]], pose[3:]
 
     def idle_before(self, site: str) -> tuple[str, ...]:
-        """Return the names of joints between the world and a site that do not move with the arm's."""
+        """Return the names of joints between the world and a site that do not move with the arm's, inward."""
         above = joints_above(self.model, int(self.model.site_bodyid[self.model.site(site).id]))
         known = {*self.wiring.joint.tolist(), *self.wiring.follower_joint.tolist()}
-        return tuple(self.model.joint(i).name for i in above if i not in known)
+        return tuple(joint_name(self.model, i) for i in above if i not in known)
 
-    def pose(self, q: Sequence[float] | Array, site: str | None = None) -> Array:
-        """Return a site's pose in the world, [p, quat w x y z], (7,), at joint positions (n,).
+    def pose(self, q: Positions, site: str | None = None) -> Array:
+        """Return a site's pose in the world, [p, quat w x y z], (7,).
 
         Args:
-            q: Joint positions.
+            q: Joint positions, (n,) or (nq,), as in `configuration`; or MuJoCo's data of any model with the
+                arm, whose positions count, those of all joints and mocap bodies, and so the base's.
             site: Name of a site; None: the controlled site.
         """
+        if isinstance(q, mujoco.MjData):
+            return self.located(q.model, site or self.site).pose(moved(q))
         self._kinematics(q)
         i = self.wiring.site if site is None else self.model.site(site).id
         return np.concatenate(
             [self._data.site_xpos[i], matrix_to_quat(self._data.site_xmat[i].reshape(3, 3))]
         )
 
-    def jacobian(self, q: Sequence[float] | Array) -> Array:
-        """Return J (6, n), rows [v; ω] of the site along world axes, by `mj_jacSite`."""
-        self._place(self._data.qpos, q)
-        return self._fresh_jacobian()
-
-    def _fresh_jacobian(self) -> Array:
-        mujoco.mj_fwdKinematics(self.model, self._data)
+    def jacobian(self, q: Positions) -> Array:
+        """Return J (6, n), rows [v; ω] of the site along world axes; q is as in `pose`."""
+        if isinstance(q, mujoco.MjData):
+            return self.located(q.model, self.site).jacobian(moved(q), self.chain)
+        self._kinematics(q)
         full = np.zeros((6, self.model.nv))
         mujoco.mj_jacSite(self.model, self._data, full[:3], full[3:], self.wiring.site)
         return self._followed(full)
 
-    def rest_torques(self, q: Sequence[float] | Array) -> tuple[Array, Array]:
+    def rest_torques(self, q: Positions) -> tuple[Array, Array]:
         """Return the actuator loads at rest from gravity and from springs, (n,) each [N·m or N].
 
         The model's own gravity compensation is subtracted. Joints that are not the arm's are at rest.
@@ -490,12 +567,18 @@ class Arm:
     @property
     def base(self) -> int:
         """Id of the body that carries the first joint's body: the world, or a body on it."""
-        return int(self.model.body_parentid[self.model.jnt_bodyid[self.wiring.joint[0]]])
+        return self.wiring.base
 
     @property
     def base_pose(self) -> Array:
-        """Pose of the base in the world, [p, quat w x y z], (7,): none of the arm's joints moves it."""
-        mujoco.mj_kinematics(self.model, self._data)
+        """Pose of the base in the world, [p, quat w x y z], (7,), with the other joints at rest."""
+        return self.base_at(self._rest)
+
+    def base_at(self, q: Positions) -> Array:
+        """Return the pose of the base in the world, (7,); q is as in `pose`."""
+        if isinstance(q, mujoco.MjData):
+            return self.located(q.model).base_pose(moved(q))
+        self._kinematics(q)
         return np.concatenate([self._data.xpos[self.base], self._data.xquat[self.base]])
 
     @property
@@ -565,8 +648,8 @@ class Arm:
         arm._data.qpos[:] = arm._rest
         return arm
 
-    def _kinematics(self, q: Sequence[float] | Array) -> None:
-        self._place(self._data.qpos, q)
+    def _kinematics(self, q: Positions) -> None:
+        self._data.qpos[:] = self.configuration(q)
         mujoco.mj_fwdKinematics(self.model, self._data)
 
     def adapted(

@@ -5,9 +5,11 @@ output of its dynamics. These numbers make it a position servo, a servo of a pos
 rate servo or a motor, whatever element of MJCF it was written as.
 """
 
+import math
 from collections.abc import Sequence
 from enum import IntEnum
 from functools import cached_property
+from typing import NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
@@ -19,6 +21,7 @@ from rmrc.arm.wiring import Wiring
 from rmrc.support.legible import listed
 
 Array = NDArray[np.float64]
+Ends: TypeAlias = tuple[float, float]
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
 _FIXED, _NO_BIAS, _AFFINE = (
@@ -37,6 +40,47 @@ class DriveKind(IntEnum):
     INTEGRATED = 1  # the rate of the target position
     RATE = 2  # the rate
     MOTOR = 3  # the force
+
+
+class Terms(NamedTuple):
+    """The control that an actuator takes: scale · (length, speed or force) + offset, within a range.
+
+    Attributes:
+        scale: Control for each unit of length, speed or force.
+        offset: Control at 0; none for the rate of an integrated position.
+        stiffness: Force for each unit by which the length misses its target.
+        control: Least and largest control; infinite without a range.
+        state: Least and largest activation.
+    """
+
+    scale: float
+    offset: float
+    stiffness: float
+    control: Ends
+    state: Ends
+
+
+class Servo(NamedTuple):
+    """A servo of one joint, in constant proportion: its control is slope · (position or rate) + offset.
+
+    Attributes:
+        command: Kind of its command.
+        joint: The joint, by its place in the arm.
+        slope: Control for each unit of the joint's position or rate.
+        offset: Control at 0.
+        position: Least and largest position that it takes as a command [rad or m].
+        rate: Least and largest rate [rad/s or m/s].
+    """
+
+    command: DriveKind
+    joint: int
+    slope: float
+    offset: float
+    position: Ends
+    rate: Ends
+
+
+_EVERYWHERE = -math.inf, math.inf
 
 
 class OwnDrives:
@@ -92,6 +136,33 @@ class OwnDrives:
                 if joint[dof] >= 0:
                     row[joint[dof]] += ratio[dof] * data.actuator_moment[e]
         return moments
+
+    def servos(self, qpos: Array) -> dict[int, Servo]:
+        """Return the servos that move one joint each in constant proportion, by their ids.
+
+        Args:
+            qpos: A configuration of the model, (nq,).
+        """
+        model, data, servos = self._model, mujoco.MjData(self._model), dict[int, Servo]()
+        data.qpos[:] = qpos
+        mujoco.mj_fwdPosition(model, data)
+        q = data.qpos[self._wiring.qpos]
+        for row, (i, command) in zip(self.moments(data), self.kinds.items(), strict=True):
+            driven = np.flatnonzero(np.abs(row) > _RANK * np.abs(row).max())
+            if command == DriveKind.MOTOR or len(driven) != 1 or not self._others.is_linear(i):
+                continue
+            j, terms = int(driven[0]), terms_of(model, i, command)
+            slope, length = float(terms.scale * row[j]), float(data.actuator_length[model.actuator_outadr[i]])
+            start = terms.offset + terms.scale * length - slope * q[j]  # control or activation at q = 0
+            state = _ends(terms.state, slope, start)
+            if command == DriveKind.POSITION:
+                position = _ends(terms.control, slope, start)
+                position = max(position[0], state[0]), min(position[1], state[1])
+                servos[i] = Servo(command, j, slope, start, position, _EVERYWHERE)
+            else:
+                offset = terms.offset if command == DriveKind.RATE else 0.0
+                servos[i] = Servo(command, j, slope, offset, state, _ends(terms.control, slope, offset))
+        return servos
 
     def undriven(self, qpos: Array) -> list[int]:
         """Return the joints of the arm that the actuators cannot move one by one, by their indices.
@@ -154,3 +225,25 @@ def kind_of(model: mujoco.MjModel, i: int) -> DriveKind | None:
     if stiffness < 0.0 or damping < 0.0 or dynamics == _INTEGRATOR:
         return None
     return DriveKind.RATE if damping > 0.0 else DriveKind.MOTOR
+
+
+def terms_of(model: mujoco.MjModel, i: int, command: DriveKind) -> Terms:
+    """Return the control that an actuator with a kind of command takes."""
+    gain, bias = float(model.actuator_gainprm[i, 0]), [float(b) for b in model.actuator_biasprm[i, :3]]
+    b0, b1, b2 = bias if model.actuator_biastype[i] != _NO_BIAS else (0.0, 0.0, 0.0)
+    scale = 1.0 if command == DriveKind.MOTOR else -b2 if command == DriveKind.RATE else -b1
+    clamps = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+    control, state = (
+        (float(ends[0]), float(ends[1])) if is_limited else _EVERYWHERE
+        for is_limited, ends in (
+            (model.actuator_ctrllimited[i] and clamps, model.actuator_ctrlrange[i]),
+            (model.actuator_actlimited[i], model.actuator_actrange[i]),
+        )
+    )
+    return Terms(scale / gain, -b0 / gain, -b1, control, state)
+
+
+def _ends(ends: Ends, slope: float, offset: float) -> Ends:
+    """Return least and largest value whose control, slope · value + offset, is between two ends."""
+    first, last = sorted((end - offset) / slope for end in ends)
+    return first, last

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.wiring import HINGE, SLIDE
+from rmrc.arm.wiring import HINGE, SLIDE, joint_name
 from rmrc.support.errors import ModelError
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
@@ -128,7 +128,7 @@ def _zero(model: mujoco.MjModel, joint: int) -> float:
 
 
 def _name(model: mujoco.MjModel, joint: int) -> str:
-    return (model.joint(joint).name or f"joint{joint}") if joint >= 0 else "nothing"
+    return joint_name(model, joint) if joint >= 0 else "nothing"
 
 
 def followers(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.arm import Arm
-from rmrc.arm.wiring import HINGE, SLIDE, flex_bodies, flex_name, soft_bodies
+from rmrc.arm.wiring import HINGE, SLIDE, flex_bodies, flex_name, joint_name, soft_bodies
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
 _KINDS = {HINGE: "hinge", SLIDE: "slide", int(mujoco.mjtJoint.mjJNT_BALL): "ball"}
@@ -93,13 +93,13 @@ def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
     )
     joints = (
         OtherJoint(
-            model.joint(i).name or f"joint{i}",
+            name,
             _KINDS.get(int(model.jnt_type[i]), "free"),
             _body(model, int(model.jnt_bodyid[i])),
-            bool(model.joint(i).name) and model.joint(i).name in idle,
+            name in idle,
         )
         for i in range(model.njnt)
-        if model.joint(i).name not in own and int(model.jnt_bodyid[i]) not in soft
+        if (name := joint_name(model, i)) not in own and int(model.jnt_bodyid[i]) not in soft
     )
     return (*joints, *flexes)
 

@@ -18,7 +18,7 @@ from rmrc.arm.limits import leading_limit, position_limit, rate_limit, torque_li
 from rmrc.arm.mounting import Asked, mounted
 from rmrc.arm.scan import check_file
 from rmrc.arm.ties import find_ties
-from rmrc.arm.wiring import SLIDE, find_chain
+from rmrc.arm.wiring import SLIDE, find_chain, joints_above
 from rmrc.scenario.sections import ArmSection, ToolSection
 from rmrc.support.errors import ModelError, did_you_mean
 from rmrc.support.legible import listed
@@ -74,7 +74,7 @@ def load_model(
 
     Args:
         given: The model; it is not changed. No site can be added to a compiled model: its arm needs a site,
-            names of all joints, and a base that does not float.
+            and names of all joints. A base that floats there is not fixed: its pose is in MuJoCo's data.
         site: As in `load`, like the others.
         joints: Names of the joints to actuate.
         body: Name of the body whose frame to control.
@@ -104,6 +104,8 @@ def _found(
 ) -> Arm:
     """Return the arm of a model: see `load`."""
     model, site, frame, obvious = mounted(path, spec, model, asked, notes)
+    if joints is None:
+        _refuse_balls(path, model, site)
     chain = find_chain(path, model, site)
     links = find_links(path, model, chain)
     own = [name for name in chain if name not in links]
@@ -146,6 +148,22 @@ def _found(
         home=starting_key(model, joint.tolist(), asked.prefix),
     )
     return _with_ties(arm)
+
+
+def _refuse_balls(path: Path, model: mujoco.MjModel, site: str) -> None:
+    """Refuse a ball joint on the chain to a site, all of whose joints are asked for.
+
+    Raises:
+        ModelError: There is one.
+    """
+    for i in joints_above(model, int(model.site_bodyid[model.site(site).id])):
+        if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_BALL:
+            body = model.body(model.jnt_bodyid[i])
+            raise ModelError(
+                f'{path}: the joint of body "{body.name or f"body{body.id}"}" on the chain to site "{site}" '
+                "is a ball joint; only hinge and slide joints can be driven at a rate: list those in joints",
+                "joints",
+            )
 
 
 def load_asked(section: ArmSection) -> Arm:

@@ -126,20 +126,17 @@ def _check_whole(path: Path, model: mujoco.MjModel, kind: str, joints: Sequence[
     """Refuse a compiled model without parts that a specification could be given.
 
     Raises:
-        ModelError: It has no site where one is controlled, a joint without a name, or a base that floats.
+        ModelError: It has no site where one is controlled, or a joint without a name.
     """
-    lacks = []
+    lacks, ways = [], []
     if kind == "body":
         lacks.append("a site at the frame that is controlled")
+        ways.append("name a site")
     if any(not model.joint(i).name and model.jnt_type[i] != _FREE for i in joints):
         lacks.append("names of all joints of the arm")
-    if any(model.jnt_type[i] == _FREE for i in joints):
-        lacks.append("a base that does not float")
     if lacks:
-        raise ModelError(
-            f"{path}: a compiled model needs {listed(lacks)}; name a site, or give its file or an MjSpec",
-            "site",
-        )
+        ways.append("give its file or an MjSpec")
+        raise ModelError(f"{path}: a compiled model needs {listed(lacks)}; {', or '.join(ways)}", "site")
 
 
 def _place(path: Path, model: mujoco.MjModel, asked: Asked, notes: list[str]) -> tuple[str, int, str]:

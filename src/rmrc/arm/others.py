@@ -90,6 +90,16 @@ class Others:
                     moving, grown = moving | linked, True
         return frozenset(range(model.njnt)) - moving
 
+    def is_linear(self, actuator: int) -> bool:
+        """Return whether an actuator's length changes in constant proportion to its joints."""
+        model, transmission = self.model, int(self.model.actuator_trntype[actuator])
+        target = int(model.actuator_trnid[actuator, 0])
+        if transmission != _TENDON:
+            return transmission in _JOINT_TARGETS
+        first = int(model.tendon_adr[target])
+        parts = model.wrap_type[first : first + int(model.tendon_num[target])]
+        return bool((parts == _WRAPS_JOINT).all())
+
     def pulled(self, actuator: int) -> frozenset[int]:
         """Return the joints on which an actuator acts."""
         return self._pulls[actuator]

@@ -31,6 +31,7 @@ class Wiring:
         follower_dof: Their addresses in qvel.
         site: Site id.
         body: Id of the body that carries the site.
+        base: Id of the base: the body that carries the first joint's body, or the world.
     """
 
     joint: NDArray[np.int64]
@@ -43,6 +44,7 @@ class Wiring:
     follower_dof: NDArray[np.int64]
     site: int
     body: int
+    base: int
 
 
 def wire(
@@ -67,7 +69,13 @@ def wire(
         follower_dof=model.jnt_dofadr[following].astype(np.int64),
         site=model.site(site).id,
         body=int(model.site_bodyid[model.site(site).id]),
+        base=base_of(model, int(ids[0])),
     )
+
+
+def base_of(model: mujoco.MjModel, joint: int) -> int:
+    """Return the body that carries the body of an arm's first joint: the base, or the world."""
+    return int(model.body_parentid[model.jnt_bodyid[joint]])
 
 
 def find_site(path: Path, model: mujoco.MjModel, wanted: str) -> str:
@@ -133,6 +141,11 @@ def joints_of(model: mujoco.MjModel, body: int) -> range:
     return range(first, first + int(model.body_jntnum[body]))
 
 
+def joint_name(model: mujoco.MjModel, joint: int) -> str:
+    """Return the name of a joint, or `joint` and its number."""
+    return model.joint(joint).name or f"joint{joint}"
+
+
 def joints_above(model: mujoco.MjModel, body: int) -> list[int]:
     """Return the joints between the world and a body, including its own, the last first."""
     joints: list[int] = []
@@ -143,18 +156,14 @@ def joints_above(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def find_chain(path: Path, model: mujoco.MjModel, site: str) -> list[str]:
-    """Return the names of the joints between the world and a site, outward."""
+    """Return the names of the hinge and slide joints between the world and a site, outward."""
     chain: list[str] = []
     for i in joints_above(model, int(model.site_bodyid[model.site(site).id])):
         joint, b = model.joint(i), int(model.jnt_bodyid[i])
-        body = model.body(b).name or f"body{b}"
         if joint.type[0] not in (HINGE, SLIDE):
-            raise ModelError(
-                f'{path}: the joint of body "{body}" on the chain to site "{site}" is a ball or free '
-                "joint; only hinge and slide joints can be driven at a rate",
-                "site",
-            )
+            continue
         if not joint.name:
+            body = model.body(b).name or f"body{b}"
             raise ModelError(f'{path}: a joint of body "{body}" has no name; give it one')
         chain.append(joint.name)
     if not chain:

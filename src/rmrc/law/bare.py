@@ -21,10 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 from rmrc.law import damping, fit, inverses, nullspace
 from rmrc.law.command import Command
 from rmrc.law.compiling import Array
-from rmrc.law.record import ROWS, capacity, new_worlds
+from rmrc.law.record import ROWS, TWIST, capacity, new_worlds
 from rmrc.law.settings import TaskLaw, link, schedule_of
 from rmrc.law.sight import JACOBIAN_ALONE
-from rmrc.law.step import RATES, TWIST, resolve_alone
+from rmrc.law.step import RATES, resolve_alone
 from rmrc.law.stepping import SteppedLaw, UnusableInputError, started
 from rmrc.law.task import BareJoints, BareTask
 from rmrc.scenario import ControlSection, ControlSource, LimitsSection, read_controls

@@ -88,7 +88,7 @@ class Command:
     def limited_by(self) -> Any:
         """The limits that act, and their joints: `{"rate": ("elbow",)}`; for a batch one such per world.
 
-        The limits are `rate`, `acceleration`, `jerk` and `position`.
+        The limits are `rate`, `acceleration`, `jerk`, `position` and `torque`.
         """
         limits = [self._limits(world) for world in self._worlds]
         return limits[0] if self._is_single else limits
@@ -122,6 +122,7 @@ class Command:
             "acceleration": (accelerating, np.abs(change) / limits["change"][:n]),
             "jerk": (jerking, np.maximum(jerk, np.abs(memory["lag"][:n]) > 0.0)),
             "position": (Status.POSITION_LIMITED, stopping),
+            "torque": (Status.TORQUE_LIMITED, np.abs(world["tick"]["tau"][:n]) / limits["torque"][:n]),
         }
         return {
             name: tuple(self._joints[j] for j in np.flatnonzero(share >= min(AT_LIMIT, share.max())))

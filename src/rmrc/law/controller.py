@@ -10,8 +10,10 @@ while True:
 
 import os
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from operator import is_
 from typing import Any, TypeAlias
 
@@ -20,21 +22,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc import arm as arms
-from rmrc.arm import Arm
+from rmrc.arm import Arm, DriveKind
+from rmrc.arm.drives import Servo
 from rmrc.arm.freshness import Freshness
 from rmrc.law import fit
 from rmrc.law.command import Command
 from rmrc.law.compiling import Array
 from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET
 from rmrc.law.kinematics import FRAMES
-from rmrc.law.settings import TaskLaw
+from rmrc.law.record import POSE, TWIST
+from rmrc.law.settings import TaskLaw, rate_limit
 from rmrc.law.sight import CHAIN_ALONE, look_at
-from rmrc.law.step import FRAME, POSE, RATES, TWIST
+from rmrc.law.step import FRAME, RATES
 from rmrc.law.stepping import SteppedLaw, UnusableInputError, started
+from rmrc.law.stops import give_way
 from rmrc.law.task import Task, choose
 from rmrc.scenario import ArmSection, ControlSource, TaskSection, read_controls, read_task
 from rmrc.support import shipped
-from rmrc.support.errors import ModelError, QuestionError
+from rmrc.support.errors import ModelError, ModelWarning, QuestionError
 from rmrc.support.legible import shortened
 from rmrc.support.spatial import exp_rotation
 
@@ -77,6 +82,7 @@ class Controller(SteppedLaw):
         task: Task | TaskSection | Mapping[str, Any] | None = None,
         body: str | None = None,
         joints: Sequence[str] | None = None,
+        actuators: bool = True,
         watchdog: float | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -94,6 +100,9 @@ class Controller(SteppedLaw):
                 else the axes that the arm can move independently of each other.
             body: Name of the body whose frame to control, instead of a site.
             joints: Names of the joints to actuate; None: all joints on the chain to the site.
+            actuators: Whether the model's actuators get the commands, so that their ranges and forces limit
+                these: a position servo's range limits q_cmd, a rate servo's qdot_cmd. False: another drive
+                gets them, and the rates are those of a run.
             watchdog: See `watchdog`.
             clock: Returns the time that the watchdog compares [s], such as that of a simulation.
 
@@ -114,7 +123,11 @@ class Controller(SteppedLaw):
             *fit.scale_misfits("task.weights", tuple(self.task.weights or ())),
         ])  # fmt: skip
         super().__init__(self.arm.joints, self.control.period, watchdog, clock)
+        self._drives = actuators
         self.reset()
+        slow = fit.slow_servos(rate_limit(self.arm, self.control.limits), self.arm) if actuators else ""
+        if slow:
+            warnings.warn(f"{self.arm.path}: {slow}", ModelWarning, stacklevel=2)
 
     def _task(self, task: Task | TaskSection | Mapping[str, Any] | None) -> Task:
         weights = self.control.joint_weights
@@ -139,31 +152,66 @@ class Controller(SteppedLaw):
             raise ModelError(f"{self.arm.path}: no actuator drives joint {without}")
         return np.asarray(self.arm.model.actuator_ctrladr[ids], np.int64)
 
-    def reset(self, q: ArrayLike | None = None) -> None:
+    def controls(self, command: Command | None = None) -> Array:
+        """Return the controls of `actuators` for a command, (n,) or (w, n): positions or rates, geared.
+
+        Args:
+            command: The command; None: that of the last step.
+
+        Raises:
+            ModelError: A joint has no servo of its own.
+        """
+        takes_positions, slope, offset = self._servos
+        command = self.command if command is None else command
+        commanded: Array = np.where(takes_positions, command.q_cmd, command.qdot_cmd)
+        return commanded * slope + offset
+
+    @cached_property
+    def _servos(self) -> tuple[NDArray[np.bool_], Array, Array]:
+        """Return whether each of the actuators takes positions, and its slope and offset, (n,) each."""
+        self.actuators  # noqa: B018 - or refuse
+        servos = list[Servo]()
+        for name, i in zip(self.joints, self.arm.wiring.actuator, strict=True):
+            if int(i) not in self.arm.servos:
+                raise ModelError(
+                    f'{self.arm.path}: the actuator of joint "{name}" is no position or rate servo; compute '
+                    "its control from qdot_cmd, or add a servo"
+                )
+            servos.append(self.arm.servos[int(i)])
+        takes_positions = np.array([servo.command == DriveKind.POSITION for servo in servos])
+        return takes_positions, np.array([s.slope for s in servos]), np.array([s.offset for s in servos])
+
+    def reset(self, q: "ArrayLike | mujoco.MjData | Sequence[mujoco.MjData] | None" = None) -> None:
         """Forget all steps: the next one is the first, from rest.
 
         Args:
-            q: Positions of the joints, (n,), or (w, n) for a batch of w worlds [rad or m]. Commanded
-                positions start there, and the null space holds them where `control` gives no posture. None:
-                q comes from the next step, and the null space keeps its posture, at first the keyframe
-                `home`.
+            q: Positions of the joints, (n,), or (w, n) for a batch of w worlds [rad or m]; all of qpos of the
+                arm's model, (nq,) or (w, nq); or MuJoCo's data of any model with the arm, or a list of w such
+                data. Commanded positions start there, and the null space holds them where `control` gives no
+                posture. None: q comes from the next step, and the null space keeps its posture, at first the
+                keyframe `home`.
 
         Raises:
             QuestionError: q has another shape, or is not finite.
+            ModelError: The model of the data lacks a part of the arm.
         """
         if q is None and hasattr(self, "_worlds"):
             self._forget()
             return
-        n, home = self.arm.n, self.arm.configuration("home")[self.arm.wiring.qpos]
-        starts = started(home if q is None else q, n)
-        laws = [TaskLaw(self.task, self.control, start) for start in starts.reshape(-1, n)]
+        n, is_given = self.arm.n, q is not None
+        q = self.arm.configuration("home") if q is None else q
+        starts = started(self.arm.positions(q), n, self.arm.forms)
+        seen: Any = [q] if starts.ndim == 1 else q
+        rows = zip(starts.reshape(-1, n), seen, strict=True)
+        laws = [TaskLaw(self.task, self.control, *each) for each in rows]
         self._renew(laws, len(self.arm.axis_names), starts.ndim == 1)
-        self._worlds["input"]["base"] = self.arm.base_pose
         self._place("pose", self._worlds["tick"]["pose_ref"])
         self._place("twist", self._worlds["tick"]["twist_ref"])
         self._second, self._data, self._are_fresh = laws[0].second, list[Any](), list[Freshness]()
-        if q is not None:
+        if is_given:
             self._worlds["input"]["q_cmd"][:, :n] = starts
+        if self._drives:
+            self._limit_by_drives()
         idle = self.arm.idle or (self.arm.idle_before(self._second.site) if self._second else ())
         self._unseen = ""  # why the chain alone does not determine the poses of the sites
         if idle:
@@ -171,12 +219,22 @@ class Controller(SteppedLaw):
                 f'joint "{idle[0]}" moves the site and is not actuated: step_data reads its position'
             )
 
+    def _limit_by_drives(self) -> None:
+        """Write what the model's actuators can take."""
+        n, arm, input_, limits = self.arm.n, self.arm, self._worlds["input"], self._worlds["limits"]
+        limits["torque"][:, :n] = arm.torque_limit
+        limits["rate"][:, :n] = np.minimum(limits["rate"][:, :n], arm.servo_rates)
+        input_["servo"][:, :, :n] = arm.servo_positions
+        input_["has_servos"] = np.isfinite(arm.servo_positions).any()
+        if np.isfinite(arm.servo_positions).any():
+            self._methods["give_way"] = give_way
+
     # Kinematics -----------------------------------------------------------------------------------
 
     def _follow_chain(self) -> None:
         """Have steps compute the kinematics from the arm's own chain."""
         self._data = []
-        self._worlds["input"]["sites"] = CHAIN_ALONE
+        self._worlds["input"]["sites"], self._worlds["task"]["base"] = CHAIN_ALONE, self.task.view.base
 
     def _look_at(self, data: "mujoco.MjData | Sequence[mujoco.MjData]") -> None:
         """Have steps read state and kinematics from MuJoCo's data, one object per world.
@@ -197,10 +255,8 @@ class Controller(SteppedLaw):
                 raise UnusableInputError(f"step_data reads an mujoco.MjData, got {type(one).__name__}")
             try:
                 bodies = look_at(world, one, self.arm, self._second)
-            except KeyError as error:
-                text = " ".join(str(error).strip("'\"").split())
-                text = f"the model of the data lacks a part of {self.arm.path}: {text}"
-                raise UnusableInputError(text) from None
+            except ModelError as error:
+                raise UnusableInputError(str(error)) from None
             self._are_fresh.append(Freshness(one, bodies, scratch.get(id(one.model))))
             scratch[id(one.model)] = self._are_fresh[-1].scratch
         self._data = seen

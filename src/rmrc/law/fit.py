@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rmrc.law.settings import rate_limit
 from rmrc.law.task import Joints
@@ -107,6 +108,20 @@ def second_task_misfits(control: ControlSection, arm: "Arm") -> Misfits:
         moved = listed(name for name in arm.sites if arm.moves(name).any())
         text = f'must be a site that the arm moves, but none of its joints moves "{site}"; its sites: {moved}'
         yield key, text
+
+
+def slow_servos(limit: NDArray[np.float64], arm: "Arm") -> str:
+    """Return which rate servos of a model take less than some rate limits, (n,), in a line; or ""."""
+    most = arm.servo_rates
+    slow = np.flatnonzero(most < limit)
+    if not len(slow):
+        return ""
+    each = listed(f"{arm.joints[j]} {most[j]:.4g} of {limit[j]:.4g} {arm.units[j]}/s" for j in slow.tolist())
+    values = ", ".join(f"{rate:.4g}" for rate in np.minimum(most, limit))
+    return (
+        f"by their ctrlrange, rate servos take less than the limits of the law: {each}; "
+        f"write control.limits.rate: [{values}], or widen the ranges"
+    )
 
 
 def slow_misfits(control: ControlSection, arm: Joints, called: object) -> Misfits:

@@ -128,6 +128,15 @@ def follow_second(world: Record, q: Array) -> None:
 
 
 @compiled
+def carry(frame: Array, pose: Array, carried: Array) -> None:
+    """Write a pose of a frame, (7,), along world axes, (7,), which may be the same array."""
+    turn = (frame[3], frame[4], frame[5], frame[6])
+    x, y, z = turned(turn, pose)
+    carried[0], carried[1], carried[2] = frame[0] + x, frame[1] + y, frame[2] + z
+    carried[3], carried[4], carried[5], carried[6] = quat_product(turn, (pose[3], pose[4], pose[5], pose[6]))
+
+
+@compiled
 def turned(turn: Quaternion, v: Array) -> tuple[float, float, float]:
     """Return v + 2 w (u × v) + 2 u × (u × v) of the quaternion (w, u)."""
     w, x, y, z = turn
@@ -196,12 +205,11 @@ def frame_turn(frame: int, base: Array, pose: Array) -> Quaternion:
 
     Args:
         frame: BASE or SITE.
-        base: Orientation of the base, (4,).
+        base: Pose of the base, (7,).
         pose: Pose of the site, (7,).
     """
-    if frame == SITE:
-        return (pose[3], -pose[4], -pose[5], -pose[6])
-    return (base[0], -base[1], -base[2], -base[3])
+    axes = pose if frame == SITE else base
+    return (axes[3], -axes[4], -axes[5], -axes[6])
 
 
 @compiled
@@ -237,7 +245,7 @@ def frame_error(frame: int, base: Array, free: int, pose: Array, pose_ref: Array
 
     Args:
         frame: BASE or SITE.
-        base: Orientation of the base, (4,).
+        base: Pose of the base, (7,).
         free: The free axis of the site, 0 to 2, or -1.
         pose: Pose of the site, (7,).
         pose_ref: Wanted pose, (7,).

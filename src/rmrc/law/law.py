@@ -66,8 +66,8 @@ def aim(world: Record) -> None:
 def turn(world: Record) -> None:
     """Turn the error, the wanted twist and J from world axes into the frame of the task."""
     task, state, tick = world.task, world.state, world.tick
-    frame_error(task.frame, task.base_quat, task.free, state.pose, tick.pose_ref, tick.pose_error)
-    rotation = frame_turn(task.frame, task.base_quat, state.pose)
+    frame_error(task.frame, task.base, task.free, state.pose, tick.pose_ref, tick.pose_error)
+    rotation = frame_turn(task.frame, task.base, state.pose)
     turn_twist(rotation, world.scratch.twist_ref)
     turn_columns(rotation, state.J, world.n)
     if world.chain.axes > world.n:  # the slopes are those of its axes

@@ -3,7 +3,7 @@
 import math
 
 from rmrc.law.compiling import Array, Method, Record, compiled
-from rmrc.law.kinematics import WORLD, frame_turn, framed_error, turn_columns
+from rmrc.law.kinematics import BASE, WORLD, carry, frame_turn, framed_error, turn_columns
 from rmrc.law.metric import INERTIA, scale_joints, unscale_joints, weigh_columns
 from rmrc.law.remainder import decompose_afresh
 from rmrc.law.svd import combine, dot, project
@@ -21,7 +21,7 @@ def second_task(world: Record) -> float:
     second = world.second
     norm = second_error(world)
     if second.frame != WORLD:
-        turn_columns(frame_turn(second.frame, second.base_quat, second.pose), second.J, world.n)
+        turn_columns(frame_turn(second.frame, world.task.base, second.pose), second.J, world.n)
     for i in range(second.m):
         world.rest.task[i] = second.row_scale[i] * second.feedback * second.error[second.row[i]]
     return norm
@@ -31,8 +31,10 @@ def second_task(world: Record) -> float:
 def second_error(world: Record) -> float:
     """Write the error of the second task's site; return the norm of the rows that count, unscaled."""
     second = world.second
-    error, total = second.error, 0.0
-    framed_error(second.frame, second.base_quat, second.free, second.pose, second.pose_ref, error)
+    error, base, total = second.error, world.task.base, 0.0
+    if second.frame == BASE:  # the target moves with the base
+        carry(base, second.in_base, second.pose_ref)
+    framed_error(second.frame, base, second.free, second.pose, second.pose_ref, error)
     for i in range(second.m):
         total += error[second.row[i]] * error[second.row[i]]
     return math.sqrt(total)

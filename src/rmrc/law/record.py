@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from rmrc.scenario.choices import record_fields
 
 ROWS = 6  # a twist has six rows; a task, and so sigma, has at most as many
+# Bits of `input.given` of a pose and a twist; more stand in `rmrc.law.step`.
+POSE, TWIST = 1, 2
 CAPACITY = 8  # joints of the smallest record; larger arms get the next power of two
 
 # Methods at addresses, 0 where a world has none: the choices of the law, its parts that few worlds need, the
@@ -58,14 +60,14 @@ def world_type(joints: int) -> np.dtype[np.void]:
     f, i = np.float64, np.int64
     J, R = (joints,), (ROWS,)
     task = [
-        # rows of the twist that count, S_x and S_q; the frame of the rows, the orientation of the base, and
-        # the axis about which the site is free, or -1; the joints for which a whole turn changes nothing
+        # rows of the twist that count, S_x and S_q; the frame of the rows, the pose of the base, and the axis
+        # about which the site is free, or -1; the joints for which a whole turn changes nothing
         ("row", i, R), ("row_scale", f, R), ("joint_scale", f, J), ("comes_round", i, J),
-        ("frame", i), ("base_quat", f, (4,)), ("free", i), ("feedback", f), ("feedforward", f),
+        ("frame", i), ("base", f, (7,)), ("free", i), ("feedback", f), ("feedforward", f),
     ]  # fmt: skip
-    second = [  # a second task: its rows, its site, the axes that move it, and its target
-        ("m", i), ("row", i, R), ("row_scale", f, R), ("frame", i), ("base_quat", f, (4,)), ("free", i),
-        ("site", i), ("moves", i, J), ("pose_ref", f, (7,)), ("feedback", f),
+    second = [  # a second task: its rows, its site, the axes that move it, and its target, also in the base
+        ("m", i), ("row", i, R), ("row_scale", f, R), ("frame", i), ("free", i),
+        ("site", i), ("moves", i, J), ("pose_ref", f, (7,)), ("in_base", f, (7,)), ("feedback", f),
         ("last_axis", i), ("tip_step", f, (3,)), ("tip_quat", f, (4,)),
         # where it is for the law, and its true error
         ("pose", f, (7,)), ("J", f, (ROWS, joints)), ("columns", f, (ROWS, joints)), ("error", f, (6,)),
@@ -153,8 +155,11 @@ def world_type(joints: int) -> np.dtype[np.void]:
         # of a step outside a run: the source of kinematics, its parts, the period without a step, and
         # refusals
         ("sites", i), ("site_quat", f, (2, 4)), ("is_beside", i), ("site_step", f, (2, 3)),
-        ("given", i), ("called", f), ("refused", i), ("late", i), ("base", f, (7,)),
+        ("given", i), ("called", f), ("refused", i), ("late", i),
         ("q_target", f, J), ("qdot_target", f, J),
+        # the positions that servos take, and the position limits of the joints meanwhile; TORQUE_LIMITED
+        # where an actuator is at its limit
+        ("servo", f, (2, joints)), ("has_servos", i), ("range", f, (2, joints)), ("saturated", i),
         # memory: the integral of the commands, the joints on their way back, the change before
         ("q_cmd", f, J), ("returning", f, J), ("change_before", f, J),
     ]  # fmt: skip
@@ -190,7 +195,7 @@ def world_type(joints: int) -> np.dtype[np.void]:
         # of the arm in it: ids of its joints and site, addresses of its degrees of freedom, controls and
         # forces
         ("joint", i, J), ("qpos_at", i, J), ("dof", i, J), ("ctrl_at", i, J), ("force_at", i, J),
-        ("site_id", i), ("body", i, (2,)), ("site_at", i, (2,)),
+        ("site_id", i), ("body", i, (2,)), ("base", i), ("site_at", i, (2,)),
         ("followers", i), ("follows", i, J), ("follower_ratio", f, J), ("follower_offset", f, J),
         ("follower_qpos", i, J), ("follower_dof", i, J),
         # of the run: the next tick, the end of this piece and of the run, the path, rows of columns and of
@@ -220,8 +225,8 @@ def world_type(joints: int) -> np.dtype[np.void]:
 
 # Fields of MjData that compiled code reads or writes, by their names in MuJoCo.
 ENGINE_FIELDS = (
-    "qpos", "qvel", "act", "ctrl", "xfrc_applied", "site_xpos", "site_xquat", "xanchor", "xaxis",
-    "actuator_force", "qfrc_actuator", "qfrc_gravcomp", "qfrc_spring",
+    "qpos", "qvel", "act", "ctrl", "xfrc_applied", "xpos", "xquat", "site_xpos", "site_xquat",
+    "xanchor", "xaxis", "actuator_force", "qfrc_actuator", "qfrc_gravcomp", "qfrc_spring",
     "actuator_moment", "moment_rowadr", "moment_rownnz", "moment_colind",
     "warning_info", "warning_count", "known_bias", "known_passive", "known_gravcomp", "known_M",
     "known_qpos", "known_qvel",
@@ -243,6 +248,7 @@ def new_worlds(count: int, n: int, axes: int = 0) -> NDArray[np.void]:
     worlds["limits"]["torque"] = math.inf
     worlds["task"]["free"] = worlds["second"]["free"] = -1
     worlds["input"]["q_cmd"] = worlds["input"]["called"] = math.nan
+    worlds["input"]["servo"] = np.array([[-math.inf], [math.inf]])
     worlds["engine"]["diverged"] = -1
     worlds["tick"]["slip"] = math.nan
     return worlds

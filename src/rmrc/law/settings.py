@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from rmrc.law.task import BareTask, Joints, SecondTask, Task
 from rmrc.scenario import ControlSection, LimitsSection
 from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, write_choices
 from rmrc.scenario.profile import load_profile
+
+if TYPE_CHECKING:
+    from rmrc.arm import Positions
 
 # Between these, quotients and cubes of rates over steps of jerk are finite. Beyond them, a joint may not
 # change its rate at all, or may change it without limit [rad/s or m/s].
@@ -34,13 +37,16 @@ class TaskLaw:
         posture: Posture of the objective with this name, (n,).
     """
 
-    def __init__(self, task: Task | BareTask, control: ControlSection, start: Array) -> None:
+    def __init__(
+        self, task: Task | BareTask, control: ControlSection, start: Array, seen: "Positions | None" = None
+    ) -> None:
         """Bind parameters to joints.
 
         Args:
             task: The task of the site.
             control: The control section; its lists over joints fit the arm.
             start: Start configuration, (n,).
+            seen: Where all joints are, if they are not at rest: see `Arm.pose`.
         """
         arm, section, nullspace_ = task.arm, control.limits, control.nullspace
         self.task, self._control = task, control
@@ -59,7 +65,7 @@ class TaskLaw:
         self._inertia: Inertia | None = None
         if isinstance(task, Task):  # with an arm
             if nullspace_.objective == "secondary":
-                self.second = SecondTask(task, nullspace_.secondary, start)
+                self.second = SecondTask(task, nullspace_.secondary, start if seen is None else seen)
             if control.inverse.metric == "inertia":
                 self._inertia = Inertia(task.arm, task.length)
 

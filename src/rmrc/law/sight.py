@@ -13,10 +13,15 @@ from rmrc.law.kinematics import (
     second_jacobian,
     turned,
 )
+from rmrc.scenario.choices import Status
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
     from rmrc.law.task import SecondTask
+
+TORQUE_LIMITED = int(Status.TORQUE_LIMITED)
+# An actuator is at its limit when it gives all of it, up to the rounding of a gear.
+AT_LIMIT = 1.0 - 1e-9
 
 # Sources of the kinematics: MuJoCo's data of so many sites, the chain, or a Jacobian alone.
 CHAIN_ALONE, JACOBIAN_ALONE = 0, -1
@@ -35,42 +40,71 @@ def look_at(world: np.void, data: Any, arm: "Arm", second: "SecondTask | None") 
         Ids of the bodies that steps read.
 
     Raises:
-        KeyError: The model lacks a joint of the arm, or the body with the site.
+        ModelError: The model lacks a joint of the arm, or the body with the site.
     """
     model, engine, input_ = data.model, world["engine"], world["input"]
-    joints = [model.joint(name).id for name in arm.joints]
-    axes = [model.joint(name).id for name in arm.axis_names]
-    sites = [arm.site, second.site] if second else [arm.site]
-    is_beside = not {model.site(i).name for i in range(model.nsite)}.issuperset(sites)
-    bodies = []
-    for i, name in enumerate(sites):
-        owner = arm.model if is_beside else model
-        site = owner.site(name)
-        body = int(owner.site_bodyid[site.id])
-        bodies.append(model.body(owner.body(body).name).id if is_beside else body)
-        engine["site_at"][i] = bodies[-1] if is_beside else site.id
-        input_["site_quat"][i], input_["site_step"][i] = site.quat, site.pos
-    input_["sites"], input_["is_beside"] = len(sites), is_beside
-    engine["qpos_at"][: arm.n], engine["dof"][: arm.n] = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-    engine["joint"][: len(axes)] = axes
-    places = {"site_xpos": data.xpos, "site_xquat": data.xquat} if is_beside else {}
-    for name in ("qpos", "qvel", "site_xpos", "site_xquat", "xanchor", "xaxis"):
+    there = arm.located(model, arm.site, *([second.site] if second else []))
+    is_beside = any(place.site < 0 for place in there.places)
+    for i, place in enumerate(there.places):
+        engine["site_at"][i] = place.body if is_beside else place.site
+        input_["site_quat"][i], input_["site_step"][i] = place.quat, place.position
+    input_["sites"], input_["is_beside"] = len(there.places), is_beside
+    engine["qpos_at"][: arm.n] = model.jnt_qposadr[there.joint]
+    engine["dof"][: arm.n] = model.jnt_dofadr[there.joint]
+    engine["joint"][: len(there.axis)], engine["base"] = there.axis, there.base
+    sites = (data.xpos, data.xquat) if is_beside else (data.site_xpos, data.site_xquat)
+    places = dict(zip(("site_xpos", "site_xquat"), sites, strict=True))
+    followers = [each for each in arm.followers if each.is_screw or each.name in arm.axis_names]
+    engine["followers"] = len(followers)
+    for i, follower in enumerate(followers):
+        engine["follows"][i], engine["follower_ratio"][i] = follower.leader, follower.ratio
+        engine["follower_dof"][i] = model.joint(follower.name).dofadr[0]
+    places |= {"xpos": data.xpos, "xquat": data.xquat}
+    for name in ("qpos", "qvel", "qfrc_actuator", *places, "xanchor", "xaxis"):
         engine[name] = places.get(name, getattr(data, name)).ctypes.data
-    for name in ("nq", "nv", "njnt"):
+    for name in ("nq", "nv", "njnt", "nbody"):
         engine[name] = getattr(model, name)
     engine["nsite"] = model.nbody if is_beside else model.nsite
-    return [*bodies, *model.jnt_bodyid[axes]]
+    return [*(place.body for place in there.places), *model.jnt_bodyid[there.axis]]
 
 
 @compiled
 def read_state(world: Record) -> None:
-    """Read positions and rates of the joints from MuJoCo's data."""
-    engine, state = world.engine, world.state
-    if world.input.sites <= 0:
+    """Read positions and rates of the joints from MuJoCo's data, and the actuators at their limits."""
+    engine, state, input_ = world.engine, world.state, world.input
+    input_.saturated = 0
+    if input_.sites <= 0:
         return
     qpos, qvel = at(engine.qpos, engine.nq), at(engine.qvel, engine.nv)
     for j in range(world.n):
         state.q[j], state.qdot[j] = qpos[engine.qpos_at[j]], qvel[engine.dof[j]]
+    read_forces(world)
+    for j in range(world.n):
+        if is_at_torque_limit(world, j):
+            input_.saturated = TORQUE_LIMITED
+
+
+@compiled
+def read_forces(world: Record) -> None:
+    """Write tau of the last step: the forces of all actuators at the joints."""
+    engine, tau, force = world.engine, world.tick.tau, at(world.engine.qfrc_actuator, world.engine.nv)
+    for j in range(world.n):
+        tau[j] = force[engine.dof[j]]
+    for f in range(engine.followers):
+        tau[engine.follows[f]] += engine.follower_ratio[f] * force[engine.follower_dof[f]]
+
+
+@compiled
+def is_at_torque_limit(world: Record, j: int) -> bool:
+    """Return whether the actuators of a joint gave all of their force in the last step."""
+    return bool(abs(world.tick.tau[j]) >= AT_LIMIT * world.limits.torque[j] > 0.0)
+
+
+@compiled
+def is_held(world: Record, j: int, rate: float) -> bool:
+    """Return whether MuJoCo's data show that the actuators of a joint cannot give more towards a rate."""
+    is_saturated = world.input.saturated != 0
+    return bool(is_saturated and world.tick.tau[j] * rate > 0.0 and is_at_torque_limit(world, j))
 
 
 @compiled
@@ -83,6 +117,7 @@ def look(world: Record) -> None:
         if second.m > 0:
             follow_second(world, state.q)
     elif sites > 0:
+        read_base(world)
         read_axes(world)
         read_site(world, 0, state.pose)
         geometric_jacobian(world)
@@ -100,6 +135,17 @@ def read_axes(world: Record) -> None:
         first = 3 * engine.joint[a]
         for i in range(3):
             chain.axis[a, i], chain.anchor[a, i] = axes[first + i], anchors[first + i]
+
+
+@compiled
+def read_base(world: Record) -> None:
+    """Read the pose of the base, which other joints or a mocap body may move."""
+    engine, base = world.engine, world.task.base
+    places, turns = at(engine.xpos, 3 * engine.nbody), at(engine.xquat, 4 * engine.nbody)
+    for c in range(3):
+        base[c] = places[3 * engine.base + c]
+    for c in range(4):
+        base[3 + c] = turns[4 * engine.base + c]
 
 
 @compiled

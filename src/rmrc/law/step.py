@@ -12,13 +12,15 @@ import math
 from rmrc.law.compiling import Array, Method, Record, call, compiled
 from rmrc.law.jerk import keep_change
 from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET, brake_blindly, is_outside
-from rmrc.law.kinematics import BASE, SITE, quat_product, turn_twist, turned
+from rmrc.law.kinematics import BASE, SITE, carry, turn_twist
 from rmrc.law.law import resolve
 from rmrc.law.metric import INERTIA, factor
-from rmrc.law.sight import JACOBIAN_ALONE, look, read_state
+from rmrc.law.record import POSE, TWIST
+from rmrc.law.sight import JACOBIAN_ALONE, is_held, look, read_state
 from rmrc.scenario.choices import Status
 
 INVALID, OVERDUE, STOPPED = int(Status.INVALID_INPUT), int(Status.OVERDUE), int(Status.STOPPED)
+POSITION_LIMITED = int(Status.POSITION_LIMITED)
 
 # The largest position, velocity or command; MuJoCo calls larger ones bad (its mjMAXVAL).
 LARGEST = 1e10
@@ -28,7 +30,7 @@ SHORTEST = 1e-3
 
 # Bits of `input.given`, the parts of the input of a step besides the targets of joints; the frame of pose and
 # twist is added, times FRAME.
-POSE, TWIST, RATES, REFUSED, FRAME = 1, 2, 4, 32, 64
+RATES, REFUSED, FRAME = 4, 32, 64
 # Bits of `input.refused`, its unusable parts: not finite, too large, or no rotation.
 BAD_CALL, BAD_POSITIONS, BAD_RATES, BAD_KINEMATICS, BAD_POSE, BAD_TWIST, BAD_TARGET, BAD_METRIC = (
     1 << bit for bit in range(8)
@@ -45,16 +47,39 @@ def step(world: Record) -> None:
     if input_.refused == 0:
         if input_.sites == JACOBIAN_ALONE:
             take_twist(world)
+        if input_.has_servos:
+            enter_reach(world)
         if is_outside(world) or input_.given & (POSITION_TARGET | RATE_TARGET) != 0:
             call(world.methods.move_joints, world)
         else:
             call(world.methods.control, world)
+        if input_.has_servos:
+            leave_reach(world)
     if input_.refused != 0 or not is_bounded(tick.qdot_cmd, world.n):
         forget(world)
         brake_blindly(world)
         tick.status = STOPPED | INVALID if input_.refused != 0 else STOPPED
-    tick.status |= late
+    tick.status |= late | input_.saturated
     send(world)
+
+
+@compiled
+def enter_reach(world: Record) -> None:
+    """Bring the position limits to what servos can still take, as their commands are ahead of the joints."""
+    input_, limits = world.input, world.limits.position
+    for j in range(world.n):
+        ahead = 0.0 if math.isnan(input_.q_cmd[j]) else input_.q_cmd[j] - world.state.q[j]
+        input_.range[0, j], input_.range[1, j] = limits[0, j], limits[1, j]
+        limits[0, j] = max(limits[0, j], input_.servo[0, j] - ahead)
+        limits[1, j] = min(limits[1, j], input_.servo[1, j] - ahead)
+
+
+@compiled
+def leave_reach(world: Record) -> None:
+    """Restore the position limits."""
+    limits, before = world.limits.position, world.input.range
+    for j in range(world.n):
+        limits[0, j], limits[1, j] = before[0, j], before[1, j]
 
 
 @Method
@@ -84,17 +109,22 @@ def brake_while_late(world: Record) -> int:
 
 @compiled
 def send(world: Record) -> None:
-    """Remember the command; for joints that take positions, integrate it within their range."""
+    """Remember the command; for joints that take positions, integrate it within their range.
+
+    It is not integrated while the actuators cannot give more towards it.
+    """
     limits, memory, tick, input_ = world.limits, world.memory, world.tick, world.input
     for j in range(world.n):
         input_.change_before[j] = memory.change[j]
         position, rate = input_.q_cmd[j], tick.qdot_cmd[j]
         position = world.state.q[j] if math.isnan(position) else position
-        goal = position + world.period * rate
+        goal = position + world.period * (0.0 if is_held(world, j, rate) else rate)
+        if not input_.servo[0, j] <= goal <= input_.servo[1, j]:
+            tick.status |= POSITION_LIMITED
         if rate > 0.0:
-            goal = max(position, min(goal, limits.position[1, j]))
+            goal = max(position, min(goal, limits.position[1, j], input_.servo[1, j]))
         elif rate < 0.0:
-            goal = min(position, max(goal, limits.position[0, j]))
+            goal = min(position, max(goal, limits.position[0, j], input_.servo[0, j]))
         input_.q_cmd[j] = goal
         keep_change(world, j, rate)
         memory.qdot_cmd[j] = rate
@@ -145,7 +175,7 @@ def read_wanted(world: Record) -> int:
     if not (is_bounded(pose, 7) and norm2 >= SHORTEST * SHORTEST):
         return refused | BAD_POSE
     if frame == BASE:
-        turn_to_world(world, input_.base)
+        turn_to_world(world, world.task.base)
     elif frame == SITE:
         turn_to_world(world, state.pose)
     return refused
@@ -154,13 +184,11 @@ def read_wanted(world: Record) -> int:
 @compiled
 def turn_to_world(world: Record, frame: Array) -> None:
     """Turn the given pose and twist from a frame, whose pose is (7,), to world axes."""
-    turn, pose, given = (frame[3], frame[4], frame[5], frame[6]), world.tick.pose_ref, world.input.given
+    tick, given = world.tick, world.input.given
     if given & POSE:
-        x, y, z = turned(turn, pose)
-        pose[0], pose[1], pose[2] = frame[0] + x, frame[1] + y, frame[2] + z
-        pose[3], pose[4], pose[5], pose[6] = quat_product(turn, (pose[3], pose[4], pose[5], pose[6]))
+        carry(frame, tick.pose_ref, tick.pose_ref)
     if given & TWIST:
-        turn_twist(turn, world.tick.twist_ref)
+        turn_twist((frame[3], frame[4], frame[5], frame[6]), tick.twist_ref)
 
 
 @compiled

@@ -270,8 +270,13 @@ def _checked_time(seconds: float | None) -> float | None:
     return seconds
 
 
-def started(q: ArrayLike, n: int) -> Array:
+def started(q: ArrayLike, n: int, others: str = "") -> Array:
     """Return the initial joint positions, (n,) or (w, n).
+
+    Args:
+        q: The positions.
+        n: Number of joints.
+        others: All forms that the caller takes, in words.
 
     Raises:
         QuestionError: They have another shape, or are not finite.
@@ -281,7 +286,7 @@ def started(q: ArrayLike, n: int) -> Array:
     except (TypeError, ValueError):
         raise QuestionError(f"q must be numbers, got {shortened(repr(q))}") from None
     if values.ndim not in (1, 2) or values.shape[-1] != n or not values.size:
-        raise QuestionError(f"q must be ({n},) or (w, {n}), got {values.shape}")
+        raise QuestionError(f"q must be {others or f'({n},)'} or (w, {n}), got {values.shape}")
     if not np.isfinite(values).all():
         raise QuestionError(f"q must be finite, got {shortened(str(values.tolist()))}")
     return values

@@ -24,7 +24,7 @@ from rmrc.support.spatial import (
 )
 
 if TYPE_CHECKING:  # a task without an arm does not load MuJoCo
-    from rmrc.arm import Arm
+    from rmrc.arm import Arm, Positions
     from rmrc.scenario import SecondarySection
 
 Array = NDArray[np.float64]
@@ -43,20 +43,20 @@ class View(NamedTuple):
 
     Attributes:
         frame: The frame: the world, the arm's base, or the site as it turns.
-        base: Orientation of the base, (4,).
+        base: Pose of the base, (7,).
         free: The axis of the site, 0 to 2, about which it may turn freely, or -1.
     """
 
     frame: Frame = "world"
-    base: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+    base: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     free: int = -1
 
     @property
-    def codes(self) -> tuple[int, tuple[float, ...], int]:
-        """Its fields of a world's record."""
+    def codes(self) -> tuple[int, int]:
+        """Codes of frame and free axis in a world's record."""
         from rmrc.law.kinematics import FRAMES  # imports numba, which reading a run does not need
 
-        return FRAMES.index(self.frame), self.base, self.free
+        return FRAMES.index(self.frame), self.free
 
     def turned(self, rows: Array, pose: Array) -> Array:
         """Return twists (..., 6) or Jacobians (..., 6, n) along these axes; see `Task.turned`."""
@@ -68,8 +68,8 @@ class View(NamedTuple):
 
     def _axes(self, pose: Array) -> Array:
         """Return the axes as columns, (..., 3, 3)."""
-        base = np.broadcast_to(self.base, (*pose.shape[:-1], 4))
-        return quat_to_matrix(pose[..., 3:] if self.frame == "site" else base)
+        base = np.broadcast_to(self.base, (*pose.shape[:-1], 7))
+        return quat_to_matrix((pose if self.frame == "site" else base)[..., 3:])
 
     def error(self, pose_ref: Array, pose: Array) -> Array:
         """Return the error (..., 6) [m, rad] that `rmrc.law.kinematics.framed_error` writes."""
@@ -96,7 +96,7 @@ def view(arm: "Arm", frame: Frame, rows: NDArray[np.intp]) -> View:
     """Return the axes of some rows of an arm's twist."""
     free = {3, 4, 5} - set(rows.tolist())
     is_one = frame == "site" and len(free) == 1
-    return View(frame, tuple(arm.base_pose[3:].tolist()), free.pop() - 3 if is_one else -1)
+    return View(frame, tuple(arm.base_pose.tolist()), free.pop() - 3 if is_one else -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +168,7 @@ class Task:
         """Write the rows, their scales and the geometry of the arm into a world's record."""
         task, chain, m, n = world["task"], world["chain"], len(self.rows), self.arm.n
         world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), self.rank
-        task["frame"], task["base_quat"], task["free"] = self.view.codes
+        (task["frame"], task["free"]), task["base"] = self.view.codes, self.view.base
         task["row"][:m], task["row_scale"][:m] = self.rows, self.row_scale
         task["joint_scale"][:n] = self.joint_scale
         geometry = self.arm.chain
@@ -264,13 +264,13 @@ class SecondTask:
         site: Name of the site.
     """
 
-    def __init__(self, first: Task, section: "SecondarySection", start: Array) -> None:
+    def __init__(self, first: Task, section: "SecondarySection", start: "Positions") -> None:
         """Bind it to an arm.
 
         Args:
             first: The first task; its arm and length apply here as well.
             section: The section `secondary` of the scenario.
-            start: Start configuration, (n,).
+            start: Start configuration, (n,), or MuJoCo's data.
         """
         arm = first.arm
         self.site, self._feedback = section.site or arm.site, section.feedback
@@ -281,20 +281,22 @@ class SecondTask:
         self._by_chain = arm.behind(self.site)
         self._view = view(arm, section.frame, self._rows)
         self._pose = arm.pose(start, self.site)
+        base = arm.base_at(start)
         if section.to is not None:
-            frame = {"world": ORIGIN, "base": arm.base_pose, "site": self._pose}[section.frame]
+            frame = {"world": ORIGIN, "base": base, "site": self._pose}[section.frame]
             own = pose_product(pose_inverse(frame), self._pose)
             wanted = np.concatenate([own[:3], np.zeros(3)])
             wanted[self._rows] = section.to
             own = np.concatenate([wanted[:3], quat_multiply(exp_rotation(wanted[3:]), own[3:])])
             self._pose = pose_product(frame, own)
+        self._in_base = pose_product(pose_inverse(base), self._pose)
 
     def write(self, world: np.void) -> None:
         """Write its rows, its site and its target into a world's record."""
         second, m = world["second"], len(self._rows)
         second["m"], second["row"][:m], second["row_scale"][:m] = m, self._rows, self._row_scale
-        second["frame"], second["base_quat"], second["free"] = self._view.codes
-        second["site"], second["pose_ref"] = self._id, self._pose
+        second["frame"], second["free"] = self._view.codes
+        second["site"], second["pose_ref"], second["in_base"] = self._id, self._pose, self._in_base
         second["moves"][: len(self._moves)] = self._moves
         second["last_axis"], second["tip_step"], second["tip_quat"] = self._by_chain
         second["feedback"] = self._feedback

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import DriveKind, Own, Wiring
+from rmrc.arm.drives import terms_of
 from rmrc.law.compiling import Array, Method, Record, at, carray, compiled, pointer
 from rmrc.law.metric import backward, forward
+from rmrc.law.sight import read_forces
 from rmrc.plants.fields import ctrl_of, qpos_of, qvel_of
 from rmrc.plants.physics import Physical
 from rmrc.plants.plant import Assumed
@@ -41,13 +43,10 @@ _FREEDOM = np.dtype([("joint", np.int64), ("ratio", float), ("is_balanced", np.i
 def read_joints(world: Record) -> None:
     """Read q, qdot, and tau of the last step: the forces of all actuators at the joints."""
     engine, tick, qpos, qvel = world.engine, world.tick, qpos_of(world), qvel_of(world)
-    force = at(engine.qfrc_actuator, engine.nv)
     for j in range(world.n):
         tick.q[j] = qpos[engine.qpos_at[j]]
         tick.qdot[j] = qvel[engine.dof[j]]
-        tick.tau[j] = force[engine.dof[j]]
-    for f in range(engine.followers):
-        tick.tau[engine.follows[f]] += engine.follower_ratio[f] * force[engine.follower_dof[f]]
+    read_forces(world)
 
 
 @compiled
@@ -268,27 +267,13 @@ def _drives(model: mujoco.MjModel, kinds: dict[int, DriveKind]) -> NDArray[np.vo
     """Return the actuators of a model for compiled code, (d,)."""
     table = np.zeros(len(kinds), _DRIVE)
     for row, (i, kind) in zip(table, kinds.items(), strict=True):
-        gain, (b0, b1, b2) = model.actuator_gainprm[i, 0], model.actuator_biasprm[i, :3]
-        if model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE:
-            b0 = b1 = b2 = 0.0
-        scale = 1.0 if kind == MOTOR else -b2 if kind == RATE else -b1
-        count = int(model.actuator_actnum[i])
+        terms, count = terms_of(model, i, kind), int(model.actuator_actnum[i])
         row["kind"], row["output"] = kind, model.actuator_outadr[i]
         row["ctrl"] = model.actuator_ctrladr[i]
         row["act"] = model.actuator_actadr[i] + count - 1 if count else -1
-        row["scale"], row["offset"], row["stiffness"] = scale / gain, -b0 / gain, -b1
-        ranges = (
-            (model.actuator_ctrllimited[i] and not _is_disabled(model), model.actuator_ctrlrange[i]),
-            (model.actuator_actlimited[i], model.actuator_actrange[i]),
-        )
-        ends = [tuple(ends) if is_limited else (-math.inf, math.inf) for is_limited, ends in ranges]
-        (row["lower"], row["upper"]), (row["act_lower"], row["act_upper"]) = ends
+        row["scale"], row["offset"], row["stiffness"] = terms.scale, terms.offset, terms.stiffness
+        (row["lower"], row["upper"]), (row["act_lower"], row["act_upper"]) = terms.control, terms.state
     return table
-
-
-def _is_disabled(model: mujoco.MjModel) -> bool:
-    """Return whether an option of the model keeps MuJoCo from clamping controls."""
-    return bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
 
 
 def _freedoms(model: mujoco.MjModel, joint: NDArray[np.int64], ratio: Array) -> NDArray[np.void]:

@@ -125,7 +125,7 @@ class Prepared:
     @property
     def assumed(self) -> tuple[Assumed, ...]:
         """The deviations of the run from the model as its author wrote it, and the missing limits."""
-        of_law = (*_by_profile(self.scenario), *_not_shown(self), *_missing_limits(self))
+        of_law = (*_by_profile(self.scenario), *_not_shown(self), *_missing_limits(self), *_slow_servos(self))
         of_springs = [Assumed(self.springs, True)] if self.springs else []
         starts_at_rest = "a start at rest: the keyframe's velocities are ignored"
         of_start = [Assumed(starts_at_rest, True)] if self.arm.moves_at(self.scenario.arm.start) else []
@@ -364,6 +364,13 @@ def _long_run(prepared: Prepared) -> Iterator[tuple[str, str]]:
 
 
 # What a run assumes -----------------------------------------------------------------------------
+
+
+def _slow_servos(prepared: Prepared) -> Iterator[Assumed]:
+    """Yield rate servos of the model that cannot take all rates that the law may command."""
+    if PLANTS[prepared.plant.name].own:
+        slow = fit.slow_servos(prepared.law.rate_limit, prepared.arm)
+        yield from [Assumed(slow, True)] if slow else []
 
 
 def _missing_limits(prepared: Prepared) -> Iterator[Assumed]:

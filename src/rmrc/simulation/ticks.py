@@ -13,7 +13,7 @@ from rmrc.law.kinematics import (
     second_jacobian,
 )
 from rmrc.law.priority import second_error
-from rmrc.law.sight import read_axes
+from rmrc.law.sight import TORQUE_LIMITED, is_at_torque_limit, read_axes, read_base
 from rmrc.plants.engine import BAD_FIRST, BAD_LAST
 from rmrc.plants.fields import qpos_of
 from rmrc.scenario.choices import Status
@@ -21,9 +21,7 @@ from rmrc.simulation.reference import PIECE, ROW, read_reference
 
 # MuJoCo calls a larger position, velocity or acceleration bad (its mjMAXVAL).
 LARGEST = 1e10
-# An actuator is at its limit when it gives all of it, up to the rounding of a gear.
-AT_LIMIT = 1.0 - 1e-9
-TORQUE_LIMITED, SLIPPED = int(Status.TORQUE_LIMITED), int(Status.SLIPPED)
+SLIPPED = int(Status.SLIPPED)
 # A follower that is further from its equality [rad or m] moves a tip at a meter from it by a millimeter.
 # Stiff equalities give way by less than a twentieth of it, even under the weight of links of grams.
 MOST_SLIP = 1e-3
@@ -107,6 +105,8 @@ def sense(world: Record) -> None:
         positions = at(engine.positions + 8 * engine.nq * row, engine.nq)
         for i in range(engine.nq):
             positions[i] = qpos[i]
+    if engine.base >= 0:  # it moves, and a frame is its
+        read_base(world)
     read_axes(world)
     geometric_jacobian(world)
     if world.methods.second != 0:
@@ -132,7 +132,7 @@ def believe(world: Record) -> None:
         tick.q_believed[j] = world.plant.q_last[j] = world.state.q[j]
     pose_error(tick.pose, tick.pose_ref, true_error)
     if task.frame != WORLD:
-        frame_error(task.frame, task.base_quat, task.free, tick.pose, tick.pose_ref, true_error)
+        frame_error(task.frame, task.base, task.free, tick.pose, tick.pose_ref, true_error)
     follow_chain(world, world.state.q)
     geometric_jacobian(world)
     if world.second.m > 0:
@@ -147,7 +147,7 @@ def read_loads(world: Record) -> None:
     compensation = at(engine.qfrc_gravcomp, engine.nv)
     for j in range(world.n):
         tick.tau_gravity[j] = plant.gravity_apart[j] * compensation[engine.dof[j]]
-        if abs(tick.tau[j]) >= AT_LIMIT * world.limits.torque[j] > 0.0:
+        if is_at_torque_limit(world, j):
             tick.status |= TORQUE_LIMITED
     if engine.followers == 0:
         return

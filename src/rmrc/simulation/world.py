@@ -208,6 +208,7 @@ class World:
         group["ctrl_at"][:n] = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
         group["force_at"][:n] = model.actuator_outadr[wiring.actuator] if has_drives else -1
         group["site_id"], group["body"][0] = wiring.site, wiring.body
+        group["base"] = -1 if arm.is_fixed[arm.base] else wiring.base
         group["followers"], group["mass_size"] = followers, data.M.size
         group["follows"][:followers] = [follower.leader for follower in arm.followers]
         group["follower_ratio"][:followers] = [follower.ratio for follower in arm.followers]
