@@ -78,12 +78,24 @@ def test_a_position_command_ends_with_the_range_of_its_servo_and_turns_at_once(s
     q_cmd, q, status = stepped(c, data, 3.0, beyond)
     assert q_cmd[:, 1].max() == pytest.approx(BEND, abs=1e-9) and abs(q[-1, 1] - BEND) < 2e-3
     assert status[-1] & Status.POSITION_LIMITED and status[-1] & Status.STUCK
+    assert c.command.limited_by == {"position": ("b",)}
     rates = np.diff(q_cmd, axis=0) / PERIOD
     assert np.abs(np.diff(rates, axis=0)).max() / PERIOD < 8 * (1 + 1e-6)
     q_cmd, q, status = stepped(c, data, 3.0, start)
     assert (np.diff(q_cmd[:20, 1]) < 0).all()  # nothing has wound up
     assert_allclose(q[-1], [0.3, BEND - 0.3], atol=1e-3)
     assert not status[-1]
+
+
+def test_an_arm_that_starts_beyond_the_range_of_its_servo_comes_back_slowly():
+    model = arm(OTHER + SERVOS["range"])
+    c, data = controller(model, (0.3, BEND + 0.2)), mujoco.MjData(model)
+    data.qpos[:2] = c.command.q_cmd
+    q_cmd, _, status = stepped(c, data, 2.0, c.arm.pose([0.3, 1.0]))
+    is_outside = q_cmd[:-1, 1] > BEND
+    assert is_outside.any() and not is_outside[-1] and status[0] & Status.POSITION_LIMITED
+    assert np.abs(np.diff(q_cmd, axis=0)[is_outside]).max() <= 0.5 * PERIOD * (1 + 1e-9)
+    assert_allclose(data.qpos[:2], [0.3, 1.0], atol=1e-2)
 
 
 def test_the_other_joints_make_up_for_a_servo_that_is_at_its_end():

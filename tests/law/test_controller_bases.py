@@ -32,15 +32,17 @@ BASES = {
 }
 
 
-def scene(base, more="", beside=""):
-    inertia, is_mocap = (
-        '<inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>',
-        "true" if base == "mocap" else "false",
+def text(base):
+    is_mocap = base == "mocap"
+    inertia = "" if is_mocap else '<inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>'
+    return (
+        f'<mujoco model="scene"><compiler angle="radian"/><worldbody><body name="torso" pos="0 0 .4" '
+        f'mocap="{str(is_mocap).lower()}">{BASES[base]}{inertia}{ARM}</body></worldbody></mujoco>'
     )
-    return mujoco.MjModel.from_xml_string(
-        f'<mujoco model="scene"><compiler angle="radian"/><worldbody>{beside}<body name="torso" mocap="{is_mocap}" '
-        f'pos="0 0 .4">{BASES[base]}{"" if base == "mocap" else inertia}{ARM}{more}</body></worldbody></mujoco>'
-    )
+
+
+def scene(base):
+    return mujoco.MjModel.from_xml_string(text(base))
 
 
 def controller(model, **options):
@@ -109,6 +111,18 @@ def test_an_arm_that_a_scene_mounts_elsewhere_has_its_base_there():
     )
     c, data = controller(alone, site=None, joints=None), mujoco.MjData(scene("free"))
     place(data, np.random.default_rng(2))
+    R = data.body("torso").xmat.reshape(3, 3)
+    moved = jacobian(data) @ c.step_data(data, twist=[0.1, 0.2, 0, 0, 0, 0.3], frame="base").qdot_cmd
+    assert_allclose(moved, np.r_[R @ [0.1, 0.2, 0.0], R @ [0.0, 0.0, 0.3]], atol=1e-9)
+    assert_allclose(c.arm.pose(data)[:3], data.site("tip").xpos, atol=1e-12)
+
+
+def test_a_floating_base_that_a_specification_fixes_is_where_the_data_have_it():
+    spec = mujoco.MjSpec.from_string(text("free"))
+    c, data = controller(spec), mujoco.MjData(scene("free"))
+    assert c.arm.model.nq == 3
+    place(data, np.random.default_rng(5))
+    c.reset(data)
     R = data.body("torso").xmat.reshape(3, 3)
     moved = jacobian(data) @ c.step_data(data, twist=[0.1, 0.2, 0, 0, 0, 0.3], frame="base").qdot_cmd
     assert_allclose(moved, np.r_[R @ [0.1, 0.2, 0.0], R @ [0.0, 0.0, 0.3]], atol=1e-9)
