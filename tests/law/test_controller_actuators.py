@@ -87,6 +87,37 @@ def test_a_position_command_ends_with_the_range_of_its_servo_and_turns_at_once(s
     assert not status[-1]
 
 
+@pytest.mark.parametrize("on_excess", ["scale", "redistribute", "optimal", "sns", "clamp"])
+@pytest.mark.parametrize("jerk", [None, 300.0])
+def test_commands_come_to_the_end_of_a_range_within_all_limits(on_excess, jerk):
+    """Goals beyond random ranges, and input that is refused at times: differences of q_cmd are the oracle."""
+    rng = np.random.default_rng(7)
+    ends = np.add(np.sort(rng.uniform(-2, 2, (2, 2)), axis=1), [0, 0.4])
+    (a, b), (c0, c1) = ends
+    model = arm(
+        f'<position joint="a" kp="300" kv="30" ctrlrange="{a} {b}"/>'
+        f'<position joint="b" gear="-2" kp="80" kv="8" ctrlrange="{-2 * c1} {-2 * c0}"/>'
+    )
+    limits = {"rate": 2.0, "acceleration": 10.0, "jerk": jerk, "on_excess": on_excess}
+    c, data = controller(model, ends.mean(axis=1), limits), mujoco.MjData(model)
+    data.qpos[:2] = c.command.q_cmd
+    q_cmd = [c.command.q_cmd.copy()] * 3
+    for t in range(1500):
+        if t % 300 == 0:
+            goal = c.arm.pose(rng.uniform([-3, -2.8], [3, 2.8]))
+        mujoco.mj_fwdPosition(model, data)
+        out = c.step_data(data, pose=goal if rng.random() > 0.005 else np.full(7, np.nan))
+        data.ctrl[:] = c.controls()
+        mujoco.mj_step(model, data)
+        q_cmd.append(out.q_cmd.copy())
+        assert not out.status & (Status.ACCELERATION_EXCEEDED | Status.JERK_EXCEEDED)
+    assert (q_cmd >= ends[:, 0]).all() and (q_cmd <= ends[:, 1]).all()
+    assert np.isclose(q_cmd, ends[:, 0], atol=1e-3).any() or np.isclose(q_cmd, ends[:, 1], atol=1e-3).any()
+    for order, limit in ((1, 2.0), (2, 10.0), (3, jerk)):
+        if limit is not None:
+            assert np.abs(np.diff(q_cmd, order, axis=0)).max() <= limit * PERIOD**order + 1e-12
+
+
 def test_an_arm_that_starts_beyond_the_range_of_its_servo_comes_back_slowly():
     model = arm(OTHER + SERVOS["range"])
     c, data = controller(model, (0.3, BEND + 0.2)), mujoco.MjData(model)

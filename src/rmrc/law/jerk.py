@@ -76,10 +76,17 @@ def foresee(world: Record) -> None:
 
 @compiled
 def room(world: Record, j: int, side: float) -> float:
-    """Return how far commands may take a joint towards an end of its range (side 1 or -1)."""
-    limits, state = world.limits, world.state
-    left = limits.position[1, j] - state.q[j] if side > 0.0 else state.q[j] - limits.position[0, j]
-    return float(left - max(0.0, side * world.bounds.coast[j]))
+    """Return how far commands may take a joint towards an end of its range (side 1 or -1).
+
+    The end of a servo's range is one of its commands, which do not lag.
+    """
+    end, q, coast = int(side > 0.0), world.state.q[j], max(0.0, side * world.bounds.coast[j])
+    left = side * (world.limits.position[end, j] - q)
+    if world.input.has_servos:
+        to_stop = side * (world.input.range[end, j] - q)
+        if left < to_stop:
+            return float(min(left, to_stop - coast))
+    return float(left - coast)
 
 
 @Method
