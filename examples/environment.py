@@ -39,7 +39,7 @@ class Reach:
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Move the hand for a period; return observation, reward, ended, cut off, and the law's report."""
         out = self.law.step_data(self.data, twist=np.array([*action, 0.0, 0.0, 0.0]))
-        self.data.ctrl[self.law.actuators] = out.q_cmd  # the commands of position servos
+        self.data.ctrl[self.law.actuators] = self.law.controls()  # positions for its servos
         mujoco.mj_step(self.model, self.data, self.steps)
         mujoco.mj_fwdPosition(self.model, self.data)
         seen = self._seen()

@@ -33,7 +33,10 @@ def fake_robot(port: socket.socket, q: np.ndarray) -> None:
 # The clock is the robot's: a slow program gives the same result.
 now = 0.0
 control = {"feedback": 8.0, "limits": {"rate": 1.0, "acceleration": 4.0, "jerk": 80.0}}
-controller = rmrc.Controller("ur5e", control=control, period=PERIOD, watchdog=5 * PERIOD, clock=lambda: now)
+controller = rmrc.Controller(
+    "ur5e", control=control, period=PERIOD, actuators=False,  # the robot takes rates
+    watchdog=5 * PERIOD, clock=lambda: now,
+)  # fmt: skip
 start = controller.arm.configuration("home")[controller.arm.wiring.qpos]
 goal = controller.arm.pose(start) + np.array([-0.1, 0.15, -0.1, 0, 0, 0, 0])
 controller.reset(start)

@@ -66,7 +66,7 @@ class ModelError(RmrcError, ValueError):
 
 
 class ModelWarning(UserWarning):
-    """MuJoCo accepts a model with a message about it."""
+    """A model is accepted with a message about it, of MuJoCo or about what its actuators take."""
 
 
 class TargetError(RmrcError, ValueError):
