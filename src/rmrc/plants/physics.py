@@ -162,7 +162,6 @@ class Physical(Plant):
 
     def assumed(self) -> Iterator[Assumed]:
         """Yield actuators that it replaces, and options and gravity that differ from the model's."""
-        model = self.arm.model
         for kind, names in self._replaced().items():
             text = f"{self.drives[0]} take the place of {kind} actuators: {listed(names)}"
             yield Assumed(text, kind != self.drives[1])
