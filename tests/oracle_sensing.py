@@ -1,6 +1,6 @@
 """What a law believes of an arm, and the arm that it does not know, by numpy: nothing of this is compiled.
 
-All that the encoders ever saw is kept in lists; noise is drawn by numpy's own Philox; true lengths and friction are
+All that the encoders ever saw is kept in lists; noise is drawn by numpy, tick by tick; true lengths and friction are
 written into a copy of MuJoCo's model, by MuJoCo's documentation of its fields.
 """
 
@@ -9,18 +9,6 @@ import copy
 import mujoco
 import numpy as np
 
-# The stream of `rmrc.plants.chance` that noise of encoders has.
-NOISE = 2
-
-
-def normals(seed, tick, n):
-    """Return standard normal numbers of a tick, (n,): as numpy draws them of its Philox, counted from the tick on."""
-    key = int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]) + (NOISE << 64)
-    # numpy raises its counter before it draws
-    return np.random.Generator(
-        np.random.Philox(counter=((tick << 64) - 1) % 2**256, key=key)
-    ).standard_normal(n)
-
 
 class Sensing:
     """Encoders, and the state that the law takes: called once a tick."""
@@ -28,6 +16,7 @@ class Sensing:
     def __init__(self, scenario, n):
         self.encoder, control, plant = scenario.arm.encoder, scenario.control, scenario.plant
         self.n, self.period = n, control.period
+        self.chance = np.random.default_rng([self.encoder.seed, 0])
         self.integrates, self.time_constant = control.state == "integrated", control.rate_filter
         drawn = np.random.default_rng(self.encoder.seed).normal(
             self.encoder.offset, self.encoder.deviation, n
@@ -49,7 +38,7 @@ class Sensing:
         seen = seen if age else q
         seen = seen + self.offset
         if np.any(self.encoder.noise):
-            seen = seen + self.encoder.noise * normals(self.encoder.seed, tick, self.n)
+            seen = seen + self.encoder.noise * self.chance.standard_normal(self.n)
         step = np.broadcast_to(self.encoder.resolution, self.n)
         seen = np.array([s * np.floor(x / s + 0.5) if s else x for x, s in zip(seen, step, strict=True)])
         self.read.append(seen)

@@ -9,15 +9,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import expm
 
-TRANSPORT = 1  # the stream of jitter and loss
-
-
-def drawn(seed, tick):
-    """Return u of the jitter and u of the loss of a command, as theory.md says."""
-    key = int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]) + (TRANSPORT << 64)
-    numbers = np.random.Philox(counter=(tick - 1) % 2**256, key=key).random_raw(2)
-    return (numbers >> np.uint64(11)) * 2.0**-53
-
 
 def response(A, b, T):
     """Return what takes (x, u) over a tick of dx/dt = A x + b u: the state at its end, and the mean of x[0]."""
@@ -35,6 +26,7 @@ class Way:
     def __init__(self, plant, period, n):
         self.plant, self.period, self.n = plant, period, n
         self.tick, self.sent, self.filters = 0, [], []
+        self.chance = np.random.default_rng([plant.seed, 1])  # of jitter and loss, as theory.md says
         self.play, self.drive, self.joint = np.broadcast_to(plant.backlash, n), np.zeros(n), np.zeros(n)
         lags = np.broadcast_to(plant.lag, n)
         if lags.any():
@@ -49,7 +41,7 @@ class Way:
         """Send a command; return what the plant is told in its tick."""
         t, plant = self.tick, self.plant
         self.tick += 1
-        later, chance = drawn(plant.seed, t)
+        later, chance = self.chance.random(2)
         arrival = t * self.period + plant.delay + plant.jitter * later
         self.sent.append((math.inf if chance < plant.loss else arrival, cmd.copy()))
         told = self.mean_between(t * self.period, (t + 1) * self.period)

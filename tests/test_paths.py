@@ -10,11 +10,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from paths import acceleration, pieces
 from project import ROOT
 from rmrc.arm import load
+from rmrc.law.record import new_worlds
 from rmrc.scenario import TargetSection
-from rmrc.simulation.motion import POSE, TWIST, recorded, spline
-from rmrc.simulation.reference import read_reference, sampled
+from rmrc.simulation.motion import POSE, TWIST, spline
+from rmrc.simulation.ticks import follow_path
 from rmrc.simulation.trajectory import Places, make_reference
 from rmrc.support.errors import TargetError
 from rmrc.support.spatial import pose_error, pose_product
@@ -129,7 +131,7 @@ def test_a_set_point_is_a_step_that_stays():
     got = reference(
         {"hold": {"for": 0.1}}, {"set": {"by": [0.1, 0, 0], "tilt": {"to": [0, 0, 1]}, "for": 0.2}}
     )
-    assert_array_equal(got.segment, [0] * 10 + [1] * 21)
+    assert_array_equal(pieces(got), [0] * 10 + [1] * 21)
     assert_array_equal(got.pose[:10], np.tile(START, (10, 1)))
     assert_allclose(
         got.pose[10:, :3], np.tile(START[:3] + np.array([0.1, 0, 0]), (21, 1)), rtol=0, atol=ROUNDING
@@ -154,7 +156,6 @@ def test_configurations_are_the_poses_of_the_site_in_turn():
     start = pose_at(HOME)
     path = {"configurations": ["home", READY, "home"]}
     got = reference(path, start=start, places=PUMA)
-    assert set(got.segment) == {0}
     assert_allclose(pose_error(got.pose[-1], start), 0, rtol=0, atol=ROUNDING)
     near = np.linalg.norm(pose_error(got.pose, pose_at(READY)), axis=1)
     assert near.min() < 1e-3  # a tick lies within a hundredth of a second of the rest there
@@ -201,7 +202,7 @@ def test_a_recorded_reference_is_followed_again(tmp_path, line, name):
     assert_allclose(dense.pose[:, :3], spline(dense.time), rtol=0, atol=ROUNDING)
     assert_allclose(dense.twist[:, :3], spline(dense.time, 1), rtol=0, atol=1e-10)
     # at the last tick the path is at rest
-    assert_allclose(dense.acceleration[:-1, :3], spline(dense.time[:-1], 2), rtol=0, atol=1e-8)
+    assert_allclose(acceleration(dense)[:-1, :3], spline(dense.time[:-1], 2), rtol=0, atol=1e-8)
 
 
 def test_the_twist_of_a_recorded_motion_is_the_derivative_of_its_poses():
@@ -210,9 +211,9 @@ def test_the_twist_of_a_recorded_motion_is_the_derivative_of_its_poses():
     time = np.cumsum(rng.uniform(0.1, 0.3, 8)) - 0.1
     turns = Rotation.from_rotvec(np.cumsum(rng.uniform(-0.4, 0.4, (8, 3)), axis=0))
     pose = np.hstack([rng.normal(size=(8, 3)), turns.as_quat(scalar_first=True)])
-    rows, h = spline(time - time[0], pose), 1e-4
+    motion, h = spline(time - time[0], pose), 1e-4
     t = rng.uniform(0.05, time[-1] - time[0] - 0.05, 30)
-    before, now, after = (sampled(recorded(rows), rows, t + shift) for shift in (-h, 0.0, h))
+    before, now, after = (motion.at(t + shift) for shift in (-h, 0.0, h))
     turned = [(Rotation.from_quat(b[3:7], scalar_first=True) * Rotation.from_quat(a[3:7], scalar_first=True).inv()).as_rotvec()
               for a, b in zip(before, after, strict=True)]  # fmt: skip
     assert_allclose(np.array(turned) / (2 * h), now[:, 10:13], rtol=0, atol=1e-5)
@@ -250,7 +251,6 @@ def test_a_motion_begins_with_a_way_to_it_or_is_carried_to_the_start(tmp_path, l
     led = reference({"file": {"path": file}})
     way = reference({"line": {"by": shift.tolist()}})
     assert_allclose(led.pose[: way.ticks - 1], way.pose[:-1], rtol=0, atol=ROUNDING)
-    assert set(led.segment) == {0}
     assert_allclose(pose_error(led.pose[-1], moved[-1]), 0, rtol=0, atol=ROUNDING)
     assert_allclose(led.twist[-1], 0, rtol=0, atol=ROUNDING)
 
@@ -275,7 +275,7 @@ def test_a_motion_that_is_too_fast_is_refused_with_the_speed_that_is_not(tmp_pat
     assert slow.duration == pytest.approx(auto.duration, rel=0.01)
     for one in (slow, auto):
         assert np.linalg.norm(one.twist[:, :3], axis=1).max() <= 0.25 * 1.01
-        assert np.linalg.norm(one.acceleration[:, :3], axis=1).max() <= 1.0 * 1.02
+        assert np.linalg.norm(acceleration(one)[:, :3], axis=1).max() <= 1.0 * 1.02
     assert reference({"file": {"path": file, "speed": 0.25}}).duration == pytest.approx(
         2 * line.duration, abs=PERIOD
     )
@@ -387,14 +387,15 @@ def test_a_slowed_path_is_interpolated_between_its_ticks(tmp_path, line, pace):
     )
     ticks = np.arange(0.0, path.ticks - 1, pace)
     if pace < 0.01:  # the ticks about the set-point, whose sides differ by more than half a turn
-        step = int(np.argmax(path.segment == 3))
+        step = int(np.argmax(pieces(path) == 3))
         ticks = ticks[np.abs(ticks - step) < 3]
-    cursor, out, got = 0, np.empty((2, 19)), []
+    (world,), got = new_worlds(1, 6), []
+    world["engine"]["reference"], world["engine"]["path_ticks"] = path.samples.ctypes.data, path.ticks
     for tick in [*ticks, path.ticks - 1.0]:
-        cursor = read_reference(path.pieces, path.rows, PERIOD, tick, cursor, out)
-        got.append(out[0, :13].copy())
+        world["memory"]["path_tick"] = tick
+        follow_path(world)
+        got.append([*world["tick"]["pose_ref"], *world["tick"]["twist_ref"]])
     want = [interpolated(path, tick) for tick in [*ticks, path.ticks - 1.0]]
     assert_allclose(got, want, rtol=0, atol=ROUNDING)
-    assert cursor == len(path.pieces) - 1
     nearest = path.samples[np.round([*ticks, path.ticks - 1.0]).astype(int)]  # negative control
     assert (np.abs(nearest - want).max() > 1e-3) == (pace < 1.0)

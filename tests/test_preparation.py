@@ -216,12 +216,3 @@ def test_variants_share_what_they_have_in_common(scenario):
     )
     assert other.arm is first.arm and other.task is first.task and other.reference is first.reference
     assert moved.arm is first.arm and moved.task is first.task and moved.reference is not first.reference
-
-
-def test_another_seed_of_the_encoders_changes_their_offsets_alone(scenario):
-    first = prepare(scenario("arm.encoder={deviation: 0.01, seed: 1}"))
-    other = first.with_encoder_seed(2)
-    again = prepare(scenario("arm.encoder={deviation: 0.01, seed: 2}"))
-    assert (other.encoder_offset == again.encoder_offset).all()
-    assert (other.encoder_offset != first.encoder_offset).all()
-    assert other.reference is first.reference and other.law is first.law

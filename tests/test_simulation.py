@@ -31,7 +31,6 @@ from rmrc.scenario.choices import (
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import PIECE, Simulation
 from rmrc.simulation.world import World
-from rmrc.study.margins.kicks import displaced
 from screws import screw_chain
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
@@ -507,7 +506,7 @@ def test_an_interrupt_keeps_what_was_recorded(scenario):
 def nan_at(prepared, tick):
     """The same world with a reference that is not a number from a tick on."""
     path, nowhere = prepared.reference, np.array([np.nan, 0.0, 0.0, 0.0, 0.0, 0.0])
-    return dataclasses.replace(prepared, reference=displaced(path, tick, path.ticks, nowhere))
+    return dataclasses.replace(prepared, reference=path.displaced(tick, path.ticks, nowhere))
 
 
 @pytest.mark.parametrize("plant", PLANTS.names)

@@ -10,8 +10,8 @@ from rmrc.arm import load
 from rmrc.recording.scene import Scene
 from rmrc.results.run import Run
 from rmrc.scenario import StartPose
+from rmrc.simulation.configuration import start_positions
 from rmrc.simulation.prepare import prepare
-from rmrc.simulation.start import start_positions
 from rmrc.support.errors import ScenarioError, TargetError
 from rmrc.support.spatial import pose_error
 

@@ -154,7 +154,7 @@ def test_with_feedback_an_initial_error_decays_exponentially(scenario, gain):
             *IDEAL, f"control.feedback={gain}", "control.period=1.0e-4", "target.path=[{hold: {for: 0.5}}]"
         )
     )
-    prepared.reference.pieces["displacement"][:, 0] += 0.01
+    prepared.reference.samples[:, 0] += 0.01
     (run,) = Simulation([prepared]).run()
     error = np.linalg.norm(run["pose_error"][:, :2], axis=1)
     want = 0.01 * np.exp(-gain * run["time"])

@@ -34,7 +34,7 @@ VARIED = [
 ]  # fmt: skip
 SHARED = ["control.feedback=12"]
 SCENARIO = ROOT / "scenarios" / "approach_singularity.yaml"
-FIELDS = ("time", "pose", "twist", "acceleration", "segment")
+FIELDS = ("time", "pose", "twist", "starts")
 
 
 def changes(texts):

@@ -27,23 +27,17 @@ NEED_CONSTANTS = frozenset(
 _HOLDS_POINTS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
 
-def set_fields(model: mujoco.MjModel, data: mujoco.MjData, fields: Mapping[str, Array]) -> None:
+def set_fields(model: mujoco.MjModel, fields: Mapping[str, Array]) -> None:
     """Set fields of a model, and what MuJoCo derives from them.
 
     Args:
         model: The model.
-        data: Data of the model; changed.
-        fields: The new values, whole, by their names in MuJoCo.
+        fields: The new values, whole, by their names in MuJoCo, or "opt.gravity".
     """
     for name, values in fields.items():
-        field_of(model, name)[...] = values
+        (model.opt.gravity if name == "opt.gravity" else getattr(model, name))[...] = values
     if not NEED_CONSTANTS.isdisjoint(fields):
-        mujoco.mj_setConst(model, data)
-
-
-def field_of(model: mujoco.MjModel, name: str) -> Array:
-    """Return a view of a field of a model by its name, such as "opt.gravity"."""
-    return np.asarray(model.opt.gravity if name == "opt.gravity" else getattr(model, name))
+        mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def loaded_fields(model: mujoco.MjModel, payload: float) -> dict[str, Array]:

@@ -25,7 +25,7 @@ METHODS = (
     "decompose", "complete", "gains", "damping", "null_space", "objective", "priority", "policy", "hold_off",
     "limit", "stops", "ease", "remember", "give_way", "metric", "weigh", "turn", "control", "second",
     "move_joints", "ease_joints",
-    "sense", "path", "believe", "readings", "obey", "transmission", "ticks",
+    "sense", "believe", "readings", "obey", "transmission", "ticks",
 )  # fmt: skip
 
 
@@ -175,11 +175,11 @@ def world_type(joints: int) -> np.dtype[np.void]:
         ("friction_decay", f, J), ("carries_springs", i),
         # encoders
         ("encoder_offset", f, J), ("differentiates", i), ("rate_decay", f),
-        ("encoder_delay", f), ("is_noisy", i), ("encoder_noise", f, J), ("encoder_seed", i),
-        ("encoder_resolution", f, J), ("noise", f, J), ("drawn", i, J), ("q_read", f, J), ("qdot_read", f, J),
+        ("encoder_delay", f), ("is_noisy", i), ("encoder_noise", f, J),
+        ("encoder_resolution", f, J), ("q_read", f, J), ("qdot_read", f, J),
         ("integrates", i), ("q_last", f, J),
         # transport of commands, in ticks; the command in effect and its number
-        ("is_late", i), ("latency", f), ("jitter", f), ("loss", f), ("span", i), ("transport_seed", i),
+        ("is_late", i), ("latency", f), ("jitter", f), ("loss", f), ("span", i),
         ("in_effect", f, J), ("arrived", i),
         # lag, resonance, backlash
         ("lags", i), ("lag_step", f, J), ("lag_mean", f, J), ("lagging", f, J),
@@ -201,10 +201,9 @@ def world_type(joints: int) -> np.dtype[np.void]:
         # of the run: the next tick, the end of this piece and of the run, the path, rows of columns and of
         # positions, past ticks, the drives of the model, and a function that is called after the law
         ("next", i), ("last", i), ("ticks", i), ("path_ticks", i), ("diverged", i), ("diverged_joint", i),
-        ("pieces", i), ("piece_count", i), ("motions", i), ("motion_rows", i), ("piece", i),
-        ("reference", f, (2, 19)), ("record", i), ("record_size", i),
+        ("reference", i), ("record", i), ("record_size", i),
         ("columns", i), ("sources", i), ("width", i), ("rows", i), ("positions", i), ("past", i),
-        ("past_rows", i), ("drives", i), ("drive_count", i), ("freedoms", i),
+        ("past_rows", i), ("chance", i), ("drives", i), ("drive_count", i), ("freedoms", i),
         ("masses", i), ("mass_count", i), ("mass_size", i), ("mass_factors", i), ("free", i),
         ("free_count", i), ("free_damping", i), ("room", i), ("watch", i),
     ]  # fmt: skip

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
+from rmrc.arm.adapting import descends
 from rmrc.arm.wiring import flex_name
 from rmrc.scenario.choices import Status
 
 Pair = tuple[str, str]  # names: the arm's body first
 
-# A contact that begins in the same tick as an uncounted one ends is noticed at most this many ticks late.
+# A contact that begins in the same tick as another one ends is noticed at most this many ticks late.
 LOOK_EVERY = 16
 
 CONTACT = int(Status.CONTACT)
@@ -38,30 +39,15 @@ def can_touch(model: mujoco.MjModel, wiring: Wiring) -> bool:
     is_own = _moved(model, wiring)[model.geom_bodyid]
     if model.nflex or is_own[model.pair_geom1].any() or is_own[model.pair_geom2].any():
         return True
-    fields = model.geom_contype, model.geom_conaffinity, model.body_weldid[model.geom_bodyid], is_own
-    kinds = set(zip(*(field.tolist() for field in fields), strict=True))
-    return any(
-        one[2] != other[2] and (one[0] & other[1] or other[0] & one[1])
-        for one in kinds
-        if one[3]
-        for other in kinds
-    )
+    types, affinities, body = model.geom_contype, model.geom_conaffinity, model.body_weldid[model.geom_bodyid]
+    collides = (types[is_own, None] & affinities) | (affinities[is_own, None] & types)
+    return bool(np.any((collides != 0) & (body[is_own, None] != body)))
 
 
 def _moved(model: mujoco.MjModel, wiring: Wiring) -> NDArray[np.bool_]:
     """Return which bodies the first joint of an arm moves, (nbody,)."""
-    moved = np.zeros(model.nbody, bool)
-    moved[model.jnt_bodyid[wiring.joint[0]]] = True
-    for body in range(1, model.nbody):  # parents come first
-        moved[body] |= moved[model.body_parentid[body]]
-    return moved
-
-
-def _floats(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return which bodies belong to a tree with a free joint at its root, (nbody,)."""
-    floats = np.zeros(model.nbody, bool)
-    floats[model.jnt_bodyid[model.jnt_type == FREE]] = True
-    return np.asarray(floats[model.body_rootid])
+    root = int(model.jnt_bodyid[wiring.joint[0]])
+    return np.array([descends(model, body, root) for body in range(model.nbody)])
 
 
 class Contacts:
@@ -84,44 +70,42 @@ class Contacts:
         self.resting: list[Pair] = []
         self._rests = set[Pair]()  # those that still touch
         self._model, self._data = model, data
-        self._is_own, self._may_rest = _moved(model, wiring), _floats(model)
-        self._may_rest |= self._is_own
+        floating = model.jnt_bodyid[model.jnt_type == FREE]
+        self._is_own = _moved(model, wiring)
+        self._may_rest = self._is_own | np.isin(model.body_rootid, floating)
         self._last = -1
-        self._has_more = False  # uncounted contacts, which can hide a new one in the number
         self._touches = False
 
     def status(self, tick: int) -> int:
         """Return the bit of the status at a tick, whose kinematics are up to date."""
         count = self._data.nefc  # each included contact has rows
-        if count != self._last or (self._has_more and tick % LOOK_EVERY == 0):
+        if count != self._last or tick % LOOK_EVERY == 0:
             self._touches = self._examine(tick)
             self._last = count
         return CONTACT if self._touches else 0
 
     def _examine(self, tick: int) -> bool:
         """Examine the contacts; return whether any of them counts."""
-        pairs = list(self._pairs()) if self._data.nefc else []
-        own = {names: rests for names, is_own, rests in pairs if is_own}
+        own = dict(self._pairs()) if self._data.nefc else {}
         if tick == 0:
             self.resting = [names for names, rests in own.items() if rests]
             self._rests = set(self.resting)
         self._rests &= own.keys()
         counted = [names for names in own if names not in self._rests]
         self.first = self.first or (counted[0] if counted else ())
-        self._has_more = len(counted) != len({names for names, *_ in pairs})
         return bool(counted)
 
-    def _pairs(self) -> Iterator[tuple[Pair, bool, bool]]:
-        """Yield the names of a contact's two sides, whether one is the arm, and whether they may rest."""
+    def _pairs(self) -> Iterator[tuple[Pair, bool]]:
+        """Yield the names of the two sides of a contact of the arm, and whether they may rest."""
         contact = self._data.contact
         included = contact.exclude == 0
         for geoms, flexes in zip(contact.geom[included], contact.flex[included], strict=True):
             ends = [self._end(int(geom), int(flex)) for geom, flex in zip(geoms, flexes, strict=True)]
             bodies = [body for _, body in ends]
             owns = [body >= 0 and bool(self._is_own[body]) for body in bodies]
-            rests = all(body < 0 or self._may_rest[body] for body in bodies)
             (first, _), (second, _) = ends if owns[0] else reversed(ends)
-            yield (first, second), any(owns), rests
+            if any(owns):
+                yield (first, second), all(body < 0 or self._may_rest[body] for body in bodies)
 
     def _end(self, geom: int, flex: int) -> tuple[str, int]:
         """Return a body's name and id; for the world the name of its geom; for a flex -1."""

@@ -49,14 +49,9 @@ def address(function: str) -> int:
     return int(ctypes.cast(getattr(_library(), function), _POINTER).value or 0)
 
 
-def model_address(model: mujoco.MjModel) -> int:
-    """Return the address of a model in C."""
-    return int(model._address)
-
-
-def data_address(data: mujoco.MjData) -> int:
-    """Return the address of data in C."""
-    return int(data._address)
+def address_of(struct: mujoco.MjModel | mujoco.MjData) -> int:
+    """Return the address of a model or of data in C."""
+    return int(struct._address)
 
 
 class _Guards(threading.local):
@@ -66,9 +61,7 @@ class _Guards(threading.local):
         self._model = mujoco.MjModel.from_xml_string(_NOTHING)
         why = ctypes.create_string_buffer(1000)
         config = _Config(1, True)
-        self.batch = _library().mjb_makeBatch(
-            model_address(self._model), 1, ctypes.byref(config), why, len(why)
-        )
+        self.batch = _library().mjb_makeBatch(address_of(self._model), 1, ctypes.byref(config), why, len(why))
         if not self.batch:
             raise MemoryError(f"MuJoCo cannot make a batch: {why.value.decode(errors='replace')}")
 

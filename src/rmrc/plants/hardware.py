@@ -1,25 +1,22 @@
 """The hardware between commanded and sensed rates: plant and stages of a world."""
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from rmrc.arm import Arm
-from rmrc.law.compiling import Method
+from rmrc.law.compiling import Array, Method
 from rmrc.plants.ideal import Ideal
 from rmrc.plants.model import Model
 from rmrc.plants.plant import Plant
-from rmrc.plants.sensing import Encoders, Integral, readings
+from rmrc.plants.sensing import Encoders, readings
 from rmrc.plants.servo import Servo
-from rmrc.plants.stage import Stage
 from rmrc.plants.torque import Torque
-from rmrc.plants.transmission import Backlash, Lag, Resonance, Transport, transmission
+from rmrc.plants.transmission import Transmission, transmission
 from rmrc.scenario import Scenario
-from rmrc.scenario.choices import PLANTS
 
 KINDS: Mapping[str, type[Plant]] = {kind.name: kind for kind in (Ideal, Servo, Torque, Model)}
-if KINDS.keys() != set(PLANTS.names):
-    raise ImportError(f"plants are declared as {PLANTS.names}, and implemented as {tuple(KINDS)}")
 
 
 class Hardware:
@@ -28,8 +25,10 @@ class Hardware:
     Attributes:
         plant: The plant.
         encoders: What the law reads.
-        integral: What the law may use in their place.
-        sent: The stages between command and plant, in order.
+        sent: The way of commands to the plant.
+        stages: Both; what the world does not use does nothing.
+        span: Number of past ticks that they read.
+        is_direct: Whether the plant gets the commands of the law unchanged and without delay.
     """
 
     def __init__(self, scenario: Scenario, arm: Arm) -> None:
@@ -40,34 +39,22 @@ class Hardware:
             arm: The arm that it names.
         """
         section = scenario.plant
+        self._scenario = scenario
         self.plant = KINDS[section.kind](section, arm, scenario.control.period)
-        self.encoders, self.integral = Encoders(scenario, arm), Integral(scenario, arm)
-        self.sent = tuple(stage(scenario, arm) for stage in (Transport, Lag, Resonance, Backlash))
-
-    @property
-    def stages(self) -> tuple[Stage, ...]:
-        """All stages; those that the world does not use do nothing."""
-        return (self.encoders, self.integral, *self.sent)
-
-    @property
-    def span(self) -> int:
-        """Number of past ticks that its stages read."""
-        return max(stage.span for stage in self.stages)
+        self.encoders, self.sent = Encoders(scenario, arm), Transmission(scenario, arm)
+        self.stages = self.encoders, self.sent
+        self.span = max(math.ceil(self.encoders.delay), self.sent.span)
+        self.is_direct = not self.sent.is_used
 
     @property
     def is_misled(self) -> bool:
         """Whether the law takes the arm to be somewhere else than it is."""
-        return self.encoders.is_used or self.integral.is_used
+        return self.encoders.is_used
 
     @property
     def moves_q(self) -> bool:
         """Whether the law takes the joints, not only bodies and site, to be somewhere else than they are."""
-        return self.encoders.moves_q or self.integral.is_used
-
-    @property
-    def is_direct(self) -> bool:
-        """Whether the plant gets the commands of the law unchanged and without delay."""
-        return not any(stage.is_used for stage in self.sent)
+        return self.encoders.moves_q
 
     @property
     def methods(self) -> Mapping[str, Method]:
@@ -79,11 +66,25 @@ class Hardware:
             methods["transmission"] = transmission
         return methods
 
+    def chance(self) -> Callable[[int], Array] | None:
+        """Return a function that draws the random numbers of so many further ticks, (T, n + 2), or None.
+
+        They are n standard normal numbers for the encoders, and two from [0, 1) for the transport. Those of a
+        tick depend on its number and the seeds alone: numpy draws the same in pieces as at once.
+        """
+        if not (self.encoders.is_noisy or self.sent.is_late):
+            return None
+        n, section = self.plant.arm.n, self._scenario
+        noise, transport = (
+            np.random.default_rng([seed, i])
+            for i, seed in enumerate((section.arm.encoder.seed, section.plant.seed))
+        )
+        return lambda ticks: np.hstack([noise.standard_normal((ticks, n)), transport.random((ticks, 2))])
+
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
         """Yield key and message of each excess in a run of this many control ticks."""
         yield from self.plant.excesses(ticks)
-        for stage in self.stages:
-            yield from stage.excesses(ticks)
+        yield from self.sent.excesses(ticks)
 
     def write(self, world: np.void) -> None:
         """Write the parameters of plant and stages."""

@@ -17,7 +17,7 @@ from rmrc.plants.fields import ctrl_of, qpos_of, qvel_of
 from rmrc.plants.physics import Physical
 from rmrc.plants.plant import Assumed
 from rmrc.plants.servo import Servo
-from rmrc.plants.torque import choose_acceleration, refresh_known
+from rmrc.plants.torque import choose_acceleration, mass_entries, refresh_known
 from rmrc.scenario.choices import Status
 from rmrc.support.legible import listed
 
@@ -137,7 +137,8 @@ def tell_motors(world: Record, drives: Record, freedoms: Record, R: Array, motor
     refresh_known(world)
     bias, passive = at(engine.known_bias, engine.nv), at(engine.known_passive, engine.nv)
     balanced, mass = at(engine.known_gravcomp, engine.nv), at(engine.known_M, engine.mass_size)
-    entries = carray(pointer(engine.masses), (engine.mass_count, 3), np.int64)
+    entries = carray(pointer(engine.masses), (engine.mass_count, 4), np.int64)
+    factors = at(engine.mass_factors, engine.mass_count)
     for j in range(n):
         tau[j] = 0.0
     for dof in range(engine.nv):
@@ -146,11 +147,10 @@ def tell_motors(world: Record, drives: Record, freedoms: Record, R: Array, motor
             load = bias[dof] - passive[dof] - (balanced[dof] if freedom.is_balanced else 0.0)
             tau[freedom.joint] += freedom.ratio * load
     for e in range(engine.mass_count):
-        row, column = freedoms[entries[e, 0]], freedoms[entries[e, 1]]
-        inertia = row.ratio * column.ratio * mass[entries[e, 2]]
-        tau[row.joint] += inertia * plant.qddot[column.joint]
-        if entries[e, 0] != entries[e, 1]:  # only the lower triangle is stored
-            tau[column.joint] += inertia * plant.qddot[row.joint]
+        i, j, inertia = entries[e, 0], entries[e, 1], factors[e] * mass[entries[e, 2]]
+        tau[i] += inertia * plant.qddot[j]
+        if i != j:  # only the lower triangle is stored
+            tau[j] += inertia * plant.qddot[i]
     share_out(tau, R, motors, n, N, force)
     chosen = 0
     for d in range(engine.drive_count):
@@ -241,12 +241,16 @@ class Model(Physical):
         """Write the tables of actuators and masses too, and let the actuators hold the arm at the start."""
         engine, drives, n = world["engine"], self.arm.drives, self.arm.n
         table, freedoms = _drives(model, drives.kinds), _freedoms(model, *drives.joint_of)
-        masses, room = _mass_entries(model, freedoms), np.zeros(len(table) * (n + 1) + n * n + n)
-        for name, array in (("drives", table), ("freedoms", freedoms), ("masses", masses), ("room", room)):
+        masses, factors = mass_entries(model, wiring, self.arm, np.empty(0, np.int64))
+        room = np.zeros(len(table) * (n + 1) + n * n + n)
+        tables = {
+            "drives": table, "freedoms": freedoms, "masses": masses, "mass_factors": factors, "room": room
+        }  # fmt: skip
+        for name, array in tables.items():
             engine[name] = array.ctypes.data
         engine["drive_count"], engine["mass_count"] = len(table), len(masses)
-        _settle(model, data, table, freedoms, n)
-        return [*super().wire(world, model, wiring, data), table, freedoms, masses, room]
+        _settle(model, data, table, freedoms, drives.moments(data))
+        return [*super().wire(world, model, wiring, data), *tables.values()]
 
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield joints that no actuator of the model moves, and features that such plants lack."""
@@ -285,39 +289,21 @@ def _freedoms(model: mujoco.MjModel, joint: NDArray[np.int64], ratio: Array) -> 
     return table
 
 
-def _mass_entries(model: mujoco.MjModel, freedoms: NDArray[np.void]) -> NDArray[np.int64]:
-    """Return (row, column, index) of each stored entry of M between degrees of freedom of the arm, (e, 3)."""
-    own = set(np.flatnonzero(freedoms["joint"] >= 0).tolist())
-    entries = [
-        (row, int(model.M_colind[e]), e)
-        for row in own
-        for e in range(model.M_rowadr[row], model.M_rowadr[row] + model.M_rownnz[row])
-        if int(model.M_colind[e]) in own
-    ]
-    return np.array(entries, np.int64)
-
-
 def _settle(
-    model: mujoco.MjModel, data: mujoco.MjData, drives: NDArray[np.void], freedoms: NDArray[np.void], n: int
+    model: mujoco.MjModel, data: mujoco.MjData, drives: NDArray[np.void], freedoms: NDArray[np.void], R: Array
 ) -> None:
     """Replace controls and activations that are NaN by values that hold the arm, within their ranges.
 
     The forces are the smallest that balance the load of the joints at rest. A rate servo gives no force at
     rest. The history of delayed actuators begins with their controls.
     """
-    of_arm = freedoms["joint"] >= 0
-    ratio = np.zeros((model.nv, n))
-    ratio[of_arm, freedoms["joint"][of_arm]] = freedoms["ratio"][of_arm]
+    of_arm, tau = freedoms["joint"] >= 0, np.zeros(R.shape[1])
     load = data.qfrc_bias - data.qfrc_passive - np.where(freedoms["is_balanced"], data.qfrc_gravcomp, 0.0)
-    moments = np.zeros((model.nu, model.nv))
-    mujoco.mju_sparse2dense(
-        moments, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-    )
-    R = moments[drives["output"]] @ ratio
+    np.add.at(tau, freedoms["joint"][of_arm], (freedoms["ratio"] * load)[of_arm])
     R[np.abs(R) <= _NO_MOMENT * np.abs(R).max(axis=1, initial=0.0, keepdims=True)] = 0.0
     R[drives["kind"] == RATE] = 0.0
     force = np.zeros(len(drives))
-    share_out(ratio.T @ load, R, len(drives), n, np.zeros((n, n)), force)
+    share_out(tau, R, len(drives), len(tau), np.zeros((len(tau), len(tau))), force)
     for drive, pull in zip(drives, force, strict=True):
         kind, length = drive["kind"], data.actuator_length[drive["output"]]
         control = drive["offset"]

@@ -8,7 +8,7 @@ class of `Plant`, with one object per world. New fields of a world's record stan
 import copy
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from typing import Any, ClassVar, NamedTuple
 
 import mujoco
 import numpy as np
@@ -19,9 +19,6 @@ from rmrc.arm.differences import set_fields, stretched_fields
 from rmrc.law.compiling import Array, Method
 from rmrc.scenario import PlantSection
 from rmrc.scenario.choices import PLANTS
-
-# Fields of MuJoCo's model that differ in one world, whole, by their names.
-Difference: TypeAlias = Mapping[str, Array]
 
 
 class Assumed(NamedTuple):
@@ -109,7 +106,7 @@ class Plant(ABC):
         """Return a copy of the model with the differences of this world, for a loop of your own."""
         shared = self.model()
         model = copy.copy(shared)
-        set_fields(model, mujoco.MjData(model), self.difference(shared, self.arm.wire(shared)))
+        set_fields(model, self.difference(shared, self.arm.wire(shared)))
         return model
 
     def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:

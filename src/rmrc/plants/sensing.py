@@ -12,15 +12,20 @@ from functools import cached_property
 
 import numpy as np
 
+from rmrc.arm import Arm
 from rmrc.law.compiling import Array, Method, Record, compiled
-from rmrc.plants.chance import ENCODER_NOISE, normals, word
-from rmrc.plants.past import past_of
-from rmrc.plants.stage import Stage, in_ticks
+from rmrc.plants.fields import chance_of, past_of
+from rmrc.scenario import Scenario
 
 # A larger offset of a joint is an error of the input [rad, m]; the same bound is on lengths of models.
 _MOST_OFF = 1e6
 # Finer steps [rad, m] are lost in the rounding of positions, and their number overflows.
 _FINEST = 1e-12
+_SIZES = "offset", "deviation", "noise", "resolution"
+# No run has this many ticks, and compiled code counts them in 64 bits.
+_NEVER = 2.0**52
+# Decimal fractions such as 0.3/0.1 are off by some 1e-16: a whole number of ticks is one.
+_ROUNDING = 1e-9
 
 
 @compiled
@@ -42,12 +47,11 @@ def readings(world: Record) -> None:
     plant, state, t = world.plant, world.state, world.engine.next
     if plant.encoder_delay > 0.0:
         delay(world)
-    if plant.is_noisy:
-        normals(plant.encoder_seed, ENCODER_NOISE, t, world.n, plant.drawn, plant.noise)
+    noise = chance_of(world)
     for j in range(world.n):
         q, step = state.q[j] + plant.encoder_offset[j], plant.encoder_resolution[j]
         if plant.is_noisy:
-            q += plant.encoder_noise[j] * plant.noise[j]
+            q += plant.encoder_noise[j] * noise[j]
         if step > 0.0:
             q = step * math.floor(q / step + 0.5)
         state.q[j] = q
@@ -60,12 +64,27 @@ def readings(world: Record) -> None:
             state.q[j] = plant.q_last[j] + world.period * world.memory.qdot_cmd[j]
 
 
-class Encoders(Stage):
-    """Encoders with an offset, a delay, noise or a resolution, and an arm with lengths unknown to the law.
+class Encoders:
+    """The encoders of one world, or the integral of its commands in their place.
 
-    Where a world has any of these, the law takes the readings for q, and computes the site from them and from
-    the lengths that it knows.
+    Where a world has any of an offset, a delay, noise, a resolution, or an arm with lengths unknown to the
+    law, the law takes the readings for q, and computes the site from them and from the lengths that it knows.
     """
+
+    def __init__(self, scenario: Scenario, arm: Arm) -> None:
+        """Bind them to a world.
+
+        Args:
+            scenario: Scenario of the world.
+            arm: The arm that it names.
+        """
+        self.scenario, self.arm = scenario, arm
+        encoder, control = scenario.arm.encoder, scenario.control
+        self.integrates = control.state == "integrated"
+        self.is_noisy = bool(np.any(encoder.noise))
+        self.delay = in_ticks(encoder.delay, control.period)
+        # whether rates are difference quotients: readings are no longer q plus a constant
+        self.differentiates = bool(self.is_noisy or np.any(encoder.resolution) or encoder.delay)
 
     @cached_property
     def offset(self) -> Array:
@@ -74,32 +93,15 @@ class Encoders(Stage):
         z is `numpy.random.default_rng(seed).standard_normal(n)`, one number per joint.
         """
         encoder, n = self.scenario.arm.encoder, self.arm.n
-        offset = np.full(n, encoder.offset)
-        if np.any(encoder.deviation):
-            offset += encoder.deviation * np.random.default_rng(encoder.seed).standard_normal(n)
-        beyond = self.scenario.plant.joint_offset
-        return offset - beyond if np.any(beyond) else offset
-
-    @cached_property
-    def differentiates(self) -> bool:
-        """Whether rates are difference quotients: readings are no longer q plus a constant."""
-        encoder = self.scenario.arm.encoder
-        return bool(any(_each(encoder.noise)) or any(_each(encoder.resolution)) or encoder.delay)
-
-    @property
-    def delay(self) -> float:
-        """Delay of a reading, in ticks."""
-        return in_ticks(self.scenario.arm.encoder.delay, self.scenario.control.period)
-
-    @property
-    def span(self) -> int:
-        """Largest delay of a reading, in whole ticks."""
-        return math.ceil(self.delay)
+        z = np.random.default_rng(encoder.seed).standard_normal(n)
+        return (
+            np.full(n, encoder.offset) + np.multiply(encoder.deviation, z) - self.scenario.plant.joint_offset
+        )
 
     @property
     def moves_q(self) -> bool:
-        """Whether readings differ from q."""
-        return bool(self.offset.any() or self.differentiates)
+        """Whether the law takes the joints to be somewhere else than they are."""
+        return bool(self.offset.any() or self.differentiates or self.integrates)
 
     @property
     def is_used(self) -> bool:
@@ -107,75 +109,50 @@ class Encoders(Stage):
         return self.moves_q or bool(self.scenario.plant.stretch)
 
     def write(self, plant: np.void) -> None:
-        """Write the parameters of the readings."""
+        """Write the parameters of the readings into the group `plant` of a world's record."""
         scenario, n = self.scenario, self.arm.n
         encoder, control = scenario.arm.encoder, scenario.control
-        plant["encoder_offset"][:n] = self.offset
+        plant["encoder_offset"][:n], plant["integrates"] = self.offset, self.integrates
         plant["differentiates"], plant["encoder_delay"] = self.differentiates, self.delay
         filtered = control.rate_filter
         plant["rate_decay"] = math.exp(-control.period / filtered) if filtered else 0.0
-        plant["is_noisy"], plant["encoder_noise"][:n] = np.any(encoder.noise), encoder.noise
-        plant["encoder_seed"], plant["encoder_resolution"][:n] = word(encoder.seed), encoder.resolution
+        plant["is_noisy"], plant["encoder_noise"][:n] = self.is_noisy, encoder.noise
+        plant["encoder_resolution"][:n] = encoder.resolution
 
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield numbers out of range, and features that need an arm that is sensed as it is."""
         encoder, plant = self.scenario.arm.encoder, self.scenario.plant
-        beyond = "plant.joint_offset", plant.joint_offset
-        for key, values in (*((f"arm.encoder.{name}", getattr(encoder, name)) for name in _SIZES), beyond):
-            most = max(map(abs, _each(values)))
+        sizes = {f"arm.encoder.{name}": getattr(encoder, name) for name in _SIZES}
+        for key, values in (*sizes.items(), ("plant.joint_offset", plant.joint_offset)):
+            most = np.abs(values).max()
             if most > _MOST_OFF:
                 yield key, f"must be within ±{_MOST_OFF:g} rad or m, got {most:g}"
-        finest = min((step for step in _each(encoder.resolution) if step > 0.0), default=_FINEST)
+        finest = np.min(encoder.resolution, where=np.greater(encoder.resolution, 0.0), initial=math.inf)
         if finest < _FINEST:
             yield "arm.encoder.resolution", f"must be 0 or at least {_FINEST:g} rad or m, got {finest:g}"
-        off = any(any(_each(getattr(encoder, name))) for name in _SIZES)
         for key, is_used in (
-            ("arm.encoder", off or encoder.delay), ("plant.stretch", plant.stretch),
-            ("plant.joint_offset", any(_each(plant.joint_offset))),
+            ("arm.encoder", encoder.delay or any(map(np.any, sizes.values()))),
+            ("plant.stretch", plant.stretch), ("plant.joint_offset", np.any(plant.joint_offset)),
+            ("control.state", self.integrates),
         ):  # fmt: skip
             if is_used:
-                yield from _refuse_unseen(self, key)
+                yield from self._blind_joints(key)
+
+    def _blind_joints(self, key: str) -> Iterator[tuple[str, str]]:
+        """Yield joints whose positions the law cannot know, for a key because of which it must."""
+        arm, nullspace = self.arm, self.scenario.control.nullspace
+        sites = [arm.site]
+        if nullspace.objective == "secondary" and (nullspace.secondary.site or arm.site) in arm.sites:
+            sites.append(nullspace.secondary.site or arm.site)
+        for joint in dict.fromkeys(joint for site in sites for joint in arm.idle_before(site)):
+            yield (
+                key,
+                f'joint "{joint}" of {arm.path} moves the site and is not actuated, so the law cannot '
+                f"compute the pose of the site; actuate it, or leave {key} out",
+            )
 
 
-def _each(values: float | tuple[float, ...]) -> tuple[float, ...]:
-    return values if isinstance(values, tuple) else (values,)
-
-
-_SIZES = "offset", "deviation", "noise", "resolution"
-
-
-class Integral(Stage):
-    """The integral of the commands, in place of the encoders' readings; rates stay the measured ones."""
-
-    @property
-    def is_used(self) -> bool:
-        """Whether the law uses the integral."""
-        return bool(self.scenario.control.state == "integrated")
-
-    def write(self, plant: np.void) -> None:
-        """Write whether it is used."""
-        plant["integrates"] = self.is_used
-
-    def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield features that need an arm that is sensed as it is."""
-        if self.is_used:
-            yield from _refuse_unseen(self, "control.state")
-
-
-def _refuse_unseen(stage: Stage, key: str) -> Iterator[tuple[str, str]]:
-    """Yield features that need a law that senses the arm as it is, for a key that prevents this.
-
-    Args:
-        stage: The stage that changes the sensed state.
-        key: The key that enables it.
-    """
-    arm, nullspace = stage.arm, stage.scenario.control.nullspace
-    sites = [arm.site]
-    if nullspace.objective == "secondary" and (nullspace.secondary.site or arm.site) in arm.sites:
-        sites.append(nullspace.secondary.site or arm.site)
-    for joint in dict.fromkeys(joint for site in sites for joint in arm.idle_before(site)):
-        yield (
-            key,
-            f'joint "{joint}" of {arm.path} moves the site and is not actuated, so the law cannot compute '
-            f"the pose of the site; actuate it, or leave {key} out",
-        )
+def in_ticks(time: float, period: float) -> float:
+    """Return a time [s] in ticks of a period [s]: a whole number if it is one up to rounding."""
+    ticks = min(time / period, _NEVER)
+    return float(round(ticks)) if abs(ticks - round(ticks)) <= _ROUNDING * ticks else ticks

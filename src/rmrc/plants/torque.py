@@ -179,7 +179,7 @@ class Torque(Physical):
     def wire(self, world: np.void, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> list[Any]:
         """Write the tables of masses and of free degrees of freedom as well."""
         engine, free = world["engine"], _free(model, wiring, self.arm)
-        entries, factors = _mass_entries(model, wiring, self.arm, free)
+        entries, factors = mass_entries(model, wiring, self.arm, free)
         damping = model.opt.timestep * model.dof_damping[free]
         tables = [entries, factors, free, damping]
         for name, table in zip(("masses", "mass_factors", "free", "free_damping"), tables, strict=True):
@@ -196,7 +196,7 @@ def _free(model: mujoco.MjModel, wiring: Wiring, arm: Arm) -> NDArray[np.int64]:
     return np.flatnonzero(in_tree & np.isin(model.dof_jntid, list(arm.others.locked)))
 
 
-def _mass_entries(
+def mass_entries(
     model: mujoco.MjModel, wiring: Wiring, arm: Arm, free: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return mass_entries (e, 4) and mass_factors (e,) for `computed_torque`."""

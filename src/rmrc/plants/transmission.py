@@ -18,10 +18,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rmrc.arm import Arm
 from rmrc.law.compiling import Array, Method, Record, compiled
-from rmrc.plants.chance import TRANSPORT, uniforms, word
-from rmrc.plants.past import past_of
-from rmrc.plants.stage import Stage, in_ticks
+from rmrc.plants.fields import chance_of, past_of
+from rmrc.plants.sensing import in_ticks
+from rmrc.scenario import Scenario
 from rmrc.scenario.choices import PLANTS
 
 # After this many ticks of a lag a joint has not moved noticeably.
@@ -48,35 +49,20 @@ def transmission(world: Record) -> None:
 
 @compiled
 def carry(world: Record) -> None:
-    """Send the plant the command in effect in tick t, [t, t + 1): the last one sent of those that arrived."""
-    plant, t, n, past = world.plant, world.engine.next, world.n, past_of(world)
-    for j in range(n):
-        past[t % past.shape[0], n + j] = plant.qdot_sent[j]
-    if plant.jitter > 0.0 or plant.loss > 0.0:
-        carry_by_chance(world)
-        return
-    newest, rows, sent = t - math.floor(plant.latency), past.shape[0], plant.qdot_sent
-    arrival = newest + plant.latency  # within this tick, or with it
-    share = t + 1.0 - arrival
-    for j in range(n):
-        sent[j] = share * past[newest % rows, n + j] if newest >= 0 else 0.0
-        if arrival > t and newest > 0:
-            sent[j] += (arrival - t) * past[(newest - 1) % rows, n + j]
+    """Send the plant the command in effect in tick t, [t, t + 1): the last one sent of those that arrived.
 
-
-@compiled
-def carry_by_chance(world: Record) -> None:
-    """Do the same where each command has its own latency, or is lost.
-
-    The loop goes back in time from the last command: each is in effect from its arrival to the arrival of a
-    later one. The command in effect before this tick, or none, fills the rest.
+    Each command has its own latency, or is lost. The loop goes back in time from the last command: each is in
+    effect from its arrival to the arrival of a later one. The command in effect before this tick, or none,
+    fills the rest.
     """
     plant, t, n, past = world.plant, world.engine.next, world.n, past_of(world)
-    rows, arrival = past.shape[0], 2 * n
-    later, chance = uniforms(plant.transport_seed, TRANSPORT, t)
-    past[t % rows, arrival] = math.inf if chance < plant.loss else t + plant.latency + plant.jitter * later
+    rows, arrival, chance = past.shape[0], 2 * n, chance_of(world)
+    past[t % rows, arrival] = t + plant.latency + plant.jitter * chance[n]
+    if chance[n + 1] < plant.loss:
+        past[t % rows, arrival] = math.inf
     end, newest = t + 1.0, -1
     for j in range(n):
+        past[t % rows, n + j] = plant.qdot_sent[j]
         plant.qdot_sent[j] = -0.0  # a sum that begins with -0 keeps the sign of zero
     for k in range(min(t, math.floor(end - plant.latency)), max(plant.arrived, t - plant.span - 1), -1):
         command = past[k % rows]
@@ -138,101 +124,61 @@ def cross_play(world: Record) -> None:
             plant.qdot_sent[j] = rate - side * (free / world.period)
 
 
-class Transport(Stage):
-    """The transport of commands, with latency and loss."""
+class Transmission:
+    """The way of commands in one world."""
 
-    @property
-    def latency(self) -> float:
-        """Least latency of a command, in ticks."""
-        return in_ticks(self.scenario.plant.delay, self.scenario.control.period)
+    def __init__(self, scenario: Scenario, arm: Arm) -> None:
+        """Bind it to a world.
 
-    @property
-    def jitter(self) -> float:
-        """Largest additional latency, in ticks."""
-        return in_ticks(self.scenario.plant.jitter, self.scenario.control.period)
-
-    @property
-    def is_used(self) -> bool:
-        """Whether commands take time, or are lost."""
-        return self.latency > 0.0 or self.jitter > 0.0 or self.scenario.plant.loss > 0.0
-
-    @property
-    def span(self) -> int:
-        """Largest latency of a command, in ticks."""
-        return math.ceil(self.latency + self.jitter)
+        Args:
+            scenario: Scenario of the world.
+            arm: The arm that it names.
+        """
+        self.section, self.arm, self.period = scenario.plant, arm, scenario.control.period
+        plant = self.section
+        # least latency of a command and its largest addition, in ticks; the largest latency in whole ticks
+        self.latency, self.jitter = in_ticks(plant.delay, self.period), in_ticks(plant.jitter, self.period)
+        self.span = math.ceil(self.latency + self.jitter)
+        self.is_late = self.span > 0 or plant.loss > 0.0
+        self.lags, self.swings = bool(np.any(plant.lag)), plant.resonance.frequency is not None
+        self.has_play = bool(np.any(plant.backlash))
+        self.is_used = self.is_late or self.lags or self.swings or self.has_play
 
     def write(self, plant: np.void) -> None:
-        """Write latency, loss and the seed of their random numbers."""
-        section = self.scenario.plant
-        plant["is_late"], plant["span"], plant["arrived"] = self.is_used, self.span, -1
+        """Write its parameters into the group `plant` of a world's record.
+
+        Those of a lag are its step 1 − exp(−period/lag), and how far the mean of a tick is behind u.
+        """
+        section, n = self.section, self.arm.n
+        plant["is_late"], plant["span"], plant["arrived"] = self.is_late, self.span, -1
         plant["latency"], plant["jitter"], plant["loss"] = self.latency, self.jitter, section.loss
-        plant["transport_seed"] = word(section.seed)
-
-    def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
-        """Yield a delay that is longer than the run."""
-        if self.latency >= ticks:
-            period, delay = self.scenario.control.period, self.scenario.plant.delay
-            yield (
-                "plant.delay",
-                f"must be less than the {ticks * period:g} s that the run takes, as no command would arrive, "
-                f"got {delay:g} s; lower it, or lengthen target.path",
-            )
-
-
-class Lag(Stage):
-    """Rates follow with a time constant."""
-
-    @property
-    def lag(self) -> Array:
-        """Time constants, (n,) [s]."""
-        return np.broadcast_to(np.asarray(self.scenario.plant.lag, np.float64), self.arm.n)
-
-    @property
-    def is_used(self) -> bool:
-        """Whether any joint lags."""
-        return bool(np.any(self.scenario.plant.lag))
-
-    def write(self, plant: np.void) -> None:
-        """Write the step 1 − exp(−period/lag) of each joint, and how far the mean of a tick is behind u."""
-        n, ticks = self.arm.n, np.minimum(self.lag / self.scenario.control.period, _ALWAYS)
         with np.errstate(divide="ignore"):
+            ticks = np.minimum(np.divide(section.lag, self.period), _ALWAYS)
             step = -np.expm1(-1.0 / ticks)
-        plant["lags"], plant["lag_step"][:n], plant["lag_mean"][:n] = self.is_used, step, step * ticks
-
-
-class Resonance(Stage):
-    """Rates oscillate about the command, as with a spring in the actuator."""
-
-    @property
-    def is_used(self) -> bool:
-        """Whether there is a frequency."""
-        return self.scenario.plant.resonance.frequency is not None
-
-    def write(self, plant: np.void) -> None:
-        """Write the matrix of a step, and the row that gives the mean of a tick."""
-        plant["swings"] = self.is_used
-        resonance = self.scenario.plant.resonance
+        plant["lags"], plant["lag_step"][:n], plant["lag_mean"][:n] = self.lags, step, step * ticks
+        plant["swings"], resonance = self.swings, section.resonance
         if resonance.frequency is not None:
-            angle = math.tau * resonance.frequency * self.scenario.control.period
+            angle = math.tau * resonance.frequency * self.period
             plant["swing_step"], plant["swing_mean"] = oscillator(angle, resonance.damping)
+        plant["has_play"], plant["half_play"][:n] = self.has_play, np.multiply(0.5, section.backlash)
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield a plant without a mass to oscillate, and numbers out of range."""
-        plant, period = self.scenario.plant, self.scenario.control.period
-        frequency, damping = plant.resonance.frequency, plant.resonance.damping
+        """Yield features that the plant lacks, and numbers out of range."""
+        frequency, damping = self.section.resonance.frequency, self.section.resonance.damping
+        name, is_physical = self.section.kind, PLANTS[self.section.kind].physics
+        for key, is_used, lack in (
+            ("plant.resonance", self.swings, "mass that could oscillate; use plant.lag instead"),
+            ("plant.backlash", self.has_play, "actuators that could have backlash; leave it out"),
+        ):
+            if is_used and not is_physical:
+                yield key, f'"{name}" has no {lack}, or choose from {PLANTS.physical}'
         if frequency is None:
             return
-        if not PLANTS[plant.kind].physics:
-            yield (
-                "plant.resonance",
-                f'"{plant.kind}" has no mass that could oscillate; choose from {PLANTS.physical}, '
-                "or use plant.lag instead",
-            )
-        least, most = _SLOWEST / period, _FASTEST / period
+        least, most = _SLOWEST / self.period, _FASTEST / self.period
         if not least <= frequency <= most:
             yield (
                 "plant.resonance.frequency",
-                f"must be between {least:g} and {most:g} Hz, at a control.period of {period:g} s, "
+                f"must be between {least:g} and {most:g} Hz, at a control.period of {self.period:g} s, "
                 f"got {frequency:g} Hz",
             )
         if damping > _MOST_DAMPED:
@@ -241,27 +187,13 @@ class Resonance(Stage):
                 f"must be at most {_MOST_DAMPED:g}, got {damping:g}; so much damping is a plant.lag",
             )
 
-
-class Backlash(Stage):
-    """Backlash of the actuators."""
-
-    @property
-    def is_used(self) -> bool:
-        """Whether any joint has backlash."""
-        return bool(np.any(self.scenario.plant.backlash))
-
-    def write(self, plant: np.void) -> None:
-        """Write half of each joint's backlash."""
-        plant["has_play"] = self.is_used
-        plant["half_play"][: self.arm.n] = np.multiply(0.5, self.scenario.plant.backlash)
-
-    def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield a misfit for a plant without actuators."""
-        if self.is_used and not PLANTS[self.scenario.plant.kind].physics:
+    def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
+        """Yield a delay that is longer than a run of this many ticks."""
+        if self.latency >= ticks:
             yield (
-                "plant.backlash",
-                f'"{self.scenario.plant.kind}" has no actuators that could have backlash; choose from '
-                f"{PLANTS.physical}",
+                "plant.delay",
+                f"must be less than the {ticks * self.period:g} s that the run takes, as no command would "
+                f"arrive, got {self.section.delay:g} s; lower it, or lengthen target.path",
             )
 
 
@@ -281,15 +213,10 @@ def oscillator(angle: float, damping: float) -> tuple[Array, Array]:
     array([[-1.,  0.],
            [ 0., -1.]])
     """
-    square = (1.0 - damping) * (1.0 + damping)
-    d = math.sqrt(abs(square))
-    if square > 0.0:
-        decay = math.exp(-damping * angle)
-        same, other = decay * math.cos(d * angle), decay * math.sin(d * angle) / d
-    else:  # the slower root is −ζ + d, without its cancellation
-        slow = math.exp(-angle / (damping + d))
-        same = slow * (1.0 + math.exp(-2.0 * d * angle)) / 2.0
-        other = slow * (angle if d == 0.0 else -math.expm1(-2.0 * d * angle) / (2.0 * d))
+    d = np.sqrt(complex((damping - 1.0) * (damping + 1.0)))
+    slow = np.exp(-angle / (damping + d))  # of the root −ζ + d, without its cancellation
+    gone = np.expm1(-2.0 * d * angle)
+    same, other = (slow * (1.0 + 0.5 * gone)).real, (slow * (-0.5 * gone / d if d else angle)).real
     E = np.array([[same + damping * other, other], [-other, same - damping * other]])
     rise = E - np.eye(2)
     return E, -(2.0 * damping * rise[0] + rise[1]) / angle

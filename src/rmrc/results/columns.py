@@ -63,6 +63,18 @@ COLUMNS: Mapping[str, Column] = {
 }
 
 
+def widths(n: int, k: int, nq: int) -> dict[str, int]:
+    """Return how many numbers a tick has in each column.
+
+    Args:
+        n: Number of joints.
+        k: Number of singular values.
+        nq: Number of the model's positions.
+    """
+    sizes = {"": 1, "n": n, "k": k, "nq": nq, "6": 6, "7": 7}
+    return {name: sizes[column.width] for name, column in COLUMNS.items()}
+
+
 @dataclass(frozen=True)
 class Divergence:
     """The point at which a state stopped being finite.

@@ -10,7 +10,7 @@ from functools import partial
 from itertools import takewhile
 from pathlib import Path
 
-from rmrc.results.columns import COLUMNS
+from rmrc.results.columns import widths
 from rmrc.support.errors import RmrcError
 from rmrc.support.memory import shown
 
@@ -28,8 +28,7 @@ def array_size(ticks: int, joints: int, values: int, positions: int) -> int:
         values: Singular values of its task.
         positions: Positions of all joints of the model.
     """
-    widths = {"n": joints, "k": values, "nq": positions, "": 1}
-    return 8 * ticks * sum(widths.get(one.width) or int(one.width) for one in COLUMNS.values())
+    return 8 * ticks * sum(widths(joints, values, positions).values())
 
 
 def refuse_unwritable(paths: Iterable[Path], size: int = 0, way_out: str = "") -> None:

@@ -7,12 +7,21 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Arm
 from rmrc.law.fit import wrong_length
-from rmrc.scenario import Problems, Scenario, angle
-from rmrc.simulation.start import start_positions
+from rmrc.law.task import Task
+from rmrc.scenario import Problems, Scenario, StartPose, angle
+from rmrc.simulation.inverse_kinematics import search, unwound
+from rmrc.support import spatial
 from rmrc.support.errors import ModelError, TargetError
 from rmrc.support.notices import tell
 
 Array = NDArray[np.float64]
+
+# Tolerance of the error, as in `rmrc ik`: orientation in rad, position over the length.
+TOLERANCE = 1e-9
+# The search has a smaller tolerance, so that rounding does not break the promise.
+AIM = 0.99 * TOLERANCE
+# Steps of a try, and number of further starts if the given one leads nowhere.
+STEPS, RESTARTS = 300, 200
 
 
 def assumed_configuration(scenario: Scenario, arm: Arm, problems: Problems) -> Array:
@@ -41,7 +50,14 @@ def assumed_configuration(scenario: Scenario, arm: Arm, problems: Problems) -> A
         elif hint and not isinstance(start, str):
             turns = f"{position:.6g} rad are {abs(position) / math.tau:.3g} turns"
             tell(f"warning: {scenario.locate(key)}: {turns}{hint}", once=key)
-    return qpos if scenario.arm.pose is None else _moved_to_pose(scenario, arm, qpos, problems)
+    if scenario.arm.pose is not None:
+        try:
+            near = qpos[arm.wiring.qpos]
+            q = start_positions(arm.at(qpos), scenario.arm.pose, near, scenario.task.length)
+            return arm.placed(qpos, q)
+        except TargetError as error:
+            problems.add("arm.pose", str(error))
+    return qpos
 
 
 def true_configuration(scenario: Scenario, arm: Arm, assumed: Array, problems: Problems) -> Array:
@@ -66,22 +82,48 @@ def true_configuration(scenario: Scenario, arm: Arm, assumed: Array, problems: P
     return arm.placed(assumed, q)
 
 
+def start_positions(arm: Arm, section: StartPose, near: Array, length: float) -> Array:
+    """Return joint positions within the limits at which the site has a pose, (n,).
+
+    The search starts from the given positions. If that fails, it tries others.
+
+    Args:
+        arm: The arm.
+        section: The pose; components that it leaves out are as at the given positions.
+        near: Joint positions, (n,).
+        length: Characteristic length, which weighs rotation against position [m].
+
+    Raises:
+        TargetError: The arm does not reach the pose; it reports how near it comes.
+    """
+    frame = arm.base_pose if section.frame == "base" else spatial.ORIGIN
+    goal = spatial.pose_product(spatial.pose_inverse(frame), arm.pose(near))
+    rows: list[int] = []
+    if section.position is not None:
+        goal[: len(section.position)] = section.position  # two values keep z of the frame
+        rows += 0, 1, 2
+    if section.orientation is not None:
+        is_quaternion = len(section.orientation) == 4
+        goal[3:] = (spatial.normalize if is_quaternion else spatial.quat_from_rpy)(section.orientation)
+        rows += 3, 4, 5
+    goal, task = spatial.pose_product(frame, goal), Task(arm, np.array(rows), length)
+    first = np.clip(near, *arm.position_limit.T)[None]
+    q, _, _ = search(task, arm.position_limit, AIM, STEPS, goal[None], first, arm.sampled(RESTARTS))
+    (nearest,) = unwound(arm, arm.position_limit, q, near)
+    error = spatial.pose_error(goal, arm.pose(nearest))
+    distance = float(np.linalg.norm(error[:3])) if section.position else 0.0
+    angle = float(np.linalg.norm(error[3:])) if section.orientation else 0.0
+    if np.hypot(distance / length, angle) > TOLERANCE:
+        away = [f"{distance:.4g} m"] if section.position else []
+        away += [f"{np.degrees(angle):.4g} deg"] if section.orientation else []
+        raise TargetError(f"must be within reach, the nearest pose found is {' and '.join(away)} away")
+    return np.asarray(nearest)
+
+
 def _limits_beyond(arm: Arm, j: int, position: float) -> str:
     """Return the limits of a joint whose position is beyond them, in words; "" if it is within."""
     lower, upper = arm.position_limit[j]
     return "" if lower <= position <= upper else f"[{lower:.6g}, {upper:.6g}] {arm.units[j]}"
-
-
-def _moved_to_pose(scenario: Scenario, arm: Arm, qpos: Array, problems: Problems) -> Array:
-    """Return a configuration, (nq,), with the site moved to `arm.pose`."""
-    pose, near = scenario.arm.pose, qpos[arm.wiring.qpos]
-    assert pose is not None
-    try:
-        q = start_positions(arm.at(qpos), pose, near, scenario.task.length)
-    except TargetError as error:
-        problems.add("arm.pose", str(error))
-        return qpos
-    return arm.placed(qpos, q)
 
 
 def _as_positions(start: object, arm: Arm) -> str:

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.scenario import Motion, TargetLimitsSection
-from rmrc.simulation.reference import sampled, still
+from rmrc.simulation.reference import Spline
 from rmrc.simulation.tables import read_table
 from rmrc.support.errors import TargetError, did_you_mean
 from rmrc.support.legible import listed
-from rmrc.support.spatial import ORIGIN, exp_rotation, normalize, pose_product, quat_multiply, rotate
+from rmrc.support.spatial import exp_rotation, normalize, pose_product, quat_multiply, rotate
 
 Array = NDArray[np.float64]
 
@@ -125,8 +125,8 @@ def _integrated(time: Array, v: Array, w: Array, start: Array) -> Array:
     return np.array(poses)
 
 
-def spline(time: Array, pose: Array) -> Array:
-    """Return the rows of a motion, (r, 29), see `reference.ROW`, with zero first derivatives at both ends.
+def spline(time: Array, pose: Array) -> Spline:
+    """Return the spline through the rows of a motion, with zero first derivatives at both ends.
 
     The equations of the second derivatives are tridiagonal; their diagonal dominates, so no pivots.
 
@@ -147,15 +147,7 @@ def spline(time: Array, pose: Array) -> Array:
         bend[i] = (bend[i] - h[i] * bend[i + 1]) / diagonal[i]
     linear = slope - h[:, None] * (2.0 * bend[:-1] + bend[1:]) / 6.0
     cubic = np.diff(bend, axis=0) / h[:, None] / 6.0
-    rows = np.column_stack([time[:-1], pose[:-1], linear, bend[:-1] / 2.0, cubic])
-    return np.vstack([rows, [time[-1], *pose[-1], *np.zeros(21)]])
-
-
-def recorded(rows: Array, first_row: int = 0) -> np.void:
-    """Return the piece of a motion, (r, 29), whose first row has an index among those of the path."""
-    piece = still(ORIGIN)
-    piece["first_row"], piece["rows"], piece["phases"][-1, 0] = first_row, len(rows), rows[-1, 0]
-    return piece
+    return Spline(time, np.array([pose[:-1], linear, bend[:-1] / 2.0, cubic]))
 
 
 def needed(time: Array, pose: Array, limits: TargetLimitsSection) -> tuple[float, str]:
@@ -180,9 +172,9 @@ def _excess(time: Array, pose: Array, limits: TargetLimitsSection) -> tuple[floa
     triangle is a second difference of velocities, and no larger than the jerk itself. The triangle is as long
     as the allowed jerk takes to build up the acceleration. It shows a jump of acceleration, and hides r.
     """
-    rows, times = spline(time, pose), np.concatenate([time, 0.5 * (time[1:] + time[:-1])])
-    piece, worst = recorded(rows), (0.0, "")
-    samples = sampled(piece, rows, times)
+    times, worst = np.concatenate([time, 0.5 * (time[1:] + time[:-1])]), (0.0, "")
+    motion = spline(time, pose)
+    samples = motion.at(times)
     for prefix, unit, first in (("", "m", 7), ("angular_", "rad", 10)):
         velocity, acceleration, jerk = (
             getattr(limits, prefix + name) for name in ("velocity", "acceleration", "jerk")
@@ -190,9 +182,7 @@ def _excess(time: Array, pose: Array, limits: TargetLimitsSection) -> tuple[floa
         speed, rise = (np.linalg.norm(samples[:, i : i + 3], axis=1).max() for i in (first, first + 6))
         span = 0.5 * max(rise, 0.5 * acceleration) / jerk
         middle = np.concatenate([times - span, times, times + span])
-        before, now, after = (
-            sampled(piece, rows, middle + shift)[:, first : first + 3] for shift in (-span, 0.0, span)
-        )
+        before, now, after = (motion.at(middle + shift)[:, first : first + 3] for shift in (-span, 0.0, span))
         # a span of 1e200 s has no square
         shake = np.linalg.norm((before - 2.0 * now + after) / span / span, axis=1).max()
         for power, name, per, value, limit in (

@@ -8,7 +8,7 @@ Each step checks what it makes. The problems of all steps up to the law are repo
 
 import math
 from collections.abc import Callable, Hashable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
@@ -145,15 +145,6 @@ class Prepared:
             if most[j] and not self.plant.carries_springs[j]
         ]
         return f"springs are not compensated: {'; '.join(parts)}" if parts else ""
-
-    def with_encoder_seed(self, seed: int) -> "Prepared":
-        """Return the same world with encoder offsets drawn anew, without loading or timing anything again.
-
-        Args:
-            seed: Replaces `arm.encoder.seed`.
-        """
-        scenario = self.scenario.set({"arm.encoder.seed": seed})
-        return replace(self, scenario=scenario, hardware=Hardware(scenario, self.arm))
 
 
 def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.results.columns import COLUMNS, Divergence
+from rmrc.results.columns import COLUMNS, Divergence, widths
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard, figures
 from rmrc.results.tally import Tally
@@ -39,18 +39,20 @@ ASKED = 512
 
 
 class _Course:
-    """The course of one world, from before its start until after its end."""
+    """The course of one world, from before its start until after its end.
+
+    Attributes:
+        run: What is known of it so far; all of its columns if they are kept, else none.
+        tally: What its metrics need to know of the ticks, if columns are not kept or a rule asks.
+    """
 
     def __init__(self, prepared: Prepared, keeps: bool) -> None:
         self.prepared, self.keeps = prepared, keeps
         self.world: World | None = None
-        self.facts = about(prepared, {})
-        self.tally = Tally(self.facts)
-        self.columns: Mapping[str, NDArray[np.generic]] = _no_columns(prepared)
-        self.divergence: Divergence | None = None
+        self.run = about(prepared, _no_columns(prepared) if keeps else {})
+        self.tally = Tally(self.run)
         self.warnings: dict[str, int] = {}
         self.has_ended = self.was_cut = False
-        self.wall_time = 0.0
 
     def step(
         self,
@@ -72,8 +74,7 @@ class _Course:
                 world.advance(most)
             finally:  # an interrupted piece is shown as well
                 seconds = time.perf_counter() - started
-                self.wall_time += seconds
-                self._note(first, show)
+                self._note(world, first, seconds, show)
             fitting = (world.done - first) * MOMENT / max(seconds, 1e-9)
             length = max(1, min(PIECE, GROWTH * length, int(fitting)))
             if rule and world.done % ASKED == 0 and world.is_running:
@@ -82,51 +83,39 @@ class _Course:
                     world.end()
                     self.was_cut = True
         if not world.is_running:
-            self._finish()
+            if not self.keeps:
+                self._add()
+            self.warnings = world.warnings
+            world.release()
+            self.world, self.has_ended = None, True
 
-    def _note(self, first: int, show: Callable[[Run], None] | None) -> None:
-        """Show a piece, and add the ticks to the tally before their rows are used again."""
-        world = self.world
-        assert world is not None
-        self.divergence = world.divergence
-        if self.keeps:
-            self.columns = world.columns(0, world.done)
-        elif world.done % len(world.rows) == 0 or show:
+    def _note(self, world: World, first: int, seconds: float, show: Callable[[Run], None] | None) -> None:
+        """Note and show a piece, and add the ticks to the tally before their rows are used again."""
+        self.run = replace(
+            self.run, divergence=world.divergence, wall_time=self.run.wall_time + seconds,
+            columns=world.columns(0, world.done) if self.keeps else {},
+        )  # fmt: skip
+        if world.contacts:
+            touching, resting = world.contacts.first, tuple(world.contacts.resting)
+            self.run = replace(self.run, touching=touching, resting=resting)
+        if not self.keeps and (world.done % len(world.rows) == 0 or show):
             self._add()
-        if show and (world.done > first or self.divergence):
+        if show and (world.done > first or self.run.divergence):
             columns = world.columns(first, world.done)
             if not self.keeps:
                 columns = {name: column.copy() for name, column in columns.items()}
-            show(self.run(columns))
+            show(replace(self.run, columns=columns))
 
     def _add(self) -> None:
-        world = self.world
-        if world is not None and world.done > self.tally.ticks:
-            self.tally.add(world.columns(self.tally.ticks, world.done))
-
-    def _finish(self) -> None:
-        """Keep the results, and let the world go, so that the next one can use its model."""
-        assert self.world is not None
-        if not self.keeps:
-            self._add()
-        self.facts, self.warnings = self.run({}), self.world.warnings
-        self.world.release()
-        self.world, self.has_ended = None, True
-
-    def run(self, columns: Mapping[str, NDArray[np.generic]]) -> Run:
-        """Return columns of it as a run."""
-        contacts = self.world.contacts if self.world else None
-        facts = self.facts
-        if contacts:
-            facts = replace(facts, touching=contacts.first, resting=tuple(contacts.resting))
-        return replace(facts, columns=columns, divergence=self.divergence, wall_time=self.wall_time)
+        if self.world is not None and self.world.done > self.tally.ticks:
+            self.tally.add(self.world.columns(self.tally.ticks, self.world.done))
 
     def scorecard(self) -> Scorecard:
         """Return its metrics so far."""
         if self.keeps:
-            return self.run(self.columns).scorecard
+            return self.run.scorecard
         self._add()
-        return figures(self.run({}), self.tally)
+        return figures(self.run, self.tally)
 
 
 class Simulation:
@@ -216,7 +205,7 @@ class Simulation:
             ValueError: Columns are not kept.
         """
         self._refuse_without_columns()
-        return [course.run(course.columns) for course in self._courses]
+        return [course.run for course in self._courses]
 
     def scorecards(self) -> list[Scorecard]:
         """Return the metrics of each world so far: those of `scorecard(run)`."""
@@ -224,7 +213,7 @@ class Simulation:
 
     def divergences(self) -> list[Divergence | None]:
         """Return the divergence of each world, or None."""
-        return [course.divergence for course in self._courses]
+        return [course.run.divergence for course in self._courses]
 
     def ended(self) -> list[bool]:
         """Return whether a rule ended each world."""
@@ -242,11 +231,8 @@ class Simulation:
 def _no_columns(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
     """Return the columns of a run without ticks."""
     n = prepared.arm.n
-    sizes = {"n": n, "k": min(n, len(prepared.task.rows)), "nq": len(prepared.qpos)}
-    return {
-        name: np.empty((0, sizes.get(column.width) or int(column.width)) if column.width else 0)
-        for name, column in COLUMNS.items()
-    }
+    sizes = widths(n, min(n, len(prepared.task.rows)), len(prepared.qpos))
+    return {name: np.empty((0, size) if COLUMNS[name].width else 0) for name, size in sizes.items()}
 
 
 def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run:

@@ -1,8 +1,10 @@
 """The ticks of a world in one compiled loop: sense, law, obey, step. No Python, no clock, no files."""
 
+import math
+
 import numpy as np
 
-from rmrc.law.compiling import Method, Record, at, call, carray, compiled, pointer
+from rmrc.law.compiling import Array, Method, Record, at, call, carray, compiled, pointer
 from rmrc.law.kinematics import (
     WORLD,
     follow_chain,
@@ -14,10 +16,11 @@ from rmrc.law.kinematics import (
 )
 from rmrc.law.priority import second_error
 from rmrc.law.sight import TORQUE_LIMITED, is_at_torque_limit, read_axes, read_base
+from rmrc.law.svd import dot
 from rmrc.plants.engine import BAD_FIRST, BAD_LAST
 from rmrc.plants.fields import qpos_of
 from rmrc.scenario.choices import Status
-from rmrc.simulation.reference import PIECE, ROW, read_reference
+from rmrc.simulation.reference import POSE, TWIST
 
 # MuJoCo calls a larger position, velocity or acceleration bad (its mjMAXVAL).
 LARGEST = 1e10
@@ -52,7 +55,7 @@ def do_tick(world: Record) -> bool:
     """Control the arm for one tick; return False where its state or its command is not finite."""
     engine, tick, methods = world.engine, world.tick, world.methods
     call(methods.sense, world)
-    call(methods.path, world)
+    follow_path(world)
     sense(world)
     if methods.believe != 0:
         call(methods.believe, world)
@@ -74,32 +77,40 @@ def do_tick(world: Record) -> bool:
     return True
 
 
-@Method
+@compiled
 def follow_path(world: Record) -> None:
-    """Read the target pose and twist, at full pace, at the present tick of the path."""
-    engine, tick = world.engine, world.tick
-    pieces = carray(pointer(engine.pieces), (engine.piece_count,), PIECE)
-    rows = carray(pointer(engine.motions), (engine.motion_rows, ROW), np.float64)
-    sample = engine.reference
-    engine.piece = read_reference(pieces, rows, world.period, world.memory.path_tick, engine.piece, sample)
-    tick.path_time = world.memory.path_tick * world.period
-    for i in range(7):
-        tick.pose_ref[i] = sample[0, i]
+    """Read the target pose and twist, at full pace; between two ticks of the path they are interpolated.
+
+    Quaternions are interpolated linearly and normalized: neighbors differ by a fraction of a degree, for
+    which that equals the arc.
+    """
+    tick, path_tick = world.tick, world.memory.path_tick
+    samples = carray(pointer(world.engine.reference), (world.engine.path_ticks, TWIST), np.float64)
+    number = int(path_tick)
+    part, here = path_tick - number, samples[number]
+    after = samples[number + 1] if part > 0.0 else here
+    side = 1.0 if dot(here[3:], after[3:], 4) >= 0.0 else -1.0
+    tick.path_time = path_tick * world.period
+    for i in range(POSE):
+        goal = side * after[i] if i >= 3 else after[i]
+        tick.pose_ref[i] = here[i] + part * (goal - here[i])
     for i in range(6):
-        tick.twist_ref[i] = sample[0, 7 + i]
+        tick.twist_ref[i] = here[POSE + i] + part * (after[POSE + i] - here[POSE + i])
+    if part > 0.0:
+        size = math.sqrt(dot(tick.pose_ref[3:], tick.pose_ref[3:], 4))
+        for i in range(3, POSE):
+            tick.pose_ref[i] /= size
 
 
 @compiled
 def sense(world: Record) -> None:
     """Write joints, site and Jacobian as MuJoCo has them: what the law takes the arm to do."""
     engine, state, tick = world.engine, world.state, world.tick
-    positions, turns = at(engine.site_xpos, 3 * engine.nsite), at(engine.site_xquat, 4 * engine.nsite)
     for j in range(world.n):
         state.q[j] = tick.q_believed[j] = tick.q[j]
         state.qdot[j] = tick.qdot[j]
-    for i in range(7):
-        tick.pose[i] = positions[3 * engine.site_id + i] if i < 3 else turns[4 * engine.site_id + i - 3]
-        state.pose[i] = tick.pose[i]
+    read_pose(world, engine.site_id, tick.pose)
+    read_pose(world, engine.site_id, state.pose)
     if engine.positions != 0:  # those of all joints of the model are kept
         qpos, row = at(engine.qpos, engine.nq), engine.next % engine.rows
         positions = at(engine.positions + 8 * engine.nq * row, engine.nq)
@@ -113,13 +124,18 @@ def sense(world: Record) -> None:
         call(world.methods.second, world)
 
 
+@compiled
+def read_pose(world: Record, site: int, pose: Array) -> None:
+    """Write the pose of a site as MuJoCo has it, (7,)."""
+    positions, turns = at(world.engine.site_xpos + 24 * site, 3), at(world.engine.site_xquat + 32 * site, 4)
+    for i in range(7):
+        pose[i] = positions[i] if i < 3 else turns[i - 3]
+
+
 @Method
 def measure_second(world: Record) -> None:
     """Write pose and Jacobian of the second task's site as MuJoCo has them."""
-    engine, second = world.engine, world.second
-    positions, turns = at(engine.site_xpos, 3 * engine.nsite), at(engine.site_xquat, 4 * engine.nsite)
-    for i in range(7):
-        second.pose[i] = positions[3 * second.site + i] if i < 3 else turns[4 * second.site + i - 3]
+    read_pose(world, world.second.site, world.second.pose)
     second_jacobian(world)
 
 

@@ -27,8 +27,8 @@ import ruckig
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.scenario import Arc, Line, Motion, PathFrame, Set, TargetLimitsSection, TargetSection, Tilt, Turn
-from rmrc.simulation.motion import needed, read_motion, recorded, spline
-from rmrc.simulation.reference import PHASES, POSE, ROW, Reference, sampled, still
+from rmrc.simulation.motion import needed, read_motion, spline
+from rmrc.simulation.reference import POSE, Curve, Reference, Spline
 from rmrc.support import spatial
 from rmrc.support.errors import TargetError
 from rmrc.support.spatial import ORIGIN, normalize, rotate
@@ -47,8 +47,6 @@ _TICK_ROUNDING = 1e-6
 
 # A recorded motion may exceed a limit by this factor: its interpolation is not its fault.
 _SLACK = 0.01
-
-_NO_ROWS = np.empty((0, ROW))
 
 
 class Places(NamedTuple):
@@ -88,20 +86,17 @@ def make_reference(target: TargetSection, start_pose: ArrayLike, period: float, 
     >>> reference.duration, reference.pose[-1, :3].round(12)
     (1.25, array([0.6, 0. , 0.3]))
     """
-    path, indices = _Path(target, places, np.array(start_pose, dtype=float)), list[int]()
+    path = _Path(target, places, np.array(start_pose, dtype=float))
     for i, segment in enumerate(target.path):
         (name,) = type(segment).model_fields
         try:
             path.follow(name, getattr(segment, name))
         except TargetError as error:
             raise TargetError(f"target.path[{i}].{name}: {error}") from None
-        indices += [i] * (len(path.pieces) - len(indices))
     path.hold(0.0)
-    pieces = np.array(path.pieces)
-    pieces["segment"] = [*indices, indices[-1]]
     with np.errstate(over="ignore"):  # an endless path is refused below
-        pieces["start"] = np.cumsum([0.0, *pieces["phases"][:-1, -1, 0]])
-    duration = float(pieces["start"][-1])
+        starts = np.cumsum([0.0, *(piece.duration for piece in path.pieces[:-1])])
+    duration = float(starts[-1])
     count = duration / period
     if not count <= _MOST_TICKS:
         raise TargetError(
@@ -109,18 +104,16 @@ def make_reference(target: TargetSection, start_pose: ArrayLike, period: float, 
             f"and more than {_MOST_TICKS}; raise target.limits or control.period, or shorten the path"
         )
     last = max(1, math.ceil(count - _TICK_ROUNDING))
-    # the last tick is the end itself, not a rounding before it
-    pieces["since"] = np.minimum(pieces["start"], period * last)
-    return Reference(last + 1, period, pieces, np.concatenate([_NO_ROWS, *path.rows]))
+    starts = np.minimum(starts, period * last)  # the last tick is the end itself, not a rounding before it
+    return Reference(last + 1, period, tuple(path.pieces), starts)
 
 
 class _Path:
-    """A path under construction: its pieces, the rows of its recorded motions, and its present end."""
+    """A path under construction: its pieces and its present end."""
 
     def __init__(self, target: TargetSection, places: Places, start: Array) -> None:
         self._target, self._places, self._start, self.pose = target, places, start, start
-        self.pieces: list[np.void] = []
-        self.rows: list[Array] = []
+        self.pieces: list[Curve | Spline] = []
 
     @np.errstate(over="ignore", invalid="ignore")  # `_end` reports results that are not finite
     def follow(self, name: str, value: Any) -> None:
@@ -147,9 +140,9 @@ class _Path:
 
     def hold(self, duration: float) -> None:
         """Add a rest at the present end [s]."""
-        piece = still(self.pose)
-        piece["phases"][-1, 0] = duration
-        self.pieces.append(piece)
+        rest = Curve(self.pose)
+        rest.phases[-1, 0] = duration
+        self.pieces.append(rest)
 
     # Frames
 
@@ -159,8 +152,6 @@ class _Path:
         return poses[frame or self._target.frame]
 
     def _vector(self, vector: ArrayLike, frame: PathFrame | None) -> Array:
-        if (frame or self._target.frame) == "world":  # the most frequent one
-            return np.array(vector, dtype=float)
         return rotate(self._origin(frame)[3:], vector)
 
     def _point(self, values: tuple[float, ...], frame: PathFrame | None) -> Array:
@@ -174,29 +165,29 @@ class _Path:
 
     # Curves: pieces from the present end that are not timed yet
 
-    def _turned(self, turn: Turn | None, tilt: Tilt | None, frame: PathFrame | None = None) -> np.void:
-        piece = still(self.pose)
+    def _turned(self, turn: Turn | None, tilt: Tilt | None, frame: PathFrame | None = None) -> Curve:
+        curve = Curve(self.pose)
         if tilt is not None:
             to = self._vector(_direction(tilt.to), tilt.frame or frame)
-            piece["axis"], piece["angle"] = _tilt(self.pose[3:], _direction(tilt.axis), to)
+            curve.axis, curve.angle = _tilt(self.pose[3:], _direction(tilt.axis), to)
         elif turn is not None and turn.to is not None:
             to = spatial.quat_multiply(self._origin(turn.frame or frame)[3:], normalize(turn.to))
-            piece["axis"], piece["angle"] = _shortest(to, self.pose[3:])
+            curve.axis, curve.angle = _shortest(to, self.pose[3:])
         elif turn is not None and turn.axis is not None:
-            piece["axis"] = self._vector(_direction(turn.axis), turn.frame or frame)
-            piece["angle"] = turn.angle or 0.0
-        return piece
+            curve.axis = self._vector(_direction(turn.axis), turn.frame or frame)
+            curve.angle = turn.angle or 0.0
+        return curve
 
-    def _straight(self, way: Line | Set) -> np.void:
-        piece = self._turned(way.turn, way.tilt, way.frame)
+    def _straight(self, way: Line | Set) -> Curve:
+        curve = self._turned(way.turn, way.tilt, way.frame)
         if way.by is not None:
-            piece["straight"] = self._vector([*way.by, 0.0][:3], way.frame)
+            curve.straight = self._vector([*way.by, 0.0][:3], way.frame)
         elif way.to is not None:
-            piece["straight"] = self._point(way.to, way.frame) - self.pose[:3]
-        return piece
+            curve.straight = self._point(way.to, way.frame) - self.pose[:3]
+        return curve
 
-    def _arc(self, arc: Arc) -> np.void:
-        piece = self._turned(arc.turn, arc.tilt, arc.frame)
+    def _arc(self, arc: Arc) -> Curve:
+        curve = self._turned(arc.turn, arc.tilt, arc.frame)
         normal = self._vector(_direction(arc.axis), arc.frame)
         spoke = self.pose[:3] - self._point(arc.center, arc.frame)
         spoke -= (spoke @ normal) * normal
@@ -205,28 +196,28 @@ class _Path:
                 f"starts at {_show(self.pose)}, on the axis of the circle: radius 0; move "
                 "the center, or write turn to rotate in place"
             )
-        piece["sweep"], piece["spoke"], piece["tangent"] = arc.angle, spoke, np.cross(normal, spoke)
-        return piece
+        curve.sweep, curve.spoke, curve.tangent = arc.angle, spoke, np.cross(normal, spoke)
+        return curve
 
-    def _end(self, curve: np.void) -> tuple[Array, float]:
+    def _end(self, curve: Curve) -> tuple[Array, float]:
         """Return the end pose of a curve, (7,), and its length [m]."""
-        end = sampled(curve, _NO_ROWS, np.zeros(1))[0, :POSE]
-        length = float(np.linalg.norm(curve["straight"] + curve["sweep"] * curve["tangent"]))
+        end = curve.at(np.zeros(1))[0, :POSE]
+        length = float(np.linalg.norm(curve.straight + curve.sweep * curve.tangent))
         if not np.isfinite([length, *end]).all():
             raise TargetError("is not finite; use smaller numbers")
         return end, length
 
-    def _move(self, curve: np.void, must_travel: bool = False) -> None:
+    def _move(self, curve: Curve, must_travel: bool = False) -> None:
         """Add a curve from rest to rest, as fast as the limits allow."""
         end, length = self._end(curve)
-        angle = abs(float(curve["angle"]))
-        radius = float(np.linalg.norm(curve["spoke"])) if curve["sweep"] else math.inf
+        angle = abs(curve.angle)
+        radius = float(np.linalg.norm(curve.spoke)) if curve.sweep else math.inf
         if (length if must_travel else max(length, angle)) < _SMALLEST:
             raise TargetError(
                 f"has {'length' if must_travel else 'angle'} 0, at {_show(self.pose)}; "
                 "to pause write hold, to rotate in place write turn"
             )
-        curve["phases"] = _rest_to_rest(length, radius, angle, self._target.limits)
+        curve.phases = _rest_to_rest(length, radius, angle, self._target.limits)
         self.pieces.append(curve)
         self.pose = end
 
@@ -234,10 +225,9 @@ class _Path:
 
     def _go(self, pose: Array) -> bool:
         """Go straight to a pose; return whether it is another one than the present."""
-        curve = still(self.pose)
-        curve["straight"] = pose[:3] - self.pose[:3]
-        curve["axis"], curve["angle"] = _shortest(pose[3:], self.pose[3:])
-        is_another = bool(max(np.linalg.norm(curve["straight"]), curve["angle"]) >= _SMALLEST)
+        curve = Curve(self.pose, pose[:3] - self.pose[:3])
+        curve.axis, curve.angle = _shortest(pose[3:], self.pose[3:])
+        is_another = bool(np.linalg.norm(curve.straight) >= _SMALLEST or curve.angle >= _SMALLEST)
         if is_another:
             self._move(curve)
         return is_another
@@ -265,9 +255,7 @@ class _Path:
             raise TargetError(
                 f"{reason}; write speed: {speed / factor:.3g} or speed: auto, or raise the limit"
             )
-        rows = spline(time / speed, poses)
-        self.pieces.append(recorded(rows, sum(map(len, self.rows))))
-        self.rows.append(rows)
+        self.pieces.append(spline(time / speed, poses))
         self.pose = poses[-1]
 
 
@@ -308,7 +296,7 @@ def _show(pose: Array) -> str:
 
 
 def _rest_to_rest(length: float, radius: float, angle: float, limits: TargetLimitsSection) -> Array:
-    """Return the phases of `PIECE` of the fastest u, from rest at 0 to rest at 1, within the limits.
+    """Return the phases of a `Curve` of the fastest u, from rest at 0 to rest at 1, within the limits.
 
     Ruckig gets a unit of time in which all limits on u are at least 1: it has absolute
     tolerances, and fails for lengths or times far from 1.
@@ -326,7 +314,7 @@ def _rest_to_rest(length: float, radius: float, angle: float, limits: TargetLimi
     angular = limits.angular_velocity, limits.angular_acceleration, limits.angular_jerk
     times = [max(length / linear[i], angle / angular[i]) ** (1 / (i + 1)) for i in range(3)]
     unit = max(times)
-    phases = np.zeros((PHASES, 5))
+    phases = np.zeros((8, 5))  # seven of ruckig, and the rest
     phases[-1] = unit, 1.0, 0.0, 0.0, 0.0
     if unit == math.inf:
         return phases  # too long: `make_reference` reports it

@@ -3,95 +3,60 @@
 import copy
 import ctypes
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TypeAlias
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
-from rmrc.arm.differences import field_of, set_fields
+from rmrc.arm.differences import set_fields
 from rmrc.law.compiling import Method, callback, raise_missed
 from rmrc.law.record import ENGINE_FIELDS, capacity, new_worlds
 from rmrc.law.settings import LATE, link
 from rmrc.plants import engine
 from rmrc.plants.contacts import Contacts, can_touch
-from rmrc.plants.plant import Difference, Plant
-from rmrc.results.columns import COLUMNS, Divergence
+from rmrc.plants.plant import Plant
+from rmrc.results.columns import COLUMNS, Divergence, widths
 from rmrc.simulation.footprint import has_others
-from rmrc.simulation.layout import layout
 from rmrc.simulation.prepare import Prepared
-from rmrc.simulation.ticks import believe, follow_path, measure_second, ticks
+from rmrc.simulation.reference import BLOCK
+from rmrc.simulation.ticks import believe, measure_second, ticks
 
 Array = NDArray[np.float64]
+
+# Groups of a world's record that hold columns, beside `tick`.
+_ELSEWHERE = {"sigma": "first", "gain": "first", "damping": "first"}
 
 _Watch = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 
 
-class _Models(threading.local):
-    """The last models of this thread that no world uses, with data, for the next world of the same arm."""
+# A model, the fields in which its copy differs, and data of the copy.
+_Spare: TypeAlias = tuple[mujoco.MjModel, tuple[str, ...], mujoco.MjData]
+
+
+class _Spares(threading.local):
+    """Copies of models, with their data, that no world of this thread uses any more."""
 
     MOST = 4
 
     def __init__(self) -> None:
-        self._free: list[_OwnModel] = []
+        self.free: list[_Spare] = []
 
-    def take(self, base: mujoco.MjModel, fields: Difference, place: int) -> "_OwnModel":
-        """Return a model with some different fields, and data as if new.
-
-        Args:
-            base: The model that worlds share.
-            fields: Its different fields.
-            place: 0 for the model that is stepped, 1 for the one that a plant knows.
-        """
-        same = (own for own in self._free if own.base is base and own.place == place)
-        own = next(same, None)
-        if own is None:
-            own = _OwnModel(base, place)
-        else:
-            self._free.remove(own)
-        own.differ(fields)
-        return own
-
-    def release(self, models: Sequence["_OwnModel"]) -> None:
-        """Keep models that their world no longer uses."""
-        self._free = [*models, *self._free][: self.MOST]
+    def take(self, base: mujoco.MjModel, fields: Mapping[str, Array]) -> _Spare:
+        """Return a copy of a model with other values in some fields, and data as if new."""
+        names = tuple(fields)
+        spare = next((one for one in self.free if one[0] is base and one[1] == names), None)
+        if spare:
+            self.free.remove(spare)
+        _, _, data = spare = spare or (base, names, mujoco.MjData(copy.copy(base)))
+        set_fields(data.model, fields)
+        mujoco.mj_resetData(data.model, data)
+        return spare
 
 
-class _OwnModel:
-    """A model of one thread.
-
-    Attributes:
-        base: The model whose copy it is.
-        place: What it is for.
-        model: The copy.
-        data: Its data.
-    """
-
-    def __init__(self, base: mujoco.MjModel, place: int) -> None:
-        self.base, self.place, self.model = base, place, copy.copy(base)
-        self.data = mujoco.MjData(self.model)
-        self._different = set[str]()
-
-    def differ(self, fields: Difference) -> None:
-        """Give fields other values than those of the base, and reset the data."""
-        before = {name: field_of(self.base, name) for name in self._different}
-        set_fields(self.model, self.data, before | dict(fields))
-        self._different = set(fields)
-        mujoco.mj_resetData(self.model, self.data)
-
-
-def _adds_contacts(record: np.void, contacts: Contacts) -> Callable[[int], None]:
-    """Return a function that adds a contact to the status of a tick."""
-
-    def watch(tick: int) -> None:
-        record["tick"]["status"] |= contacts.status(tick)
-
-    return watch
-
-
-_models = _Models()
+_spares = _Spares()
 
 
 def compile_for(prepared: Prepared) -> None:
@@ -108,7 +73,7 @@ def compile_for(prepared: Prepared) -> None:
 
 def _methods(prepared: Prepared) -> Mapping[str, Method]:
     """Return all methods that a world calls, by their fields in its record."""
-    methods = {"ticks": ticks, "path": follow_path, **prepared.law.methods, **prepared.hardware.methods}
+    methods = {"ticks": ticks, **prepared.law.methods, **prepared.hardware.methods}
     if prepared.law.second is not None:
         methods["second"] = measure_second
     if prepared.hardware.is_misled:
@@ -137,8 +102,8 @@ class World:
         self.prepared = prepared
         base = plant.model()
         wiring = arm.wire(base)
-        own = _models.take(base, plant.difference(base, wiring), 0)
-        self._model, self._data = own.model, own.data
+        self._spares = [_spares.take(base, plant.difference(base, wiring))]
+        self._data = self._spares[0][2]
         self._records = new_worlds(1, arm.n, len(arm.axis_names))
         world = self._record = self._records[0]
         prepared.law.write(world)
@@ -146,24 +111,28 @@ class World:
         self._methods = _methods(prepared)
         link(self._records, self._methods)
         self._begin(self._data)
-        known = own
         if not plant.knows_all:
-            known = _models.take(base, plant.known(base, wiring), 1)
-            self._begin(known.data)
-        self._wire(world["engine"], plant, wiring, known)
-        mujoco.mj_step1(self._model, self._data)  # for tables that need the kinematics of the start
-        self._own_models = [own] if known is own else [own, known]
+            self._spares.append(_spares.take(base, plant.known(base, wiring)))
+            self._begin(self._spares[1][2])
+        self._wire(world["engine"], plant, wiring, self._spares[-1][2])
+        mujoco.mj_step1(self._data.model, self._data)  # for tables that need the kinematics of the start
         # Compiled code has addresses of these.
         self._referenced: list[Any] = [*plant.wire(world, base, wiring, self._data)]
-        joints = world["limits"]["rate"].shape[0]
-        self._layout = layout(joints, arm.n, int(world["k"]))
-        self.rows = np.empty((rows, len(self._layout.sources)), np.int64)
+        self._words = self._words_of_columns()
+        self._sources = np.concatenate([*self._words.values()])
+        self.rows = np.empty((rows, len(self._sources)), np.int64)
         self.positions = np.empty((rows, base.nq)) if has_others(wiring, base.nq) else None
+        self._draw = hardware.chance()
+        self._path_end = 0  # the first tick of the path that is not sampled yet
         self._follow(world["engine"])
         self.contacts: Contacts | None = None
         if plant.has_physics and can_touch(base, wiring):
-            self.contacts = Contacts(self._model, wiring, self._data)
-            watch = _Watch(callback(_adds_contacts(world, self.contacts)))
+            contacts = self.contacts = Contacts(self._data.model, wiring, self._data)
+
+            def add_contacts(tick: int) -> None:
+                world["tick"]["status"] |= contacts.status(tick)
+
+            watch = _Watch(callback(add_contacts))
             world["engine"]["watch"] = ctypes.cast(watch, ctypes.c_void_p).value
             self._referenced.append(watch)
         self._error = ""
@@ -175,17 +144,17 @@ class World:
         for target, values in zip((data.ctrl, data.act), prepared.held, strict=True):
             target[: len(values)] = values
         mocap = prepared.arm.mocap_now
-        if len(mocap):
-            data.mocap_pos[:], data.mocap_quat[:] = mocap[:, :3], mocap[:, 3:]
+        data.mocap_pos[:], data.mocap_quat[:] = mocap[:, :3], mocap[:, 3:]
 
-    def _wire(self, group: np.void, plant: Plant, wiring: Wiring, known: _OwnModel) -> None:
+    def _wire(self, group: np.void, plant: Plant, wiring: Wiring, known: mujoco.MjData) -> None:
         """Write addresses and indices of MuJoCo into the group `engine` of the record."""
-        model, data, arm = self._model, self._data, self.prepared.arm
+        data, arm = self._data, self.prepared.arm
+        model = data.model
         is_rk4 = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4  # whose step has no two halves
-        group["model"], group["data"] = engine.model_address(model), engine.data_address(data)
-        group["known_model"], group["known_data"] = (
-            engine.model_address(known.model), engine.data_address(known.data)
-        )  # fmt: skip
+        for name, struct in (
+            ("model", model), ("data", data), ("known_model", known.model), ("known_data", known)
+        ):  # fmt: skip
+            group[name] = engine.address_of(struct)
         for name, function in (
             ("begin", plant.begins), ("advance", "mj_step" if is_rk4 else "mj_step2"), ("step", "mj_step")
         ):  # fmt: skip
@@ -193,9 +162,9 @@ class World:
         group["substeps"] = plant.substeps
         beside = {
             "warning_count": data.warning.number, "warning_info": data.warning.lastinfo,
-            "known_bias": known.data.qfrc_bias, "known_passive": known.data.qfrc_passive,
-            "known_gravcomp": known.data.qfrc_gravcomp, "known_M": known.data.M,
-            "known_qpos": known.data.qpos, "known_qvel": known.data.qvel,
+            "known_bias": known.qfrc_bias, "known_passive": known.qfrc_passive,
+            "known_gravcomp": known.qfrc_gravcomp, "known_M": known.M,
+            "known_qpos": known.qpos, "known_qvel": known.qvel,
         }  # fmt: skip
         for name in ENGINE_FIELDS:
             array = beside.get(name)
@@ -221,14 +190,21 @@ class World:
         reference = self.prepared.reference
         past = np.zeros((self.prepared.hardware.span + 2, 2 * self.prepared.arm.n + 1))
         group["ticks"], group["path_ticks"] = self.prepared.most_ticks, reference.ticks
-        group["pieces"], group["piece_count"] = reference.pieces.ctypes.data, len(reference.pieces)
-        group["motions"], group["motion_rows"] = reference.rows.ctypes.data, len(reference.rows)
         group["record"], group["record_size"] = self._records.ctypes.data, self._records.itemsize // 8
         group["columns"], group["rows"] = self.rows.ctypes.data, len(self.rows)
-        group["sources"], group["width"] = self._layout.sources.ctypes.data, self.rows.shape[1]
+        group["sources"], group["width"] = self._sources.ctypes.data, len(self._sources)
         group["positions"] = 0 if self.positions is None else self.positions.ctypes.data
         group["past"], group["past_rows"] = past.ctypes.data, len(past)
-        self._referenced += [reference, past]
+        self._referenced.append(past)
+
+    def _words_of_columns(self) -> dict[str, NDArray[np.int64]]:
+        """Return the words of the record that hold each column except qpos."""
+        words, n = {}, self.prepared.arm.n
+        for name, size in widths(n, int(self._record["k"]), 0).items():
+            if name != "qpos":
+                field = self._records[_ELSEWHERE.get(name, "tick")][name]
+                words[name] = (field.ctypes.data - self._records.ctypes.data) // 8 + np.arange(size)
+        return words
 
     # Its run ---------------------------------------------------------------------------------------
 
@@ -244,10 +220,18 @@ class World:
         return bool(group["diverged"] < 0 and group["next"] < group["ticks"])
 
     def advance(self, count: int) -> None:
-        """Do at most so many ticks, and none that would write a row of the first of them again."""
+        """Do some ticks: at most so many, and none that would write a row of the first of them again."""
         group = self._record["engine"]
         room = len(self.rows) - self.done % len(self.rows)
-        group["last"] = min(self.done + min(count, room), int(group["ticks"]))
+        group["last"] = min(self.done + min(count, room, BLOCK - 1), int(group["ticks"]))
+        count, tick = int(group["last"]) - self.done, int(self._record["memory"]["path_tick"])
+        if tick + count >= self._path_end < group["path_ticks"]:
+            self._path = self.prepared.reference.block(tick)
+            self._path_end = tick + len(self._path)
+            group["reference"] = self._path.ctypes.data - tick * self._path.strides[0]  # of tick 0
+        if self._draw:
+            self._chance = self._draw(count)
+            group["chance"] = self._chance.ctypes.data - self.done * self._chance.strides[0]
         self._error = engine.run_guarded(int(self._record["methods"]["ticks"]), self._records.ctypes.data)
         if self._error:
             group["diverged"], group["diverged_joint"] = group["next"], -1
@@ -256,7 +240,7 @@ class World:
 
     def release(self) -> None:
         """Let the next world of this thread use its models; it must not go on."""
-        _models.release(self._own_models)
+        _spares.free = [*self._spares, *_spares.free][: _spares.MOST]
 
     def end(self) -> None:
         """Have no next tick."""
@@ -265,10 +249,15 @@ class World:
     def columns(self, first: int, last: int) -> dict[str, NDArray[np.generic]]:
         """Return views of the columns of some ticks that are held, in consecutive rows."""
         begin = first % len(self.rows)
-        rows = slice(begin, begin + last - first)
-        columns = self._layout.columns(self.rows[rows])
+        rows, end = slice(begin, begin + last - first), 0
+        columns: dict[str, NDArray[np.generic]] = dict.fromkeys(COLUMNS, np.empty(0))  # in their order
+        for name, words in self._words.items():
+            table = self.rows[rows, end : end + len(words)]
+            table = table if name == "status" else table.view(np.float64)
+            columns[name] = table if COLUMNS[name].width else table[:, 0]
+            end += len(words)
         columns["qpos"] = columns["q"] if self.positions is None else self.positions[rows]
-        return {name: columns[name] for name in COLUMNS}
+        return columns
 
     @property
     def divergence(self) -> Divergence | None:

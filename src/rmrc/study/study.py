@@ -17,12 +17,14 @@ from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field
 from typing import Any, Generic, Protocol, TypeVar
 
+import numpy as np
+
 from rmrc.results.columns import Divergence
 from rmrc.results.expectations import Outcome, check, refuse_unknown
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard
 from rmrc.scenario import Change, Draft, Scenario, Source, Variant, draft_of
-from rmrc.simulation.footprint import Footprint, footprint
+from rmrc.simulation.footprint import Array, footprint
 from rmrc.simulation.prepare import Cache, Prepared, prepare
 from rmrc.simulation.simulation import Rule, Simulation, Watcher
 from rmrc.study.executors import Crew, done
@@ -187,7 +189,7 @@ class Checked:
         kinds: The first variant of each kind with equal metrics, by the kind's key.
         ticks: Ticks of the references of all.
         longest: Ticks of the longest reference.
-        world: Largest memory of a world [B].
+        world: Largest memory of a world, see `rmrc.simulation.footprint`, (2,) [B].
     """
 
     runs: int = 0
@@ -195,7 +197,7 @@ class Checked:
     kinds: dict[object, int] = field(default_factory=dict)
     ticks: int = 0
     longest: int = 0
-    world: Footprint = field(default_factory=lambda: Footprint(0, 0))
+    world: Array = field(default_factory=lambda: np.zeros(2))
     untold: int = 0
 
     def refuse(self, problem: Problem, indices: tuple[int, ...], count: int, most: int) -> None:
@@ -213,7 +215,7 @@ class Checked:
         )
         self.ticks += one.reference.ticks
         self.longest = max(self.longest, one.reference.ticks)
-        self.world = self.world.or_more(footprint([one], keep_columns=False))
+        self.world = np.maximum(self.world, footprint([one], keep_columns=False))
 
     def extend(self, other: "Checked", most: int) -> None:
         """Add the facts of the following variants."""
@@ -223,7 +225,7 @@ class Checked:
         self.kinds = other.kinds | self.kinds
         self.ticks += other.ticks
         self.longest = max(self.longest, other.longest)
-        self.world = self.world.or_more(other.world)
+        self.world = np.maximum(self.world, other.world)
 
     def raise_any(self, variants: Variants) -> None:
         """Raise the problems; a problem of every variant appears once.

@@ -14,7 +14,7 @@ from typing import Any, Self, cast
 from rmrc.results import facts
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Change, Problems, Source, draft_of
-from rmrc.simulation.footprint import Footprint
+from rmrc.simulation.footprint import Array, excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.study import dask as clusters
 from rmrc.study.dataset import Contents, Dataset
@@ -269,15 +269,14 @@ class Sweep:
         self.dataset.begin(self._contents)
         return self._contents
 
-    def _refuse_excess(self, world: Footprint, longest: int, batches: int) -> None:
+    def _refuse_excess(self, world: Array, longest: int, batches: int) -> None:
         """Refuse runs of which those at a time do not fit into this machine's memory."""
         here = self._cluster.here or 1 if self._cluster else self._threads
         at_once = min(here, batches)
-        excess = world.times(at_once).excess
-        if excess:
+        if too_much := excess(at_once * world):
             fewer = " or lower --threads" if at_once > 1 else ""
             wrong = (
-                f"has up to {longest} ticks, and its {at_once} simultaneous runs need {excess}; "
+                f"has up to {longest} ticks, and its {at_once} simultaneous runs need {too_much}; "
                 f"shorten it, raise control.period{fewer}"
             )
             raise ScenarioError([self.scenario.problem("target.path", wrong)])

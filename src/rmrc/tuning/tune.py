@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any
 
 from rmrc.scenario import Source, Variant, block, changes_of, draft_of
-from rmrc.simulation.footprint import footprint, refuse_excess
+from rmrc.simulation.footprint import excess, footprint, refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.dataset import Column, write_table
 from rmrc.study.margins.margins import Margins, margins_of
@@ -415,12 +415,11 @@ class Tuning:
     def _refuse_excess(self, scenarios: Sequence[Prepared]) -> None:
         """Refuse a search that does not fit into memory: the run as written, and batches of the scenarios."""
         refuse_excess([self._nominal])
-        batches = footprint(scenarios, keep_columns=False).times(self._threads)
-        excess = (batches + footprint([self._nominal])).excess
-        if excess:
+        batches = self._threads * footprint(scenarios, keep_columns=False)
+        if too_much := excess(batches + footprint([self._nominal])):
             wrong = (
                 f"has {self._nominal.reference.ticks} ticks, which on {len(scenarios)} scenarios and "
-                f"{self._threads} threads need {excess}; shorten it, or lower --perturbed or --threads"
+                f"{self._threads} threads need {too_much}; shorten it, or lower --perturbed or --threads"
             )
             raise ScenarioError([self.scenario.problem("target.path", wrong)])
 

@@ -20,7 +20,7 @@ from rmrc.law.task import Task
 from rmrc.results.run import Run
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import SERVO
-from rmrc.simulation.footprint import footprint
+from rmrc.simulation.footprint import excess, footprint
 from rmrc.simulation.prepare import Cache
 from rmrc.study.study import Study
 from rmrc.support.errors import DivergenceError, QuestionError
@@ -114,9 +114,9 @@ def hold_wrench(
     _check(wanted)
     study = Study(hold_scenario(wanted, seconds), Cache(arm))
     prepared, stop = study.prepare(), threading.Event()
-    ticks, excess = prepared.reference.ticks, footprint([prepared]).excess
-    if excess:
-        raise QuestionError(f"--hold: {ticks} ticks need {excess}; hold for a shorter time")
+    if too_much := excess(footprint([prepared])):
+        ticks = prepared.reference.ticks
+        raise QuestionError(f"--hold: {ticks} ticks need {too_much}; hold for a shorter time")
     kv = np.array(prepared.scenario.plant.kv)
     slow = np.maximum(STILL, CREEP * arm.friction / kv)
     share = SHARE_OF_SCREWS if arm.followers else SHARE
