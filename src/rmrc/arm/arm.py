@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -91,6 +91,19 @@ class Arm:
     frees_others: bool = False
     mocap: Array | None = None
     _adapted: dict[object, mujoco.MjModel] = field(default_factory=dict, repr=False)
+
+    def __copy__(self) -> "Arm":
+        """Return itself: nothing changes an arm."""
+        return self
+
+    def __deepcopy__(self, _: object) -> "Arm":
+        """Return itself."""
+        return self
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what can be pickled. MuJoCo's specification cannot: no plant is made of such an arm."""
+        state = {one.name: getattr(self, one.name) for one in fields(self)}
+        return state | {"_spec": None, "_adapted": {}}
 
     @property
     def n(self) -> int:

@@ -24,7 +24,7 @@ from rmrc.law.compiling import Array
 from rmrc.law.record import ROWS, TWIST, capacity, new_worlds
 from rmrc.law.settings import TaskLaw, link, schedule_of
 from rmrc.law.sight import JACOBIAN_ALONE
-from rmrc.law.step import RATES, resolve_alone
+from rmrc.law.step import PLACED, RATES, resolve_alone
 from rmrc.law.stepping import SteppedLaw, UnusableInputError, started
 from rmrc.law.task import BareJoints, BareTask
 from rmrc.scenario import ControlSection, ControlSource, LimitsSection, read_controls
@@ -156,6 +156,7 @@ class Law(SteppedLaw):
         gradient: ArrayLike | None = None,
         qdot0: ArrayLike | None = None,
         M: ArrayLike | None = None,
+        dt: ArrayLike | None = None,
     ) -> Command:
         """Return the command for the next period. It raises nothing and keeps no argument.
 
@@ -173,26 +174,32 @@ class Law(SteppedLaw):
                 [rad/s or m/s]. J₂⁺ v₂ makes it a second task of `robust` priority.
             M: Joint inertia for the metric `inertia`, (n, n) or (w, n, n); only the lower triangle is read.
                 Its unit is the mean diagonal of the first M after `reset`.
+            dt: Time since the last step, as in `Controller.step`, () or (w,) [s]; None: `period`.
 
         Returns:
             Views that the next step overwrites. Unusable input brakes the joints: see `Command.problem`.
         """
+        given = timed = 0
         try:
-            self._take("J", J)
-            self._take("twist", twist)
+            given = timed = self._take_time(dt)
+            self._take_each("J", J)
+            self._take_each("twist", twist)
             if q is not None:
-                self._take("q", q)
+                self._take_each("q", q)
+                given |= PLACED
             elif self._needs_q:
                 raise UnusableInputError("q is needed: position limits or the null space depend on it")
             if qdot is not None:
-                self._take("qdot", qdot)
+                self._take_each("qdot", qdot)
+                given |= RATES
             for name, values in (("error", error), ("gradient", gradient), ("qdot0", qdot0), ("M", M)):
                 if values is not None or self._reads[name]:
                     self._take_more(name, values)
         except UnusableInputError as unusable:
             is_batch = self._is_single and getattr(J, "ndim", 0) == 3
-            return self._refuse(f"{unusable}; reset(worlds=...) makes a batch" if is_batch else str(unusable))
-        return self._finish(TWIST if qdot is None else TWIST | RATES)
+            advice = "; reset(worlds=...) makes a batch" if is_batch else ""
+            return self._refuse(f"{unusable}{advice}", timed)
+        return self._finish(TWIST | given)
 
     def _take_more(self, name: str, values: ArrayLike | None) -> None:
         """Write an optional argument where the law reads it.

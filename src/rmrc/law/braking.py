@@ -102,8 +102,9 @@ def steady_stop(distance: float, braking: float, step: float, period: float) -> 
 
 @compiled
 def largest_change(
-    distance: float, rate: float, least: float, most: float, braking: float, step: float, period: float
-) -> float:
+    distance: float, rate: float, least: float, most: float, braking: float, step: float, period: float,
+    stretch: float = 1.0,
+) -> float:  # fmt: skip
     """Return the largest change of a rate in this tick from which the joint can stop within a distance.
 
     Between the change that stops the joint at once and a change from which it cannot stop in time, the
@@ -117,13 +118,15 @@ def largest_change(
         braking: Largest decrease of the rate per tick, unless the rate already decreases faster.
         step: Largest change of the change per tick.
         period: Length of a tick.
+        stretch: Length of the ticks ahead over that of this one. The changes of this tick are `stretch` times
+            as large in a tick ahead, of which `braking`, `step` and `period` are.
     """
-    r, left, top = rate / step, distance / (step * period), braking / step
-    low, high = least / step, most / step
-    at_once = -r if r >= 0.0 else brake(-r, 1.0, 1.0)
-    if low < at_once < high and way(r + at_once, at_once, top) <= left:
+    r, left, top, now = rate / step, distance / (step * period), braking / step, 1.0 / stretch
+    low, high = least * stretch / step, most * stretch / step
+    at_once = -r * stretch if r >= 0.0 else brake(-r, 1.0, 1.0)
+    if low < at_once < high and way(r + now * at_once, at_once, top) <= left:
         low = at_once
-    below, above = way(r + low, low, top) - left, way(r + high, high, top) - left
+    below, above = way(r + now * low, low, top) - left, way(r + now * high, high, top) - left
     moved = 0  # which end moved: the value of an end that stays twice is halved from then on [Dowell71]
     for _ in range(ENOUGH):
         if below >= -CLOSE * left:
@@ -133,12 +136,12 @@ def largest_change(
             a = 0.5 * (low + high)
         if not low < a < high:
             break
-        more = way(r + a, a, top) - left
+        more = way(r + now * a, a, top) - left
         if more <= CLOSE * left:
             low, below, above, moved = a, more, 0.5 * above if moved < 0 else above, -1
         else:
             high, above, below, moved = a, more, 0.5 * below if moved > 0 else below, 1
-    return low * step
+    return low * step * now
 
 
 @compiled

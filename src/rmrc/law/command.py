@@ -34,7 +34,8 @@ class Command:
     Attributes:
         qdot_cmd: Joint rates, (n,) [rad/s or m/s].
         q_cmd: Joint positions for arms that take positions, (n,) [rad or m]: the integral of the rates since
-            `reset` or the first step, one period ahead.
+            `reset` or the first step whose input is usable, one period ahead. NaN until then: without
+            positions, no command is safe.
         qdot_plain: Rates of the plain inverse, or of the pseudoinverse, without damping and limits, (n,)
             [rad/s or m/s]; NaN where no twist is resolved.
         sigma: Singular values of A, descending, (k,) with k = min(m, n); NaN where nothing is known.
@@ -142,6 +143,8 @@ class Command:
             bad = [j for j, value in zip(self._joints, values, strict=False) if not abs(value) <= LARGEST]
             if bit & refused and bad:
                 texts.append(f"{name} of {', '.join(bad)} is {_UNUSABLE}")
+        if refused & step.BAD_TIME:
+            texts.append(f"dt must be > 0 and finite [s], got {input_['dt']}")
         return "; ".join([*texts, *(text for bit, text in _WORDS.items() if bit & refused)])
 
 

@@ -12,13 +12,14 @@ import ctypes
 import hashlib
 import os
 import shutil
+import signal
 import stat
 import tempfile
 import threading
 import warnings
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar, cast
 
@@ -136,52 +137,82 @@ def compiled(function: Function) -> Function:
 
 
 class _Missed(threading.local):
-    """Exceptions that came while compiled code called Python."""
+    """Exceptions that came where none can be raised, and whether such work goes on."""
 
     def __init__(self) -> None:
         self.exceptions: list[BaseException] = []
+        self.is_at_work = False
 
 
 _missed = _Missed()
+_SIGNALS: list[int] = sorted(signal.valid_signals())
 
 
 @contextmanager
 def missing_nothing() -> Iterator[None]:
-    """Keep an exception, such as Ctrl-C, for `raise_missed`: compiled code can raise none."""
+    """Keep an exception for `raise_missed`: compiled code can raise none."""
     try:
         yield
     except BaseException as exception:
         _missed.exceptions.append(exception)
 
 
-def callback(function: Callable[[int], None]) -> Callable[[int], None]:
-    """Return a function of a number for compiled code to call, whose exceptions wait for `raise_missed`.
-
-    Ctrl-C comes before the first statement of a Python function, which cannot catch it there. A generator
-    that is called again is within its `try` already.
-    """
-
-    def calls() -> Generator[None, int, None]:
-        while True:
-            try:
-                while True:
-                    function((yield))
-            except GeneratorExit:  # nobody can call it any more
-                return
-            except BaseException as exception:
-                _missed.exceptions.append(exception)
-
-    generator = calls()
-    next(generator)
-    return generator.send
-
-
 def raise_missed() -> None:
-    """Raise an exception that came in this thread while compiled code called Python."""
+    """Raise an exception that came in this thread where it could not be raised."""
     if _missed.exceptions:
         exception = _missed.exceptions[0]
         _missed.exceptions.clear()
         raise exception
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Raise at the end what signal handlers raise meanwhile, such as Ctrl-C; the handlers run at once.
+
+    Numba could compile nothing more in this process after an exception in the middle of its work. One at the
+    entry of a function that compiled code calls would be lost.
+    """
+    if _missed.is_at_work:
+        yield
+        return
+    _missed.is_at_work = True
+    try:
+        with _holding_handlers():
+            yield
+    finally:
+        _missed.is_at_work = False
+        raise_missed()
+
+
+@contextmanager
+def _holding_handlers() -> Iterator[None]:
+    """Keep what the handlers of signals raise, for `raise_missed`. They run in the main thread alone."""
+    replaced: dict[int, tuple[Any, Any]] = {}
+
+    def hold_back(handler: Callable[[int, Any], object]) -> Callable[[int, Any], None]:
+        @wraps(handler)  # with its attributes
+        def hold(number: int, frame: Any) -> None:
+            try:
+                handler(number, frame)
+            except BaseException as exception:
+                if not _missed.is_at_work:  # it came while handlers are put back
+                    raise
+                _missed.exceptions.append(exception)
+
+        return hold
+
+    is_main = threading.current_thread() is threading.main_thread()
+    try:
+        for number in _SIGNALS if is_main else ():
+            handler = signal.getsignal(number)
+            if callable(handler):
+                replaced[number] = hold_back(handler), handler
+                signal.signal(number, replaced[number][0])
+        yield
+    finally:
+        for number, (hold, handler) in replaced.items():
+            if signal.getsignal(number) is hold:  # the handler may have set another one
+                signal.signal(number, handler)
 
 
 class Method:
@@ -211,7 +242,7 @@ class Method:
         """Return its address if it is compiled, or else that of a function that compiles it when called.
 
         For methods that most worlds never call. An exception there waits for `raise_missed`, as compiled code
-        can raise none.
+        can raise none; one of a signal handler needs `uninterrupted` around the compiled code.
         """
         if capacity in self._made:
             return self.address(capacity)
@@ -234,10 +265,11 @@ class Method:
         return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * self.function.__code__.co_argcount)
 
     def _machine_code(self, capacity: int) -> Any:
-        with _compiling:
-            if capacity not in self._made:
-                self._made[capacity] = self._make(capacity)
-            return self._made[capacity]
+        if capacity not in self._made:
+            with _compiling, uninterrupted():
+                if capacity not in self._made:
+                    self._made[capacity] = self._make(capacity)
+        return self._made[capacity]
 
     def _make(self, capacity: int) -> Any:
         kinds = dict.fromkeys(("model", "data"), _types.voidptr) | {"number": _types.int32}

@@ -33,7 +33,7 @@ from rmrc.law.kinematics import FRAMES
 from rmrc.law.record import POSE, TWIST
 from rmrc.law.settings import TaskLaw, rate_limit
 from rmrc.law.sight import CHAIN_ALONE, look_at
-from rmrc.law.step import FRAME, RATES
+from rmrc.law.step import FRAME, PLACED, RATES
 from rmrc.law.stepping import SteppedLaw, UnusableInputError, started
 from rmrc.law.stops import give_way
 from rmrc.law.task import Task, choose
@@ -279,6 +279,7 @@ class Controller(SteppedLaw):
         frame: str = "world",
         q_target: ArrayLike | None = None,
         qdot_target: ArrayLike | None = None,
+        dt: ArrayLike | None = None,
     ) -> Command:
         """Return the command for the next period, with the arm's own kinematics. It raises and keeps nothing.
 
@@ -300,26 +301,31 @@ class Controller(SteppedLaw):
             q_target: Target positions of the joints, (n,) or (w, n) [rad or m]. A hinge without range takes
                 the shorter way round.
             qdot_target: Target rates of the joints, (n,) or (w, n) [rad/s or m/s].
+            dt: Time since the last step, () or (w,) [s]; None: `period`. With it, the limits hold in a loop
+                whose period varies: the command changes by what they allow in this time, and `q_cmd` advances
+                by it. At most 0.1 s, or two periods if these are longer, count.
 
         Returns:
             Views that the next step overwrites.
         """
+        timed = 0
         try:
+            timed = self._take_time(dt)
             if self._data:
                 self._follow_chain()
             if self._unseen:
                 raise UnusableInputError(self._unseen)
             if q is None:
                 raise self._unusable(f"q must be ({self.arm.n},), got None")
-            self._take("q", q)
-            given = self._take_target(
+            self._take_each("q", q)
+            given = timed | self._take_target(
                 frame, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target
             )
             if qdot is not None:
-                self._take("qdot", qdot)
+                self._take_each("qdot", qdot)
                 given |= RATES
         except UnusableInputError as unusable:
-            return self._refuse(str(unusable))
+            return self._refuse(str(unusable), timed)
         return self._finish(given)
 
     def step_data(
@@ -331,6 +337,7 @@ class Controller(SteppedLaw):
         frame: str = "world",
         q_target: ArrayLike | None = None,
         qdot_target: ArrayLike | None = None,
+        dt: ArrayLike | None = None,
     ) -> Command:
         """Return the command for the next period, with MuJoCo's kinematics: the same bits as in a run.
 
@@ -343,20 +350,25 @@ class Controller(SteppedLaw):
             frame: Frame of pose and twist.
             q_target: Target positions of the joints.
             qdot_target: Target rates of the joints.
+            dt: Time since the last step.
 
         Returns:
             Views that the next step overwrites.
         """
+        timed = 0
         try:
+            timed = self._take_time(dt)
             if not self._sees(data):
                 self._look_at(data)
-            given = RATES | self._take_target(
-                frame, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target
+            given = (
+                timed
+                | RATES
+                | self._take_target(frame, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target)
             )
         except UnusableInputError as unusable:
             if not self._data:  # some of which may have been read
                 self._follow_chain()
-            return self._refuse(str(unusable))
+            return self._refuse(str(unusable), timed)
         stale = [w for w, is_fresh in enumerate(self._are_fresh) if not is_fresh()]
         return self._finish(given, stale, STALE)
 
@@ -369,10 +381,10 @@ class Controller(SteppedLaw):
         if not isinstance(frame, str) or frame not in FRAMES:
             text = f"frame must be one of {', '.join(FRAMES)}, got {shortened(repr(frame))}"
             raise self._unusable(text)
-        given = 0
+        given = PLACED
         for name, values in target.items():
             if values is not None:
-                self._take(name, values)
+                self._take_each(name, values)
                 given |= TARGETS[name]
         if given & (POSE | TWIST) and given & (POSITION_TARGET | RATE_TARGET):
             raise self._unusable("give pose and twist, or q_target and qdot_target, not both")

@@ -20,8 +20,14 @@ ACCELERATION_LIMITED, POSITION_LIMITED, JERK_LIMITED = map(
 # A step of jerk counts as exceeded beyond this relative slack: third differences are mostly rounding.
 SLACK = 1e-9
 ALL = 1.0 - SLACK
+# Between these, quotients and cubes of rates over steps of jerk are finite. Beyond them, a joint may not
+# change its rate at all, or may change it without limit [rad/s or m/s].
+JERK_STEPS = 1e-30, 1e30
 # No stop within a jerk limit needs a deceleration of this many steps of jerk.
 HARD = 1e9
+# Whatever the lengths of ticks, changes add up to no more than in ticks that are all this many times as long
+# as this one.
+SPREAD = 2.0
 # The lag of a joint behind its commands is estimated from this much of its past [s], enough to contain some
 # motions, and is at most this long [s]: actuators take milliseconds, the slowest known a third of a second.
 REMEMBERED, LONGEST_LAG = 2.0, 0.5
@@ -32,19 +38,19 @@ LARGEST = 1e10
 @compiled
 def is_within_jerk(world: Record, rates: Array) -> bool:
     """Return whether all limits are kept, now and later; False while the rates still approach a wish."""
-    limits, memory = world.limits, world.memory
+    limits, memory, stretch = world.limits, world.memory, world.limits.stretch
+    T, spread = stretch * world.period, min(stretch, SPREAD)
     for j in range(world.n):
         rate, step, most = rates[j], limits.jerk_step[j], limits.change[j]
         change = rate - memory.qdot_cmd[j]
         if abs(memory.lag[j]) > step or abs(change - memory.course[j]) > step or abs(change) > most:
             return False
-        last, T = memory.qdot_cmd[j], world.period
+        last = memory.qdot_cmd[j]
         left = limits.rate[j] - (last if change > 0.0 else -last)
-        if abs(change) * (abs(change) + step) > step * (2.0 * left - 0.25 * step) and (
-            abs(change) > brake(left, step, 1.0)
-        ):
+        spare = step * (2.0 * left - 0.25 * spread * spread * step)
+        if abs(change) * (abs(change) + spread * step) > spare and abs(change) > brake(left, step, spread):
             return False
-        braking = limits.braking[j] * T
+        braking, change, step = limits.braking[j] * T, stretch * change, stretch * stretch * step
         if not is_far(room(world, j, 1.0), rate, change, braking, step, T):
             return False
         if not is_far(room(world, j, -1.0), -rate, -change, braking, step, T):
@@ -92,11 +98,10 @@ def room(world: Record, j: int, side: float) -> float:
 @Method
 def rest_bounds(world: Record) -> None:
     """Write the largest and smallest rate that each joint may keep and still stop before its limits."""
-    limits, bounds = world.limits, world.bounds
+    limits, bounds, stretch = world.limits, world.bounds, world.limits.stretch
+    T = stretch * world.period
     for j in range(world.n):
-        limit, T, braking, step = (
-            limits.rate[j], world.period, limits.braking[j] * world.period, limits.jerk_step[j],
-        )  # fmt: skip
+        limit, braking, step = limits.rate[j], limits.braking[j] * T, stretch * stretch * limits.jerk_step[j]
         bounds.stop_upper[j] = min(limit, steady_stop(max(0.0, room(world, j, 1.0)), braking, step, T))
         bounds.stop_lower[j] = -min(limit, steady_stop(max(0.0, room(world, j, -1.0)), braking, step, T))
 
@@ -110,27 +115,33 @@ def stopping_rate(world: Record, j: int, side: float) -> float:
     has moved it farther than its commands. It is enough that the commanded motion can still stop in time.
     Only where it cannot, jerk gives way, to the braking rate or to the least deceleration of all.
     """
-    limits, memory, bounds = world.limits, world.memory, world.bounds
-    limit, T, step = limits.rate[j], world.period, limits.jerk_step[j]
+    limits, memory, bounds, stretch = world.limits, world.memory, world.bounds, world.limits.stretch
+    limit, T, jerk_step = limits.rate[j], stretch * world.period, limits.jerk_step[j]
     distance = room(world, j, side)
     if distance == math.inf:
         return float(limit)
     distance = max(0.0, distance)
     last, course = side * memory.qdot_cmd[j], side * memory.course[j]
-    braking = limits.braking[j] * T
-    most, least = course + step, max(course - step, min(course, -limits.change[j]))
-    if stops_within(distance, last + most, most, braking, step, T):
+    braking, step = limits.braking[j] * T, stretch * stretch * jerk_step
+    most, least = course + jerk_step, max(course - jerk_step, min(course, -limits.change[j]))
+    if stops_within(distance, last + most, stretch * most, braking, step, T):
         return float(limit)
-    if stops_within(distance, last + least, least, braking, step, T):
-        return float(min(limit, last + largest_change(distance, last, least, most, braking, step, T)))
+    if stops_within(distance, last + least, stretch * least, braking, step, T):
+        change = largest_change(distance, last, least, most, braking, step, T, stretch)
+        return float(min(limit, last + change))
     bounds.strayed[j] = 1
+    T = max(0.5 * T, world.period)  # without the reserve for ticks longer than any before
+    stretch = T / world.period
+    step = stretch * stretch * jerk_step
     surprise = side * (world.state.q[j] + bounds.coast[j] - memory.q_sent[j])
+    surprise -= (stretch - 1.0) * world.period * abs(last)  # which ticks of other lengths explain
     distance += surprise if surprise > 0.0 else 0.0
-    if stops_within(distance, last + least, least, min(limits.change[j], HARD * step), step, T):
+    hardest = min(stretch * limits.change[j], HARD * step)
+    if stops_within(distance, last + least, stretch * least, hardest, step, T):
         return float(min(limit, last + least))
     in_time = max(
-        brake(distance, max(limits.braking[j], -course / T), T),
-        min(last - limits.change[j], brake_gently(last, distance, T)),
+        brake(distance, max(limits.braking[j], -course / world.period), T),
+        min(last - limits.change[j], brake_gently(last, distance, world.period)),
     )
     return float(min(limit, last + least, in_time))
 
@@ -207,7 +218,8 @@ def reach_by_jerk(world: Record) -> None:
 def change_to_rate(world: Record, j: int, side: float) -> float:
     """Return the largest change that jerk can bring to zero before a rate limit (side 1 or -1) is reached."""
     limits = world.limits
-    return brake(float(limits.rate[j] - side * world.memory.qdot_cmd[j]), limits.jerk_step[j], 1.0)
+    left = float(limits.rate[j] - side * world.memory.qdot_cmd[j])
+    return brake(left, limits.jerk_step[j], min(limits.stretch, SPREAD))
 
 
 @compiled
@@ -227,7 +239,7 @@ def catch_up(world: Record, rates: Array, group: int) -> int:
     that itself moves within the jerk limit is followed as if it were steady.
     """
     limits, memory, bounds = world.limits, world.memory, world.bounds
-    share, moves = 1.0, True
+    share, moves, spread = 1.0, True, min(world.limits.stretch, SPREAD)
     for j in range(world.n):
         slope = rates[j] - memory.qdot_cmd[j] - memory.lag[j]
         if bounds.group[j] == group and abs(slope - memory.slope[j]) > limits.jerk_step[j] * (1.0 + SLACK):
@@ -235,7 +247,7 @@ def catch_up(world: Record, rates: Array, group: int) -> int:
     for j in range(world.n):
         way = abs(memory.lag[j] if moves else rates[j] - memory.qdot_cmd[j])
         if bounds.group[j] == group and way > limits.jerk_step[j]:
-            share = min(share, brake(way, limits.jerk_step[j], 1.0) / way)
+            share = min(share, brake(way, limits.jerk_step[j], spread) / way)
     for j in range(world.n if share < 1.0 else 0):
         if bounds.group[j] == group:
             rates[j] -= (1.0 - share) * (memory.lag[j] if moves else rates[j] - memory.qdot_cmd[j])
@@ -290,10 +302,10 @@ def scale_to_jerk(world: Record, rates: Array, group: int) -> int:
 @compiled
 def come_to_rest(world: Record, rates: Array) -> None:
     """Write the rates that bring each joint from its last rate to rest, within jerk and the braking limit."""
-    limits, memory = world.limits, world.memory
+    limits, memory, spread = world.limits, world.memory, min(world.limits.stretch, SPREAD)
     for j in range(world.n):
         last, course, step = memory.qdot_cmd[j], memory.course[j], limits.jerk_step[j]
-        change = -math.copysign(min(brake(abs(last), step, 1.0), limits.braking[j] * world.period), last)
+        change = -math.copysign(min(brake(abs(last), step, spread), limits.braking[j] * world.period), last)
         rates[j] = last + min(max(change, course - step), course + step)
         memory.lag[j], memory.slope[j], memory.q_sent[j] = 0.0, 0.0, math.nan
 

@@ -31,7 +31,7 @@ def is_within(world: Record, rates: Array) -> bool:
     is more room.
     """
     limits, state = world.limits, world.state
-    T = world.period
+    T = limits.stretch * world.period
     for j in range(world.n):
         rate, braking = rates[j], limits.braking[j]
         speed = abs(rate)
@@ -39,7 +39,7 @@ def is_within(world: Record, rates: Array) -> bool:
         left = to_upper if rate > 0.0 else to_lower
         if speed > limits.rate[j]:
             return False
-        if abs(rate - world.memory.qdot_cmd[j]) > limits.acceleration[j] * T:
+        if abs(rate - world.memory.qdot_cmd[j]) > limits.acceleration[j] * world.period:
             return False
         if speed * (speed + braking * T) > braking * (2.0 * left - 0.25 * braking * T * T) and (
             speed > brake(left, braking, T)
@@ -95,13 +95,13 @@ def find_bounds(world: Record) -> None:
 
     With a jerk limit `ease` handles acceleration.
     """
-    limits, bounds = world.limits, world.bounds
+    limits, bounds, T = world.limits, world.bounds, world.limits.stretch * world.period
     if limits.is_eased:
         call(world.methods.stops, world)
     for j in range(0 if limits.is_eased else world.n):
         q, fastest, braking = world.state.q[j], limits.rate[j], limits.braking[j]
-        bounds.stop_lower[j] = -min(fastest, brake(q - limits.position[0, j], braking, world.period))
-        bounds.stop_upper[j] = min(fastest, brake(limits.position[1, j] - q, braking, world.period))
+        bounds.stop_lower[j] = -min(fastest, brake(q - limits.position[0, j], braking, T))
+        bounds.stop_upper[j] = min(fastest, brake(limits.position[1, j] - q, braking, T))
     reach(world)
 
 

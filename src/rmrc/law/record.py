@@ -100,6 +100,9 @@ def world_type(joints: int) -> np.dtype[np.void]:
         ("rate", f, J), ("acceleration", f, J), ("change", f, J), ("jerk_step", f, J), ("is_eased", i),
         ("braking", f, J), ("position", f, (2, joints)), ("range", f, (2, joints)), ("keep_direction", i),
         ("torque", f, J),
+        # the limits of which `change` and `jerk_step` are those of a tick; the length of the ticks ahead over
+        # that of this one, 1 where all are alike
+        ("hardest", f, J), ("jerk", f, J), ("stretch", f),
     ]  # fmt: skip
     state = [  # what the law takes the arm to do
         ("q", f, J), ("qdot", f, J), ("pose", f, (7,)), ("J", f, (ROWS, joints)),
@@ -116,6 +119,8 @@ def world_type(joints: int) -> np.dtype[np.void]:
         ("share", f), ("still", f),
         # the joints that were held at their bounds, and when
         ("active", f, J), ("active_age", i),
+        # the longest tick of the last seconds, 0 while all last one period
+        ("longest", f),
     ]  # fmt: skip
     scratch = [
         # the wanted twist along the axes of the task's frame, the commanded one; A; wished rates
@@ -152,10 +157,10 @@ def world_type(joints: int) -> np.dtype[np.void]:
         ("status", i),
     ]  # fmt: skip
     input_ = [
-        # of a step outside a run: the source of kinematics, its parts, the period without a step, and
-        # refusals
+        # of a step outside a run: the source of kinematics, its parts, the periods without a step, the time
+        # since the last one and the period, and refusals
         ("sites", i), ("site_quat", f, (2, 4)), ("is_beside", i), ("site_step", f, (2, 3)),
-        ("given", i), ("called", f), ("refused", i), ("late", i),
+        ("given", i), ("called", f), ("refused", i), ("late", i), ("dt", f), ("period", f),
         ("q_target", f, J), ("qdot_target", f, J),
         # the positions that servos take, and the position limits of the joints meanwhile; TORQUE_LIMITED
         # where an actuator is at its limit
@@ -245,6 +250,7 @@ def new_worlds(count: int, n: int, axes: int = 0) -> NDArray[np.void]:
     reset(worlds)
     worlds["limits"]["change"] = worlds["limits"]["jerk_step"] = math.inf
     worlds["limits"]["torque"] = math.inf
+    worlds["limits"]["stretch"] = 1.0
     worlds["task"]["free"] = worlds["second"]["free"] = -1
     worlds["input"]["q_cmd"] = worlds["input"]["called"] = math.nan
     worlds["input"]["servo"] = np.array([[-math.inf], [math.inf]])

@@ -18,10 +18,6 @@ from rmrc.scenario.profile import load_profile
 if TYPE_CHECKING:
     from rmrc.arm import Positions
 
-# Between these, quotients and cubes of rates over steps of jerk are finite. Beyond them, a joint may not
-# change its rate at all, or may change it without limit [rad/s or m/s].
-JERK_STEPS = 1e-30, 1e30
-
 
 class TaskLaw:
     """The law of a scenario for the joints of a task.
@@ -109,6 +105,7 @@ class TaskLaw:
         control, n, bounds = self._control, self.task.arm.n, world["limits"]
         self.task.write(world)
         world["first"]["rows"], world["period"] = world["m"], control.period
+        world["input"]["period"], bounds["stretch"] = control.period, 1.0
         world["task"]["feedback"], world["task"]["feedforward"] = control.feedback, control.feedforward
         ranges = self.task.arm.position_limit.T
         bounds["range"][:, :n] = ranges
@@ -118,9 +115,10 @@ class TaskLaw:
         bounds["rate"][:n], bounds["is_eased"] = self.rate_limit, self.is_eased
         # The limits on changes also keep them within the acceleration limit.
         bounds["acceleration"][:n] = math.inf if self.is_eased else self.acceleration_limit
+        bounds["hardest"][:n], bounds["jerk"][:n] = self.acceleration_limit, self.jerk_limit
         bounds["change"][:n] = self.acceleration_limit * control.period
         if self.is_eased:
-            bounds["jerk_step"][:n] = np.clip(self.jerk_limit * control.period**2, *JERK_STEPS)
+            bounds["jerk_step"][:n] = np.clip(self.jerk_limit * control.period**2, *jerk.JERK_STEPS)
         bounds["braking"][:n], bounds["position"][:, :n] = self.braking, self.position_limit
         bounds["keep_direction"] = control.limits.keep_direction
         if self.second is not None:

@@ -15,6 +15,7 @@ from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET, brake_blindly, i
 from rmrc.law.kinematics import BASE, SITE, carry, turn_twist
 from rmrc.law.law import resolve
 from rmrc.law.metric import INERTIA, factor
+from rmrc.law.periods import TIMED, begin_tick, is_time, set_tick
 from rmrc.law.record import POSE, TWIST
 from rmrc.law.sight import JACOBIAN_ALONE, is_held, look, read_state
 from rmrc.scenario.choices import Status
@@ -28,12 +29,12 @@ LARGEST = 1e10
 SHORTEST = 1e-3
 
 
-# Bits of `input.given`, the parts of the input of a step besides the targets of joints; the frame of pose and
-# twist is added, times FRAME.
-RATES, REFUSED, FRAME = 4, 32, 64
+# Bits of `input.given`, the parts of the input of a step besides pose, twist, time and the targets of joints;
+# PLACED stands for positions. The frame of pose and twist is added, times FRAME.
+RATES, REFUSED, PLACED, FRAME = 4, 32, 128, 256
 # Bits of `input.refused`, its unusable parts: not finite, too large, or no rotation.
-BAD_CALL, BAD_POSITIONS, BAD_RATES, BAD_KINEMATICS, BAD_POSE, BAD_TWIST, BAD_TARGET, BAD_METRIC = (
-    1 << bit for bit in range(8)
+BAD_CALL, BAD_POSITIONS, BAD_RATES, BAD_KINEMATICS, BAD_POSE, BAD_TWIST, BAD_TARGET, BAD_METRIC, BAD_TIME = (
+    1 << bit for bit in range(9)
 )
 
 
@@ -43,6 +44,7 @@ def step(world: Record) -> None:
     tick, input_ = world.tick, world.input
     read_state(world)
     late = brake_while_late(world)
+    begin_tick(world, late != 0)
     input_.refused = receive(world)
     if input_.refused == 0:
         if input_.sites == JACOBIAN_ALONE:
@@ -90,12 +92,16 @@ def resolve_alone(world: Record) -> None:
 
 @compiled
 def brake_while_late(world: Record) -> int:
-    """Brake for the periods without a step, as the sender has done; return OVERDUE if there are any."""
+    """Brake for the periods without a step, as the sender has done; return OVERDUE if there are any.
+
+    The last of them belongs to this step.
+    """
     tick, input_ = world.tick, world.input
     if input_.late == 0:
         return 0
+    set_tick(world, input_.period)
     tick.path_rate = 0.0
-    for _ in range(input_.late):
+    for _ in range(input_.late - 1):
         brake_blindly(world)
         send(world)
         moves = 0.0
@@ -111,15 +117,17 @@ def brake_while_late(world: Record) -> int:
 def send(world: Record) -> None:
     """Remember the command; for joints that take positions, integrate it within their range.
 
-    It is not integrated while the actuators cannot give more towards it.
+    The integral starts at the first positions of a step that is not refused. It waits while the actuators
+    cannot give more towards it.
     """
     limits, memory, tick, input_ = world.limits, world.memory, world.tick, world.input
+    starts = input_.refused == 0 and input_.given & PLACED != 0
     for j in range(world.n):
         input_.change_before[j] = memory.change[j]
         position, rate = input_.q_cmd[j], tick.qdot_cmd[j]
-        position = world.state.q[j] if math.isnan(position) else position
+        position = world.state.q[j] if starts and math.isnan(position) else position
         goal = position + world.period * (0.0 if is_held(world, j, rate) else rate)
-        if not input_.servo[0, j] <= goal <= input_.servo[1, j]:
+        if not math.isnan(goal) and not input_.servo[0, j] <= goal <= input_.servo[1, j]:
             tick.status |= POSITION_LIMITED
         if rate > 0.0:
             goal = max(position, min(goal, limits.position[1, j], input_.servo[1, j]))
@@ -140,6 +148,8 @@ def receive(world: Record) -> int:
     if not is_bounded(state.q, world.n):
         return BAD_POSITIONS
     refused = BAD_RATES if given & RATES and not is_bounded(state.qdot, world.n) else 0
+    if given & TIMED and not is_time(input_.dt):
+        refused |= BAD_TIME
     look(world)
     known = is_bounded(state.pose, 7)
     for i in range(6):

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from rmrc.law.command import Command
 from rmrc.law.compiling import Array
 from rmrc.law.joint_motion import ease_joints, move_joints
+from rmrc.law.periods import TIMED
 from rmrc.law.record import new_worlds, reset
 from rmrc.law.settings import TaskLaw, link
 from rmrc.law.sight import CHAIN_ALONE
-from rmrc.law.step import OVERDUE, RATES, REFUSED, STOPPED, step
+from rmrc.law.step import LARGEST, OVERDUE, RATES, REFUSED, STOPPED, step
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import shortened
 
@@ -22,6 +23,11 @@ from rmrc.support.legible import shortened
 MOST_LATE = 1_000_000
 # The part of a period by which clocks may differ.
 ON_TIME = 1e-6
+# What `reset` makes anew, with addresses in this process.
+REMADE = {
+    "_worlds", "_methods", "_steps", "_places", "_given", "_shadow", "command",
+    "_second", "_data", "_are_fresh",
+}  # fmt: skip
 
 
 class UnusableInputError(Exception):
@@ -46,6 +52,7 @@ class SteppedLaw:
         self.joints, self.period, self._clock = tuple(joints), period, clock
         self._watchdog = _checked_time(watchdog)
         self._shadow: _Shadow | None = None
+        self._unusable_rows: dict[int, str] = {}
 
     # Records --------------------------------------------------------------------------------------
 
@@ -71,6 +78,7 @@ class SteppedLaw:
         for name in ("q", "qdot"):
             self._place(name, state[name][:, :n])
             self._place(f"{name}_target", input_[f"{name}_target"][:, :n])
+        self._place("dt", input_["dt"])
         self._given, self._last_given = input_["given"], 0
         self._watch()
 
@@ -93,6 +101,28 @@ class SteppedLaw:
         input_["q_cmd"] = input_["called"] = math.nan
         input_["returning"] = 0.0
 
+    def reset(self, q: ArrayLike | None = None) -> None:
+        """Forget all steps; from positions, (n,) or (w, n), make the records anew."""
+        raise NotImplementedError
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy goes on from, in this or another process."""
+        state = {name: value for name, value in vars(self).items() if name not in REMADE}
+        return {"state": state, "worlds": self._worlds.copy(), "refusal": self.command.refusal}
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        """Make records of its own with what was saved, except the addresses."""
+        vars(self).update(saved["state"])
+        worlds, n = saved["worlds"], len(self.joints)
+        self.reset(np.zeros(n if self._is_single else (len(worlds), n)))
+        vars(self).update(saved["state"])
+        for name in set(worlds.dtype.names) - {"methods", "engine"}:
+            self._worlds[name] = worlds[name]
+        sites = self._worlds["input"]["sites"]
+        sites[sites > 0] = CHAIN_ALONE  # no data are read yet
+        self.command.refusal = saved["refusal"]
+        self._watch()
+
     # Steps ----------------------------------------------------------------------------------------
 
     def _take(self, name: str, values: ArrayLike) -> Array:
@@ -107,6 +137,32 @@ class SteppedLaw:
             raise self._unusable(f"{name} must be {' or '.join(map(str, shapes))}, got {numbers.shape}")
         place[...] = numbers
         return place
+
+    def _take_each(self, name: str, values: ArrayLike) -> None:
+        """Write an argument of a step; of a batch, rows that are not usable are refused alone.
+
+        Raises:
+            UnusableInputError: No row is usable.
+        """
+        try:
+            self._take(name, values)
+        except UnusableInputError:
+            place, shapes = self._places[name]
+            is_rows = isinstance(values, list | tuple) or (isinstance(values, np.ndarray) and values.ndim > 0)
+            if self._is_single or not is_rows or len(cast(Any, values)) != len(place):
+                raise
+            unusable = {}
+            for w, row in enumerate(cast(Any, values)):
+                self._places[name] = place[w : w + 1], [place.shape[1:]]
+                try:
+                    self._take(name, row)
+                except UnusableInputError as why:
+                    unusable[w] = f"arm {w}: {why}"
+                finally:
+                    self._places[name] = place, shapes
+            if len(unusable) == len(place):
+                raise
+            self._unusable_rows |= unusable
 
     def _numbers(self, name: str, values: ArrayLike) -> Array:
         """Return values of any array-like type as numbers.
@@ -141,24 +197,41 @@ class SteppedLaw:
             self._given[:] = self._last_given = given
             if not given & RATES:  # rates of an earlier step are not measurements any more
                 self._worlds["state"]["qdot"] = math.nan
+        if self._unusable_rows:
+            refused = [*refused, *self._unusable_rows]
+            why = "; ".join([*self._unusable_rows.values(), why]).removesuffix("; ")
+            self._unusable_rows = {}
         if refused:
             self.command.refusal = why
-            self._given[refused], self._last_given = REFUSED, -1
-        late = self._watchdog is not None and self._look_at_the_clock(self._watchdog)
+            self._given[refused], self._last_given = REFUSED | given & TIMED, -1
+        if self._watchdog is not None:
+            self._look_at_the_clock(self._watchdog)
         if not self._steps:
             self.warm_up()
         for call in self._steps:
             call()
-        if late:
-            self._worlds["tick"]["status"] |= OVERDUE
         if self._shadow is not None:
             self._shadow.publish()
         return self.command
 
-    def _refuse(self, why: str) -> Command:
-        """Brake because the input is not usable; the text says why."""
+    def _refuse(self, why: str, timed: int = 0) -> Command:
+        """Brake because the input is not usable; the text says why. TIMED: the time is."""
         self.command.refusal = why
-        return self._finish(REFUSED)
+        return self._finish(REFUSED | timed)
+
+    def _take_time(self, dt: ArrayLike | None) -> int:
+        """Write the time since the last step; return TIMED if there is any.
+
+        Raises:
+            UnusableInputError: It is not a number.
+        """
+        if dt is None:
+            return 0
+        if isinstance(dt, float):
+            self._places["dt"][0].fill(dt)
+        else:
+            self._take("dt", dt)
+        return TIMED
 
     # Watchdog -------------------------------------------------------------------------------------
 
@@ -189,14 +262,12 @@ class SteppedLaw:
         over = (gap - watchdog) / self.period - ON_TIME
         return min(MOST_LATE, math.ceil(over)) if over > 0.0 else 0  # NaN is not late
 
-    def _look_at_the_clock(self, watchdog: float) -> bool:
-        """Have the law brake for the periods without a step; return whether this step is overdue."""
+    def _look_at_the_clock(self, watchdog: float) -> None:
+        """Have the law brake for the periods without a step."""
         now, input_ = self._clock(), self._worlds["input"]
-        late = self._periods_late(watchdog, now - input_["called"].item(0))
-        if late > 1:
-            input_["late"] = late - 1  # the last of them belongs to this step
+        if late := self._periods_late(watchdog, now - input_["called"].item(0)):
+            input_["late"] = late
         input_["called"] = now
-        return late > 0
 
     def command_at(self, time: float | None = None) -> Command:
         """Return the command to send at a time: the last command, or a braked one if a step is overdue.
@@ -247,7 +318,7 @@ class _Shadow:
         input_ = self._worlds["input"]
         if periods:
             self._steps = self._steps or _steps(self._worlds)
-            input_["given"], input_["late"], input_["sites"] = REFUSED, periods - 1, CHAIN_ALONE
+            input_["given"], input_["late"], input_["sites"] = REFUSED, periods, CHAIN_ALONE
             for call in self._steps:
                 call()
             self._worlds["tick"]["status"] = OVERDUE | STOPPED
@@ -279,7 +350,7 @@ def started(q: ArrayLike, n: int, others: str = "") -> Array:
         others: All forms that the caller takes, in words.
 
     Raises:
-        QuestionError: They have another shape, or are not finite.
+        QuestionError: They have another shape, or are not finite or too large.
     """
     try:
         values = np.array(q, np.float64)
@@ -287,6 +358,6 @@ def started(q: ArrayLike, n: int, others: str = "") -> Array:
         raise QuestionError(f"q must be numbers, got {shortened(repr(q))}") from None
     if values.ndim not in (1, 2) or values.shape[-1] != n or not values.size:
         raise QuestionError(f"q must be {others or f'({n},)'} or (w, {n}), got {values.shape}")
-    if not np.isfinite(values).all():
-        raise QuestionError(f"q must be finite, got {shortened(str(values.tolist()))}")
+    if not (np.abs(values) <= LARGEST).all():
+        raise QuestionError(f"q must be finite, within {LARGEST:g}, got {shortened(str(values.tolist()))}")
     return values

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
 from rmrc.arm.differences import set_fields
-from rmrc.law.compiling import Method, callback, raise_missed
+from rmrc.law.compiling import Method, missing_nothing, uninterrupted
 from rmrc.law.record import ENGINE_FIELDS, capacity, new_worlds
 from rmrc.law.settings import LATE, link
 from rmrc.plants import engine
@@ -130,9 +130,10 @@ class World:
             contacts = self.contacts = Contacts(self._data.model, wiring, self._data)
 
             def add_contacts(tick: int) -> None:
-                world["tick"]["status"] |= contacts.status(tick)
+                with missing_nothing():
+                    world["tick"]["status"] |= contacts.status(tick)
 
-            watch = _Watch(callback(add_contacts))
+            watch = _Watch(add_contacts)
             world["engine"]["watch"] = ctypes.cast(watch, ctypes.c_void_p).value
             self._referenced.append(watch)
         self._error = ""
@@ -232,11 +233,11 @@ class World:
         if self._draw:
             self._chance = self._draw(count)
             group["chance"] = self._chance.ctypes.data - self.done * self._chance.strides[0]
-        self._error = engine.run_guarded(int(self._record["methods"]["ticks"]), self._records.ctypes.data)
-        if self._error:
-            group["diverged"], group["diverged_joint"] = group["next"], -1
-        link(self._records, {field: self._methods[field] for field in LATE if field in self._methods})
-        raise_missed()
+        with uninterrupted():
+            self._error = engine.run_guarded(int(self._record["methods"]["ticks"]), self._records.ctypes.data)
+            if self._error:
+                group["diverged"], group["diverged_joint"] = group["next"], -1
+            link(self._records, {field: self._methods[field] for field in LATE if field in self._methods})
 
     def release(self) -> None:
         """Let the next world of this thread use its models; it must not go on."""
