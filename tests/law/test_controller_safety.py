@@ -307,6 +307,137 @@ def test_a_jacobian_of_anything_raises_nothing():
     hold_limits(np.array(rates), "jerk")
 
 
+# From the first call on -------------------------------------------------------------------------
+
+# No positions at all; those that an arm could have, a fuzzer cannot tell from the true ones.
+NO_Q = [*WRONG_Q[:-1], [], {}, object(), 1e308, np.full(3, 1e308), np.full(3, -np.inf), np.full(3, 1j), ["a", "b", "c"], [[1, 2], [3]]]  # fmt: skip
+NO_POSE = [np.zeros(7), np.r_[np.zeros(3), np.nan, 1, 0, 0], np.full(7, 1e308), np.zeros((4, 4)), "there", np.zeros(5), []]  # fmt: skip
+NO_TWIST = [np.full(6, np.nan), np.full(6, 1e308), np.zeros(3), "fast", {}, np.r_[np.inf, np.zeros(5)]]
+NO_TIME = [0.0, -PERIOD, np.nan, np.inf, "soon", [PERIOD] * 7, 1j]
+# Usable, although no number is as one writes it.
+ODD = {"pose": np.r_[0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 7.0], "qdot": np.full(3, 1e9), "twist": np.full(6, 1e9)}
+
+
+def held(rows, way):
+    """Return what every arm is given, (w, ...), in a form that a caller may choose."""
+    return (np.array(rows), list(rows), [list(row) for row in rows])[way]
+
+
+class Sequence:
+    """Calls of a controller with good and bad input from the first one on, and what is known of its commands."""
+
+    def __init__(self, seed):
+        self.rng, self.seed = np.random.default_rng(seed), seed
+        self.law = list(LAWS)[seed % len(LAWS)]
+        self.one = controller(self.law)
+        self.w = 1
+        self.q = self.drawn()
+        self.rest()
+
+    def drawn(self):
+        return self.rng.uniform(*ARM.position_limit.T, (self.w, 3))
+
+    def rest(self, starts=None):
+        """Know that all steps are forgotten."""
+        self.last = np.zeros((self.w, 3))
+        self.q_cmd = np.full((self.w, 3), np.nan) if starts is None else starts.copy()
+
+    def reset(self):
+        """Reset by good positions of a new number of arms, by none, or by bad ones, which change nothing."""
+        way = self.rng.integers(4)
+        if way == 0:
+            self.one.reset()
+            self.rest()
+        elif way == 1:
+            with pytest.raises(QuestionError):
+                self.one.reset(NO_Q[1 + self.rng.integers(len(NO_Q) - 1)])
+        elif way == 2:
+            self.w = int(self.rng.integers(1, 4))
+            self.q = self.drawn()
+            self.one.reset(self.q if self.w > 1 else self.q[0])
+            self.rest(self.q)
+
+    def step(self, share):
+        """Step once; a share of the calls has something bad. Hold the commands against their limits."""
+        rng, w = self.rng, self.w
+        given = wished(rng, self.q[0]) if rng.random() < 0.9 else dict([list(ODD.items())[rng.integers(3)]])
+        if "q_target" in given:
+            given["q_target"] = given["q_target"] * np.ones((w, 1)) if w > 1 else given["q_target"]
+        said, bad, dt = self.q if w > 1 else self.q[0], np.zeros(w, bool), PERIOD
+        if rng.random() < 0.5:
+            given["dt"] = dt = PERIOD * rng.uniform(0.2, 3.0)
+        if rng.random() < share:
+            bad[:] = True
+            name = ("q", "pose", "twist", "dt", "frame")[rng.integers(5)]
+            scrap = {"q": NO_Q, "pose": NO_POSE, "twist": NO_TWIST, "dt": NO_TIME, "frame": ["tool", None]}[
+                name
+            ]
+            scrap = scrap[rng.integers(len(scrap))]
+            if name == "q":
+                said = scrap
+            elif name in ("pose", "twist"):
+                given = {name: scrap} | ({"dt": dt} if "dt" in given else {})
+            else:
+                given[name], dt = scrap, PERIOD if name == "dt" else dt
+            if name == "q" and w > 1 and rng.random() < 0.5:  # of one arm alone
+                bad[1:] = False
+                row = scrap if isinstance(scrap, np.ndarray) and rng.random() < 0.5 else None
+                said = [row, *self.q[1:]]
+        out = self.one.step(said, **given)
+        u, q_cmd, status = (np.reshape(v, (w, -1)) for v in (out.qdot_cmd, out.q_cmd, np.array(out.status)))
+        assert np.isfinite(u).all() and np.abs(u).max() <= RATE * SLACK
+        assert (((status[:, 0] & int(Status.INVALID_INPUT)) != 0) == bad).all(), (given, said, out.problem)
+        assert [text != "" for text in np.atleast_1d(np.array(out.problem, object))] == list(bad)
+        assert np.abs(u - self.last).max() <= ACCELERATION * dt * SLACK + 1e-15
+        assert not (status & int(Status.ACCELERATION_EXCEEDED)).any()
+        starts = np.isnan(self.q_cmd[:, 0])
+        before = np.where(starts[:, None] & ~bad[:, None], self.q, self.q_cmd)
+        unknown = starts & bad
+        assert np.isnan(q_cmd[unknown]).all()
+        assert (np.abs(q_cmd - before)[~unknown] <= np.abs(u[~unknown]) * dt + 1e-12).all()  # NaN is no less
+        self.last, self.q_cmd = u.copy(), q_cmd.copy()
+        self.q = self.q + dt * u
+
+
+def fuzz_from_the_start(calls, seed):
+    sequence = Sequence(seed)
+    for k in range(calls):
+        if k % 100 == 99:
+            sequence.reset()
+        sequence.step(0.9 if k % 100 < 5 else 0.1)
+
+
+@pytest.mark.parametrize("seed", range(len(LAWS)))
+def test_commands_are_continuous_from_the_first_call_on(seed):
+    fuzz_from_the_start(1500, seed)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(6, 26))
+def test_commands_are_continuous_from_the_first_call_on_in_a_hundred_thousand_calls(seed):
+    fuzz_from_the_start(5000, seed)
+
+
+@pytest.mark.parametrize("first", NO_Q)
+def test_positions_start_at_the_first_usable_ones(first):
+    q = ARM.configuration("home")[ARM.wiring.qpos]
+    one = controller("jerk")
+    for _ in range(3):
+        out = one.step(first, qdot_target=np.ones(3))
+        assert out.status & Status.INVALID_INPUT and out.problem
+        assert np.isnan(out.q_cmd).all() and not out.qdot_cmd.any()
+    out = one.step(q, qdot_target=np.ones(3))
+    assert_allclose(out.q_cmd, q + PERIOD * out.qdot_cmd, atol=1e-15)
+
+
+def test_a_jacobian_alone_has_positions_once_they_are_given():
+    law = rmrc.Law(3, 2, period=PERIOD)
+    J, q = np.eye(2, 3), np.array([0.1, 0.2, 0.3])
+    assert np.isnan(law.step(J, np.ones(2)).q_cmd).all()
+    out = law.step(J, np.ones(2), q)
+    assert_allclose(out.q_cmd, q + PERIOD * out.qdot_cmd, atol=1e-15)
+
+
 # What it takes ------------------------------------------------------------------------------------
 
 

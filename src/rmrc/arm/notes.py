@@ -21,6 +21,10 @@ class Note(str):
         note.code = code
         return note
 
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
+        """Return what a copy is made of."""
+        return self.code, str(self)
+
 
 def code_of(note: str) -> str:
     """Return the code of a line.

@@ -103,7 +103,7 @@ def steady_stop(distance: float, braking: float, step: float, period: float) -> 
 @compiled
 def largest_change(
     distance: float, rate: float, least: float, most: float, braking: float, step: float, period: float,
-    stretch: float = 1.0,
+    stretch: float = 1.0, early: float = 0.0,
 ) -> float:  # fmt: skip
     """Return the largest change of a rate in this tick from which the joint can stop within a distance.
 
@@ -120,13 +120,15 @@ def largest_change(
         period: Length of a tick.
         stretch: Length of the ticks ahead over that of this one. The changes of this tick are `stretch` times
             as large in a tick ahead, of which `braking`, `step` and `period` are.
+        early: Steps of jerk that are added to them then.
     """
     r, left, top, now = rate / step, distance / (step * period), braking / step, 1.0 / stretch
     low, high = least * stretch / step, most * stretch / step
     at_once = -r * stretch if r >= 0.0 else brake(-r, 1.0, 1.0)
-    if low < at_once < high and way(r + now * at_once, at_once, top) <= left:
+    if low < at_once < high and way(r + now * at_once, at_once + early, top) <= left:
         low = at_once
-    below, above = way(r + now * low, low, top) - left, way(r + now * high, high, top) - left
+    below = way(r + now * low, low + early, top) - left
+    above = way(r + now * high, high + early, top) - left
     moved = 0  # which end moved: the value of an end that stays twice is halved from then on [Dowell71]
     for _ in range(ENOUGH):
         if below >= -CLOSE * left:
@@ -136,7 +138,7 @@ def largest_change(
             a = 0.5 * (low + high)
         if not low < a < high:
             break
-        more = way(r + now * a, a, top) - left
+        more = way(r + now * a, a + early, top) - left
         if more <= CLOSE * left:
             low, below, above, moved = a, more, 0.5 * above if moved < 0 else above, -1
         else:

@@ -28,11 +28,15 @@ HARD = 1e9
 # Whatever the lengths of ticks, changes add up to no more than in ticks that are all this many times as long
 # as this one.
 SPREAD = 2.0
+# In ticks ahead that stand for shorter ones, an acceleration seems to change earlier than it can, by so many
+# steps of jerk, which are added to it.
+EARLY = 0.5
 # The lag of a joint behind its commands is estimated from this much of its past [s], enough to contain some
 # motions, and is at most this long [s]: actuators take milliseconds, the slowest known a third of a second.
 REMEMBERED, LONGEST_LAG = 2.0, 0.5
-# The largest rate that counts as measured [rad/s or m/s].
-LARGEST = 1e10
+# A rate that exceeds its limit so many times is no measurement, nor is one beyond the second number [rad/s or
+# m/s].
+IMPOSSIBLE, LARGEST = 10.0, 1e10
 
 
 @compiled
@@ -51,9 +55,10 @@ def is_within_jerk(world: Record, rates: Array) -> bool:
         if abs(change) * (abs(change) + spread * step) > spare and abs(change) > brake(left, step, spread):
             return False
         braking, change, step = limits.braking[j] * T, stretch * change, stretch * stretch * step
-        if not is_far(room(world, j, 1.0), rate, change, braking, step, T):
+        early = EARLY * step if stretch > 1.0 else 0.0
+        if not is_far(room(world, j, 1.0), rate, change + early, braking, step, T):
             return False
-        if not is_far(room(world, j, -1.0), -rate, -change, braking, step, T):
+        if not is_far(room(world, j, -1.0), -rate, early - change, braking, step, T):
             return False
     return True
 
@@ -70,7 +75,7 @@ def foresee(world: Record) -> None:
     kept = max(0.0, 1.0 - T / REMEMBERED)
     for j in range(world.n):
         qdot, bounds.coast[j] = world.state.qdot[j], 0.0
-        if not abs(qdot) <= LARGEST:  # the caller may have given no rates
+        if not abs(qdot) <= min(IMPOSSIBLE * world.limits.rate[j], LARGEST):  # or it is not known
             continue
         behind, rate = kept * sums[0, j] + T * (memory.qdot_cmd[j] - qdot), qdot - sums[1, j]
         sums[0, j], sums[1, j] = behind, kept * sums[1, j] + (1.0 - kept) * qdot
@@ -124,10 +129,11 @@ def stopping_rate(world: Record, j: int, side: float) -> float:
     last, course = side * memory.qdot_cmd[j], side * memory.course[j]
     braking, step = limits.braking[j] * T, stretch * stretch * jerk_step
     most, least = course + jerk_step, max(course - jerk_step, min(course, -limits.change[j]))
-    if stops_within(distance, last + most, stretch * most, braking, step, T):
+    early = EARLY if stretch > 1.0 else 0.0
+    if stops_within(distance, last + most, stretch * most + early * step, braking, step, T):
         return float(limit)
-    if stops_within(distance, last + least, stretch * least, braking, step, T):
-        change = largest_change(distance, last, least, most, braking, step, T, stretch)
+    if stops_within(distance, last + least, stretch * least + early * step, braking, step, T):
+        change = largest_change(distance, last, least, most, braking, step, T, stretch, early)
         return float(min(limit, last + change))
     bounds.strayed[j] = 1
     T = max(0.5 * T, world.period)  # without the reserve for ticks longer than any before
@@ -137,7 +143,7 @@ def stopping_rate(world: Record, j: int, side: float) -> float:
     surprise -= (stretch - 1.0) * world.period * abs(last)  # which ticks of other lengths explain
     distance += surprise if surprise > 0.0 else 0.0
     hardest = min(stretch * limits.change[j], HARD * step)
-    if stops_within(distance, last + least, stretch * least, hardest, step, T):
+    if stops_within(distance, last + least, stretch * least + early * step, hardest, step, T):
         return float(min(limit, last + least))
     in_time = max(
         brake(distance, max(limits.braking[j], -course / world.period), T),

@@ -9,9 +9,8 @@ import math
 
 from rmrc.law.compiling import Array, Record, compiled
 from rmrc.law.inverses import damped_gain
-from rmrc.law.remainder import decompose_afresh
 from rmrc.law.stops import first_blocked, is_beyond
-from rmrc.law.svd import RANK_FLOOR, ROUNDING, combine, dot, project
+from rmrc.law.svd import RANK_FLOOR, ROUNDING, combine, decompose_afresh, dot, project
 from rmrc.scenario.choices import LIMITS
 
 OPTIMAL = LIMITS.code("optimal")

@@ -5,8 +5,7 @@ import math
 from rmrc.law.compiling import Array, Method, Record, compiled
 from rmrc.law.kinematics import BASE, WORLD, carry, frame_turn, framed_error, turn_columns
 from rmrc.law.metric import INERTIA, scale_joints, unscale_joints, weigh_columns
-from rmrc.law.remainder import decompose_afresh
-from rmrc.law.svd import combine, dot, project
+from rmrc.law.svd import combine, decompose_afresh, dot, project
 
 # Without damping, directions in which the second task reaches less than this share of its size are given up.
 TOLERANCE = 1e-6

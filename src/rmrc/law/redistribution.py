@@ -5,8 +5,7 @@ import math
 from rmrc.law.compiling import Record, call, compiled
 from rmrc.law.inverses import push_fading
 from rmrc.law.metric import take_along, weigh_free
-from rmrc.law.remainder import decompose_afresh
-from rmrc.law.svd import ROUNDING, combine, project
+from rmrc.law.svd import ROUNDING, combine, decompose_afresh, project
 
 # The free joints can no longer do the task when the smallest singular value of the remaining A is below this
 # share of the largest of the whole A.

@@ -353,6 +353,8 @@ def started(q: ArrayLike, n: int, others: str = "") -> Array:
         QuestionError: They have another shape, or are not finite or too large.
     """
     try:
+        if np.asarray(q).dtype.kind == "c":
+            raise TypeError
         values = np.array(q, np.float64)
     except (TypeError, ValueError):
         raise QuestionError(f"q must be numbers, got {shortened(repr(q))}") from None

@@ -3,8 +3,7 @@
 from rmrc.law.compiling import Array, Method, Record, call, compiled
 from rmrc.law.inverses import SCHEDULED, push_fading
 from rmrc.law.metric import INERTIA, take_along, weigh_faded, weigh_free
-from rmrc.law.remainder import decompose_afresh
-from rmrc.law.svd import ROUNDING, combine, dot, project
+from rmrc.law.svd import ROUNDING, combine, decompose_afresh, dot, project
 from rmrc.scenario.choices import SCHEDULES
 
 # How often a joint may be released. Once left 2 of 3,000 random tasks of six joints away from their optimum;

@@ -267,3 +267,13 @@ def decompose(world: Record, spectrum: Record) -> None:
     for j in range(n):
         spectrum.v_last[j] = spectrum.v[k - 1, j]
     spectrum.age += 1
+
+
+@compiled
+def decompose_afresh(world: Record, m: int) -> None:
+    """Decompose `rest.matrix`, (m, n), without a warm start.
+
+    It holds the columns of A that remain for the free joints, or a second task's A.
+    """
+    world.rest.age, world.rest.rows = 0, m
+    call(world.methods.decompose, world, world.rest)
