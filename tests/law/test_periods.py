@@ -1,5 +1,7 @@
 """A loop whose period varies, a pause of it, and targets that come slower than the loop."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -212,6 +214,11 @@ def follow(recipe, **limits):
         task={"axes": ["x", "y"]},
     )
     one.reset(HOME)
+    (recipes,) = re.findall(
+        r"```python\n(import numpy as np\n.*?)```", (ROOT / "docs/python.md").read_text(), re.DOTALL
+    )
+    page = {}
+    exec(compile(recipes, "python.md", "exec"), page)
     q, home, w, along = HOME.copy(), np.array(ARM.pose(HOME)), np.pi, np.array([-0.5, 0.5, 0, 0, 0, 0, 0])
     path = lambda t: home + 0.15 * (1 - np.cos(w * t)) * along  # noqa: E731
     twist = lambda t: 0.15 * w * np.sin(w * t) * along[:6]  # noqa: E731
@@ -222,11 +229,8 @@ def follow(recipe, **limits):
         before, newest, v, s = path(max(came - UPDATE, 0.0)), path(came), twist(came), t - came
         given = {
             "hold": {"pose": newest},
-            "advance": {"pose": newest + s * np.r_[v[:3], np.zeros(4)], "twist": v},
-            "between": {
-                "pose": before + s / UPDATE * (newest - before),
-                "twist": np.r_[(newest - before)[:3] / UPDATE, np.zeros(3)],
-            },
+            "advance": page["advanced"](newest, v, s),
+            "between": page["between"](before, newest, s, UPDATE),
         }[recipe]
         u = one.step(q, **given).qdot_cmd.copy()
         changes.append(np.abs(u - last).max() / LOOP)

@@ -181,7 +181,8 @@ class Law(SteppedLaw):
         """
         given = timed = 0
         try:
-            given = timed = self._take_time(dt)
+            if dt is not None:
+                given = timed = self._take_time(dt)
             self._take_each("J", J)
             self._take_each("twist", twist)
             if q is not None:

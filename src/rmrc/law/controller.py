@@ -310,7 +310,8 @@ class Controller(SteppedLaw):
         """
         timed = 0
         try:
-            timed = self._take_time(dt)
+            if dt is not None:
+                timed = self._take_time(dt)
             if self._data:
                 self._follow_chain()
             if self._unseen:
@@ -357,7 +358,8 @@ class Controller(SteppedLaw):
         """
         timed = 0
         try:
-            timed = self._take_time(dt)
+            if dt is not None:
+                timed = self._take_time(dt)
             if not self._sees(data):
                 self._look_at(data)
             given = (

@@ -219,14 +219,12 @@ class SteppedLaw:
         self.command.refusal = why
         return self._finish(REFUSED | timed)
 
-    def _take_time(self, dt: ArrayLike | None) -> int:
-        """Write the time since the last step; return TIMED if there is any.
+    def _take_time(self, dt: ArrayLike) -> int:
+        """Write the time since the last step; return TIMED.
 
         Raises:
             UnusableInputError: It is not a number.
         """
-        if dt is None:
-            return 0
         if isinstance(dt, float):
             self._places["dt"][0].fill(dt)
         else:
