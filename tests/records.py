@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 from codes import field
-from rmrc.law import damping, inverses, jerk, limits, metric, nullspace, policies, priority, stops, svd
+from rmrc.law import active_set, damping, inverses, jerk, limits, metric, nullspace, policies, priority, svd
 from rmrc.law.metric import INERTIA
 from rmrc.law.record import new_worlds
 from rmrc.law.settings import link, schedule_of
@@ -122,7 +122,8 @@ def methods(world):
         "limit": getattr(limits, limit) if limit != "none" else None,
         "ease": limits.ease_rates if world["limits"]["is_eased"] else None,
         "stops": jerk.rest_bounds if world["limits"]["is_eased"] else None,
-        "give_way": stops.give_way if limit != "none" else None,
+        "give_way": active_set.give_way if limit != "none" else None,
+        "find_best": active_set.find_best if limit in ("optimal", "sns") else None,
     }
     world["methods"] = np.zeros((), world["methods"].dtype)
     return {name: one for name, one in chosen.items() if one is not None}

@@ -190,7 +190,6 @@ class Chain:
         world, tick = make_world(
             self.arm.jacobian(q), np.zeros(6), 1.0, self.joint_scale, method=Method.DAMPED, objective=objective,
             nullspace_gain=gain, q=q, posture=self.posture, nullspace_rates=self.wished, position_range=self.limit,
-            is_slide=self.arm.is_slide.astype(int),
         )  # fmt: skip
         m = len(self.rows)
         world["m"], world["k"] = m, min(m, self.n)

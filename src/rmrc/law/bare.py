@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,7 +26,7 @@ from rmrc.law.settings import TaskLaw, link, schedule_of
 from rmrc.law.sight import JACOBIAN_ALONE
 from rmrc.law.step import PLACED, RATES, resolve_alone
 from rmrc.law.stepping import SteppedLaw, UnusableInputError, started
-from rmrc.law.task import BareJoints, BareTask
+from rmrc.law.task import BareJoints, Task
 from rmrc.scenario import ControlSection, ControlSource, LimitsSection, read_controls
 from rmrc.scenario.choices import INVERSES, OBJECTIVES, SCHEDULES, Choice, Choices
 from rmrc.support.errors import QuestionError, did_you_mean
@@ -100,7 +100,9 @@ class Law(SteppedLaw):
         self.n, self.m, self.control = n, m, read_controls(control, period).control
         bare = BareJoints(names, limit, rate)
         fit.refuse(_misfits(self.control, m, bare))
-        self._task = BareTask(bare, m, weights, self.control.joint_weights)
+        self._task = Task(
+            cast(Any, bare), np.arange(m), weights=weights, joint_weights=self.control.joint_weights
+        )
         inverse, objective = self.control.inverse, self.control.nullspace.objective
         is_limited = bool(np.isfinite(limit).any() and self.control.limits.position)
         self._needs_q = is_limited or objective in ("posture", "joint_limits")
@@ -342,7 +344,7 @@ def _inverse(
             raise ValueError(f'no inverse has a parameter "{name}"{did_you_mean(name, known)}')
     joints = BareJoints(("",) * n, np.tile([-math.inf, math.inf], (n, 1)), np.full(n, math.inf))
     plain = ControlSection(limits=LimitsSection(on_excess="none"))
-    law, worlds = TaskLaw(BareTask(joints, m), plain, np.zeros(n)), new_worlds(1, n)
+    law, worlds = TaskLaw(Task(cast(Any, joints), np.arange(m)), plain, np.zeros(n)), new_worlds(1, n)
     law.write(worlds[0])
     for name, value in (*codes.items(), *numbers):
         worlds["law"][f"inverse_{name}"] = value

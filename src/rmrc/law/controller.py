@@ -26,6 +26,7 @@ from rmrc.arm import Arm, DriveKind
 from rmrc.arm.drives import Servo
 from rmrc.arm.freshness import Freshness
 from rmrc.law import fit
+from rmrc.law.active_set import give_way
 from rmrc.law.command import Command
 from rmrc.law.compiling import Array
 from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET
@@ -35,7 +36,6 @@ from rmrc.law.settings import TaskLaw, rate_limit
 from rmrc.law.sight import CHAIN_ALONE, look_at
 from rmrc.law.step import FRAME, PLACED, RATES
 from rmrc.law.stepping import SteppedLaw, UnusableInputError, started
-from rmrc.law.stops import give_way
 from rmrc.law.task import Task, choose
 from rmrc.scenario import ArmSection, ControlSource, TaskSection, read_controls, read_task
 from rmrc.support import shipped

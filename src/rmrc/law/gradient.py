@@ -4,7 +4,6 @@ from rmrc.law.compiling import Array, Record, compiled
 from rmrc.law.inertia import add_energy_gradient
 from rmrc.law.kinematics import SITE
 from rmrc.law.metric import INERTIA, backward, scale_joints
-from rmrc.law.svd import dot
 
 
 @compiled
@@ -24,12 +23,11 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
         i: Index of the singular value.
         gradient: Written, (n,) [1/rad or 1/m].
     """
-    chain, scratch = world.chain, world.scratch
     for j in range(world.n):
-        scratch.shape[j] = world.first.v[i, j]
-    scale_joints(world, scratch.shape)
-    columns = world.state.J if chain.axes == world.n else chain.columns
-    gradient_of(world, i, columns, gradient)
+        world.scratch.shape[j] = world.first.v[i, j]
+    scale_joints(world, world.scratch.shape)
+    is_alone = world.chain.axes == world.n
+    gradient_of(world, i, world.state.J if is_alone else world.chain.columns, gradient)
     if world.law.inverse_metric == INERTIA:
         add_metric_gradient(world, i, gradient)
 
@@ -37,23 +35,25 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
 @compiled
 def add_metric_gradient(world: Record, i: int, gradient: Array) -> None:
     """Add the change of σ_i that the change of the joint inertia causes: −σ_i ∂T/∂q at the rates of v_i."""
-    links, scratch, first = world.links, world.scratch, world.first
-    n, sigma = world.n, 0.0
-    for j in range(n):
-        scratch.shape[j] = first.v[i, j]
-    backward(links.root, scratch.shape, n)
-    for r in range(world.m):
-        sigma += first.u[i, r] * dot(scratch.A[r], scratch.shape, n)
-    for j in range(n):
-        scratch.shape[j] *= links.scale[j]
-    add_energy_gradient(world, scratch.shape, -sigma, gradient)
+    shape, first = world.scratch.shape, world.first
+    for j in range(world.n):
+        shape[j] = first.v[i, j]
+    backward(world.links.root, shape, world.n)
+    for j in range(world.n):
+        shape[j] *= world.links.scale[j]
+    add_energy_gradient(world, shape, -first.sigma[i], gradient)
 
 
 @compiled
 def gradient_of(world: Record, i: int, J: Array, gradient: Array) -> None:
     """Write the gradient for `sigma_gradient` from the contributions of the axes, (6, ℓ)."""
     n, turns = world.chain.axes, world.task.frame == SITE
-    fx, fy, fz, mx, my, mz = expanded(world, i)
+    task, wrench = world.task, world.scratch.wrench
+    for c in range(6):
+        wrench[c] = 0.0
+    for r in range(world.m):
+        wrench[task.row[r]] = task.row_scale[r] * world.first.u[i, r]
+    fx, fy, fz, mx, my, mz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
     for a in range(n):
         leader = world.chain.leader[a]
         world.chain.rate[a] = world.chain.ratio[a] * world.scratch.shape[leader]
@@ -77,19 +77,3 @@ def gradient_of(world: Record, i: int, J: Array, gradient: Array) -> None:
             J[3, j] * ax + J[4, j] * ay + J[5, j] * az
             + J[0, j] * (fy * bz - fz * by) + J[1, j] * (fz * bx - fx * bz) + J[2, j] * (fx * by - fy * bx)
         )  # fmt: skip
-
-
-@compiled
-def expanded(world: Record, i: int) -> tuple[float, float, float, float, float, float]:
-    """Return S_x u_i as six rows, 0 for rows that do not count."""
-    task = world.task
-    fx = fy = fz = mx = my = mz = 0.0
-    for r in range(world.m):
-        row, value = task.row[r], task.row_scale[r] * world.first.u[i, r]
-        fx += value if row == 0 else 0.0
-        fy += value if row == 1 else 0.0
-        fz += value if row == 2 else 0.0
-        mx += value if row == 3 else 0.0
-        my += value if row == 4 else 0.0
-        mz += value if row == 5 else 0.0
-    return fx, fy, fz, mx, my, mz

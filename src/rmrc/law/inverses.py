@@ -129,16 +129,11 @@ def selectively_damped(world: Record, spectrum: Record) -> None:
 @Method
 def jparse(world: Record, spectrum: Record) -> None:
     """Write 1/σ for σ >= γ σ_1, else σ/(γ σ_1)² [Guptasarma25]."""
-    largest = spectrum.sigma[0]
-    floor, fades_below = RANK_FLOOR * largest, world.law.inverse_gamma * largest
+    floor, fades_below = RANK_FLOOR * spectrum.sigma[0], world.law.inverse_gamma * spectrum.sigma[0]
+    invert_above(world, spectrum, floor)
     for i in range(world.k):
-        sigma = spectrum.sigma[i]
-        if sigma <= floor:
-            spectrum.gain[i] = 0.0
-        elif sigma < fades_below:
-            spectrum.gain[i] = min(sigma / fades_below / fades_below, LARGEST_GAIN)
-        else:
-            spectrum.gain[i] = min(1.0 / sigma, LARGEST_GAIN)
+        if floor < spectrum.sigma[i] < fades_below:
+            spectrum.gain[i] = min(spectrum.sigma[i] / fades_below / fades_below, LARGEST_GAIN)
 
 
 @compiled

@@ -20,9 +20,6 @@ ACCELERATION_LIMITED, POSITION_LIMITED, JERK_LIMITED = map(
 # A step of jerk counts as exceeded beyond this relative slack: third differences are mostly rounding.
 SLACK = 1e-9
 ALL = 1.0 - SLACK
-# Between these, quotients and cubes of rates over steps of jerk are finite. Beyond them, a joint may not
-# change its rate at all, or may change it without limit [rad/s or m/s].
-JERK_STEPS = 1e-30, 1e30
 # No stop within a jerk limit needs a deceleration of this many steps of jerk.
 HARD = 1e9
 # Whatever the lengths of ticks, changes add up to no more than in ticks that are all this many times as long
@@ -211,9 +208,8 @@ def reach_by_jerk(world: Record) -> None:
     """
     limits, memory, bounds = world.limits, world.memory, world.bounds
     for j in range(world.n):
-        last, course, step, most = (
-            memory.qdot_cmd[j], memory.course[j], limits.jerk_step[j], limits.change[j],
-        )  # fmt: skip
+        last, course = memory.qdot_cmd[j], memory.course[j]
+        step, most = limits.jerk_step[j], limits.change[j]
         up, down = min(course + step, change_to_rate(world, j, 1.0)), -change_to_rate(world, j, -1.0)
         up, down = max(course - step, up), min(course + step, max(course - step, down))
         bounds.upper[j] = last + min(most, max(-most, up))
@@ -303,17 +299,6 @@ def scale_to_jerk(world: Record, rates: Array, group: int) -> int:
         if bounds.group[j] == group:
             rates[j] = bounds.kept[j] + part * (rates[j] - bounds.kept[j])
     return JERK_LIMITED if part < ALL else 0
-
-
-@compiled
-def come_to_rest(world: Record, rates: Array) -> None:
-    """Write the rates that bring each joint from its last rate to rest, within jerk and the braking limit."""
-    limits, memory, spread = world.limits, world.memory, min(world.limits.stretch, SPREAD)
-    for j in range(world.n):
-        last, course, step = memory.qdot_cmd[j], memory.course[j], limits.jerk_step[j]
-        change = -math.copysign(min(brake(abs(last), step, spread), limits.braking[j] * world.period), last)
-        rates[j] = last + min(max(change, course - step), course + step)
-        memory.lag[j], memory.slope[j], memory.q_sent[j] = 0.0, 0.0, math.nan
 
 
 @compiled

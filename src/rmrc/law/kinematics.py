@@ -11,8 +11,6 @@ Quaternion: TypeAlias = tuple[float, float, float, float]
 FRAMES = ("world", "base", "site")
 WORLD, BASE, SITE = range(3)
 
-# Squared tangents below which six terms of the series of the arc tangent are exact: the next is 2⁻⁶⁰/13.
-SERIES_BELOW = 2.0**-10
 # An angle beyond half a turn by no more than this does not wrap: rounding must not choose its sign.
 HALF_TURN = 1e-5
 
@@ -74,6 +72,34 @@ def gather(world: Record, columns: Array, J: Array) -> None:
 
 
 @compiled
+def place_axis(tree: Record, a: int, b: int, q: Array) -> None:
+    """Write an axis, a point on it, and the turn and the point behind it, at joint positions q (n,).
+
+    Args:
+        tree: The chain, or the links of an inertia.
+        a: The axis, which moves with its leader in a ratio.
+        b: The axis before it, whose turn and point are known, or -1.
+        q: Joint positions, (n,).
+    """
+    turn, x, y, z = (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+    if b >= 0:
+        turn = (tree.turn[b, 0], tree.turn[b, 1], tree.turn[b, 2], tree.turn[b, 3])
+        x, y, z = tree.point[b, 0], tree.point[b, 1], tree.point[b, 2]
+    dx, dy, dz = turned(turn, tree.step_0[a])
+    x, y, z = x + dx, y + dy, z + dz
+    ax, ay, az = turned(turn, tree.axis_0[a])
+    tree.axis[a, 0], tree.axis[a, 1], tree.axis[a, 2] = ax, ay, az
+    tree.anchor[a, 0], tree.anchor[a, 1], tree.anchor[a, 2] = x, y, z
+    moved = tree.ratio[a] * q[tree.leader[a]]
+    way = tree.advance[a] * moved
+    tree.point[a, 0], tree.point[a, 1], tree.point[a, 2] = x + way * ax, y + way * ay, z + way * az
+    if tree.turns[a] != 0.0:
+        c, s = math.cos(0.5 * moved), math.sin(0.5 * moved)
+        turn = quat_product((c, s * ax, s * ay, s * az), turn)
+    tree.turn[a, 0], tree.turn[a, 1], tree.turn[a, 2], tree.turn[a, 3] = turn
+
+
+@compiled
 def follow_chain(world: Record, q: Array) -> None:
     """Write the axes, their anchors and the site at joint positions q, by the product of exponentials.
 
@@ -81,49 +107,29 @@ def follow_chain(world: Record, q: Array) -> None:
     next axis. The axes of followers are among them, and move with their leaders. MuJoCo is not called.
 
     Args:
-        world: Read: the arm's geometry at 0. Written: `chain.axis`, `chain.anchor` and `state.pose`.
+        world: Read: the arm's geometry at 0. Written: `chain` and `state.pose`.
         q: Joint positions, (n,).
     """
     chain = world.chain
-    turn, x, y, z = (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
     for a in range(chain.axes):
-        dx, dy, dz = turned(turn, chain.step_0[a])
-        x, y, z = x + dx, y + dy, z + dz
-        ax, ay, az = turned(turn, chain.axis_0[a])
-        chain.axis[a, 0], chain.axis[a, 1], chain.axis[a, 2] = ax, ay, az
-        chain.anchor[a, 0], chain.anchor[a, 1], chain.anchor[a, 2] = x, y, z
-        moved = chain.ratio[a] * q[chain.leader[a]]
-        way = chain.advance[a] * moved
-        x, y, z = x + way * ax, y + way * ay, z + way * az
-        if chain.turns[a] != 0.0:
-            c, s = math.cos(0.5 * moved), math.sin(0.5 * moved)
-            turn = quat_product((c, s * ax, s * ay, s * az), turn)
-    place_tip(turn, x, y, z, chain.tip_step, chain.tip_quat, world.state.pose)
+        place_axis(chain, a, a - 1, q)
+    place_tip(chain, chain.axes - 1, chain.tip_step, chain.tip_quat, world.state.pose)
 
 
 @compiled
-def place_tip(turn: Quaternion, x: float, y: float, z: float, step: Array, quat: Array, pose: Array) -> None:
-    """Write the pose of a site behind an axis, from its step (3,) and orientation (4,) at q = 0."""
+def place_tip(chain: Record, a: int, step: Array, quat: Array, pose: Array) -> None:
+    """Write the pose of a site behind an axis, from its place there with all joints at 0."""
+    turn = (chain.turn[a, 0], chain.turn[a, 1], chain.turn[a, 2], chain.turn[a, 3])
     dx, dy, dz = turned(turn, step)
-    pose[0], pose[1], pose[2] = x + dx, y + dy, z + dz
+    pose[0], pose[1], pose[2] = chain.point[a, 0] + dx, chain.point[a, 1] + dy, chain.point[a, 2] + dz
     pose[3], pose[4], pose[5], pose[6] = quat_product(turn, (quat[0], quat[1], quat[2], quat[3]))
 
 
 @compiled
-def follow_second(world: Record, q: Array) -> None:
-    """Write pose and Jacobian of the second task's site, at the same q as the last `follow_chain`."""
-    second, chain = world.second, world.chain
-    turn, last = (1.0, 0.0, 0.0, 0.0), second.last_axis
-    for a in range(last + 1):
-        if chain.turns[a] != 0.0:
-            half = 0.5 * chain.ratio[a] * q[chain.leader[a]]
-            c, s = math.cos(half), math.sin(half)
-            turn = quat_product((c, s * chain.axis[a, 0], s * chain.axis[a, 1], s * chain.axis[a, 2]), turn)
-    way = chain.advance[last] * chain.ratio[last] * q[chain.leader[last]]
-    x = chain.anchor[last, 0] + way * chain.axis[last, 0]
-    y = chain.anchor[last, 1] + way * chain.axis[last, 1]
-    z = chain.anchor[last, 2] + way * chain.axis[last, 2]
-    place_tip(turn, x, y, z, second.tip_step, second.tip_quat, second.pose)
+def follow_second(world: Record) -> None:
+    """Write pose and Jacobian of the second task's site, at the q of the last `follow_chain`."""
+    second = world.second
+    place_tip(world.chain, second.last_axis, second.tip_step, second.tip_quat, second.pose)
     second_jacobian(world)
 
 
@@ -164,26 +170,15 @@ def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
     """Write [p_ref − p; log(R_ref Rᵀ)], (6,) [m, rad], along world axes.
 
     The rotation vector comes from the quaternion by the arc tangent, which keeps full precision for small
-    errors, where acos of the trace loses half the digits. Its series serves for small errors.
+    errors, where acos of the trace loses half the digits.
     """
     for i in range(3):
         error[i] = pose_ref[i] - pose[i]
-    aw, ax, ay, az = pose_ref[3], pose_ref[4], pose_ref[5], pose_ref[6]
-    bw, bx, by, bz = pose[3], -pose[4], -pose[5], -pose[6]
-    w = aw * bw - ax * bx - ay * by - az * bz
-    x = aw * bx + ax * bw + ay * bz - az * by
-    y = aw * by - ax * bz + ay * bw + az * bx
-    z = aw * bz + ax * by - ay * bx + az * bw
-    if w < 0.0:  # the shorter way round
-        w, x, y, z = -w, -x, -y, -z
-    sine2 = x * x + y * y + z * z
-    if sine2 < SERIES_BELOW * w * w:
-        t = sine2 / (w * w)
-        t2 = t * t
-        factor = (2.0 / w) * ((1.0 - t / 3.0) + t2 * ((1.0 / 5.0 - t / 7.0) + t2 * (1.0 / 9.0 - t / 11.0)))
-    else:
-        sine = math.sqrt(sine2)
-        factor = 2.0 if sine == 0.0 else 2.0 * math.atan2(sine, w) / sine
+    w, x, y, z = quat_product(
+        (pose_ref[3], pose_ref[4], pose_ref[5], pose_ref[6]), (pose[3], -pose[4], -pose[5], -pose[6])
+    )
+    sine, shorter = math.sqrt(x * x + y * y + z * z), -1.0 if w < 0.0 else 1.0  # the shorter way round
+    factor = 2.0 * shorter if sine == 0.0 else 2.0 * shorter * math.atan2(sine, abs(w)) / sine
     error[3], error[4], error[5] = factor * x, factor * y, factor * z
 
 

@@ -3,13 +3,11 @@
 Where they contradict each other, position and rate come before acceleration, and acceleration before jerk.
 """
 
+from rmrc.law.active_set import best_within, is_beyond, largest_share, resolve_free, saturate, settle
 from rmrc.law.braking import brake, brake_gently
 from rmrc.law.compiling import Array, Method, Record, call, compiled
 from rmrc.law.inverses import SCHEDULED
 from rmrc.law.jerk import ease, foresee, is_within_jerk, look_back
-from rmrc.law.optimal import OPTIMAL, best_within, largest_share
-from rmrc.law.redistribution import saturate
-from rmrc.law.stops import given_back, is_beyond, leave_to_others, resolve_free
 from rmrc.law.svd import ROUNDING
 from rmrc.scenario.choices import LIMITS, Status
 
@@ -17,6 +15,8 @@ from rmrc.scenario.choices import LIMITS, Status
 # change comes to zero over hundreds of ticks, to this share of the rate.
 ALL_OF, ADDED_UP = 1.0 + 1e-9, 1e-10
 CLAMP = LIMITS.code("clamp")
+# How a jerk limit eases the rates: by common factors, by factors for each joint, or by the best of both.
+TOGETHER, EACH, BEST = range(3)
 RATE_LIMITED, ACCELERATION_LIMITED, POSITION_LIMITED = map(
     int, (Status.RATE_LIMITED, Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED)
 )
@@ -168,61 +168,76 @@ def scale_change(world: Record, rates: Array) -> int:
 @compiled
 def scale_all(world: Record) -> None:
     """Scale all rates, let stops act, scale the change: the tip keeps its direction except at stops."""
-    limits, bounds = world.limits, world.bounds
-    rates, bits, factor, stopped = world.tick.qdot_cmd, 0, 1.0, False
+    limits, bounds, rates = world.limits, world.bounds, world.tick.qdot_cmd
+    factor, is_stopped, bounds.acting = 1.0, False, 0
     for j in range(world.n):
         if abs(rates[j]) > limits.rate[j] * (1.0 + ROUNDING):
             factor = min(factor, limits.rate[j] / abs(rates[j]))
     for j in range(world.n):
         rates[j] *= factor
-        stopped |= is_beyond(rates[j], bounds.stop_lower[j], bounds.stop_upper[j])
-    if stopped:
-        bits |= POSITION_LIMITED
-        factor = given_back(world, rates, factor, bounds.stop_lower, bounds.stop_upper)
+        bounds.lower[j], bounds.upper[j] = bounds.stop_lower[j], bounds.stop_upper[j]
+        is_stopped |= is_beyond(rates[j], bounds.lower[j], bounds.upper[j])
+    if is_stopped:
+        bounds.acting |= POSITION_LIMITED
+        factor = returned_share(world, factor)
         for j in range(world.n):
             bounds.drift[j] *= factor
-        leave_to_others(world, factor, bounds.stop_lower, bounds.stop_upper)
+        settle(world, factor)
         for j in range(world.n):
             if bounds.held[j] != 0.0 and abs(rates[j]) == limits.rate[j]:
-                bits |= RATE_LIMITED
+                bounds.acting |= RATE_LIMITED
     if factor < 1.0:
-        bits |= RATE_LIMITED
-    bounds.acting = bits | scale_change(world, rates)
+        bounds.acting |= RATE_LIMITED
+    reach(world)
+    bounds.acting |= scale_change(world, rates)
+
+
+@compiled
+def returned_share(world: Record, share: float) -> float:
+    """Return the share of the task to do where rates for a given share take joints beyond their stops.
+
+    The given share keeps a direction that is lost at a stop, and a joint that hardly moves may have caused
+    it. The result is 1 where the joint that would move fastest stands still, and the given share where a
+    joint begins to be held, so that the rates do not jump there.
+    """
+    rates, bounds, scale = world.tick.qdot_cmd, world.bounds, world.task.joint_scale
+    fastest, most = 0.0, 0.0
+    for j in range(world.n):
+        fastest = max(fastest, abs(rates[j]) / scale[j])
+    for j in range(world.n):
+        beyond = max(rates[j] - bounds.upper[j], bounds.lower[j] - rates[j])
+        if beyond > 0.0:
+            most = max(most, beyond / min(world.limits.rate[j], scale[j] * fastest))
+    return float(share + (1.0 - share) * min(1.0, most))
 
 
 @compiled
 def leave_to_stops(world: Record, share: float) -> None:
     """Let stops act on the rates for a share of the task; scale where there is no share (-1)."""
-    bounds, rates = world.bounds, world.tick.qdot_cmd
     find_bounds(world)
     if share < 0.0:
         scale_all(world)
-        return
-    if exceeded(world, rates) != 0:
-        share = given_back(world, rates, share, bounds.lower, bounds.upper)
-        leave_to_others(world, share, bounds.lower, bounds.upper)
-        bounds.acting |= held_by(world)
-    confine(world, rates)
+    elif exceeded(world, world.tick.qdot_cmd) != 0:
+        settle(world, returned_share(world, share))
+        world.bounds.acting |= held_by(world)
+    else:
+        confine(world, world.tick.qdot_cmd)
 
 
 @compiled
 def hold_farthest(world: Record, lower: Array, upper: Array) -> bool:
     """Hold the free joint whose rate in part_b is farthest beyond some bounds; return whether any is."""
-    scratch, bounds = world.scratch, world.bounds
-    chosen, farthest = -1, 0.0
+    bounds, rates, chosen, farthest = world.bounds, world.scratch.part_b, -1, 0.0
     for j in range(world.n):
-        rate = scratch.part_b[j]
-        if bounds.held[j] == 0.0 and is_beyond(rate, lower[j], upper[j]):
-            beyond = max(lower[j] - rate, rate - upper[j]) / world.task.joint_scale[j]
+        if bounds.held[j] == 0.0 and is_beyond(rates[j], lower[j], upper[j]):
+            beyond = max(lower[j] - rates[j], rates[j] - upper[j]) / world.task.joint_scale[j]
             if beyond > farthest:
                 chosen, farthest = j, beyond
-    if chosen < 0:
-        return False
-    rate = scratch.part_b[chosen]
-    bounds.held[chosen] = 1.0 if rate > upper[chosen] else -1.0
-    bounds.best[chosen] = min(max(rate, bounds.lower[chosen]), bounds.upper[chosen])
-    bounds.fade[chosen] = min(1.0, abs(bounds.best[chosen] / rate))
-    return True
+    if chosen >= 0:
+        bounds.held[chosen] = 1.0 if rates[chosen] > upper[chosen] else -1.0
+        bounds.best[chosen] = min(max(rates[chosen], bounds.lower[chosen]), bounds.upper[chosen])
+        bounds.fade[chosen] = min(1.0, abs(bounds.best[chosen] / rates[chosen]))
+    return chosen >= 0
 
 
 @compiled
@@ -232,11 +247,12 @@ def begin(world: Record) -> None:
     for j in range(world.n):
         world.bounds.drift[j] = world.scratch.qdot0[j]
     world.bounds.acting = exceeded(world, world.tick.qdot_cmd)
+    world.bounds.eased = TOGETHER
 
 
 # Methods ----------------------------------------------------------------------------------------
 # Each brings rates that exceed a bound within the bounds. `bounds.acting` holds the bits of the limits that
-# the rates exceed, and then of those that act.
+# the rates exceed, and then of those that act; `bounds.eased` says how a jerk limit then eases the rates.
 
 
 @Method
@@ -251,18 +267,30 @@ def clamp(world: Record) -> None:
     """Bring each rate within its own bounds: the tip leaves its direction. It serves for comparison."""
     begin(world)
     confine(world, world.tick.qdot_cmd)
+    world.bounds.eased = EACH
+
+
+@Method
+def by_joint(world: Record) -> None:
+    """Do the same for a motion of the joints themselves, scaled to their rate limits unless these clamp."""
+    begin(world)
+    rates, limits, factor = world.tick.qdot_cmd, world.limits, 1.0
+    for j in range(world.n if world.law.limits_on_excess != CLAMP else 0):
+        if abs(rates[j]) > limits.rate[j]:
+            factor = min(factor, limits.rate[j] / abs(rates[j]))
+    for j in range(world.n):
+        rates[j] *= factor
+    confine(world, rates)
+    world.bounds.eased = EACH
 
 
 @Method
 def redistribute(world: Record) -> None:
     """Let the other joints take over the part that a saturated joint cannot do [Flacco15]; else scale."""
     begin(world)
-    bounds, rates = world.bounds, world.tick.qdot_cmd
     forget_stops(world)
     share = saturate(world)
-    for j in range(world.n):
-        if share >= 0.0 and bounds.held[j] > 0.0 and rates[j] == world.scratch.qdot0[j]:
-            bounds.acting |= limit_of(world, j, 1.0 if rates[j] == bounds.upper[j] else -1.0)
+    world.bounds.acting |= held_by(world)
     leave_to_stops(world, share)
 
 
@@ -275,8 +303,7 @@ def optimal(world: Record) -> None:
     for it; a joint at its stop holds, and the others do the remaining part.
     """
     begin(world)
-    bounds, first = world.bounds, world.first
-    rates, share = world.tick.qdot_cmd, 1.0
+    bounds, first, rates, share = world.bounds, world.first, world.tick.qdot_cmd, 1.0
     if world.limits.keep_direction:
         forget_stops(world)
         if exceeded(world, rates) != 0:
@@ -284,10 +311,12 @@ def optimal(world: Record) -> None:
             bounds.acting |= held_by(world)
         leave_to_stops(world, share)
     elif world.law.inverse_method in SCHEDULED:
-        best_within(world, first.task, 1.0, first.damping)
+        best_within(world, first.task, first.damping)
         bounds.acting |= held_by(world)
+        bounds.eased = BEST
     else:
         confine(world, rates)
+        bounds.eased = EACH
 
 
 @Method
@@ -308,17 +337,18 @@ def reverse_priority(world: Record) -> None:
     held, until all are within; no joint is released again.
     """
     begin(world)
-    scratch, bounds = world.scratch, world.bounds
-    rates, is_damped = world.tick.qdot_cmd, world.law.inverse_method in SCHEDULED
-    damping = world.first.damping if is_damped else 0.0
+    bounds, rates, part_b = world.bounds, world.tick.qdot_cmd, world.scratch.part_b
+    bounds.damping = world.first.damping if world.law.inverse_method in SCHEDULED else 0.0
+    for r in range(world.m):
+        bounds.task[r] = world.first.task[r]
     for j in range(world.n):
-        bounds.held[j], bounds.fade[j], scratch.part_b[j] = 0.0, 1.0, rates[j]
+        bounds.held[j], bounds.fade[j], part_b[j] = 0.0, 1.0, rates[j]
     while hold_farthest(world, bounds.stop_lower, bounds.stop_upper) or hold_farthest(
         world, bounds.lower, bounds.upper
     ):
-        damping = resolve_free(world, 1.0, damping)
+        resolve_free(world)
     for j in range(world.n):
-        rates[j] = bounds.best[j] if bounds.held[j] != 0.0 else scratch.part_b[j]
+        rates[j] = part_b[j]
     confine(world, rates)
     bounds.acting |= held_by(world)
 
@@ -346,8 +376,7 @@ def limit(world: Record) -> None:
 @Method
 def ease_rates(world: Record) -> None:
     """Do the same where jerk is limited as well."""
-    tick = world.tick
-    rates, bounds = tick.qdot_cmd, world.bounds
+    rates, bounds = world.tick.qdot_cmd, world.bounds
     foresee(world)
     if is_within_jerk(world, rates):
         look_back(world, rates, rates)
@@ -355,25 +384,24 @@ def ease_rates(world: Record) -> None:
     call(world.methods.limit, world)
     bits = bounds.acting | ease_by_choice(world)
     look_back(world, bounds.wish, rates)
-    tick.status |= bits | broken(world, rates)
+    world.tick.status |= bits | broken(world, rates)
 
 
 @compiled
 def ease_by_choice(world: Record) -> int:
     """Ease the rates by common factors, by factors for each joint, or by the best point between the two."""
-    first, law, scratch, bounds = world.first, world.law, world.scratch, world.bounds
-    rates, is_free = world.tick.qdot_cmd, law.limits_on_excess == OPTIMAL and world.limits.keep_direction == 0
-    bits, differ = ease(world, rates, is_free or law.limits_on_excess == CLAMP), False
-    if not is_free or law.inverse_method not in SCHEDULED:
+    part_a, bounds, first, rates = world.scratch.part_a, world.bounds, world.first, world.tick.qdot_cmd
+    bits = ease(world, rates, bounds.eased != TOGETHER)
+    if bounds.eased != BEST:
         return bits
     for j in range(world.n):
-        scratch.part_a[j], rates[j] = rates[j], bounds.wish[j]
-    bits |= ease(world, rates, False)
+        part_a[j], rates[j] = rates[j], bounds.wish[j]
+    bits, differ = bits | ease(world, rates, False), False
     for j in range(world.n):
-        differ |= rates[j] != scratch.part_a[j]
-        bounds.lower[j], bounds.upper[j] = min(rates[j], scratch.part_a[j]), max(rates[j], scratch.part_a[j])
+        differ |= rates[j] != part_a[j]
+        bounds.lower[j], bounds.upper[j] = min(rates[j], part_a[j]), max(rates[j], part_a[j])
     if differ:
-        best_within(world, first.task, 1.0, first.damping)
+        best_within(world, first.task, first.damping)
     return bits
 
 

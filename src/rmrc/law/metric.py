@@ -128,16 +128,12 @@ def weigh_faded(world: Record) -> None:
 
 
 @compiled
-def weigh_free(world: Record, rates: Array, sign: float) -> None:
+def weigh_free(world: Record) -> None:
     """Weigh the columns of the free joints in `rest.matrix`; let them move along with the held ones.
 
-    They move by −M_FF⁻¹ M_FH (rates − drift)_H, scaled, the motion of the free joints with the least energy.
-    It is left in `sway`, and its effect on the task, times a sign, is added to `rest.task`.
-
-    Args:
-        world: Read: M, the held joints and the drift; in the metric of the joints nothing moves along.
-        rates: Rates of the held joints, (n,).
-        sign: Sign of the addition.
+    They move by −M_FF⁻¹ M_FH (best − drift)_H, scaled, the motion of the free joints with the least energy.
+    It is left in `sway`, and its effect on the task is taken from `rest.task`. In the metric of the joints
+    nothing moves along.
     """
     rest, scratch, bounds = world.rest, world.scratch, world.bounds
     n, sway, held = world.n, scratch.sway, bounds.held
@@ -150,19 +146,20 @@ def weigh_free(world: Record, rates: Array, sign: float) -> None:
         sway[i] = 0.0
         for j in range(n if held[i] == 0.0 else 0):
             if held[j] != 0.0:
-                sway[i] -= world.links.metric[i, j] * (rates[j] - bounds.drift[j]) / world.task.joint_scale[j]
+                away = (bounds.best[j] - bounds.drift[j]) / world.task.joint_scale[j]
+                sway[i] -= world.links.metric[i, j] * away
     forward(scratch.root_b, sway, n)
     backward(scratch.root_b, sway, n)
     for r in range(world.m):
-        rest.task[r] += sign * dot(scratch.A[r], sway, n)
+        rest.task[r] -= dot(scratch.A[r], sway, n)
     weigh_columns(scratch.root_b, rest.matrix, world.m, n, rest.matrix)
 
 
 @compiled
-def take_along(world: Record, rates: Array, sign: float) -> None:
-    """Turn coordinates of the free joints into scaled rates, and add `sway` times a sign."""
+def take_along(world: Record, rates: Array, part: float) -> None:
+    """Turn coordinates of the free joints into scaled rates, and add a part of `sway`."""
     scratch = world.scratch
     if world.law.inverse_metric == INERTIA:
         backward(scratch.root_b, rates, world.n)
         for j in range(world.n):
-            rates[j] += sign * scratch.sway[j]
+            rates[j] += part * scratch.sway[j]

@@ -3,7 +3,7 @@
 import math
 
 from rmrc.law.compiling import Record, compiled
-from rmrc.law.jerk import JERK_STEPS
+from rmrc.law.record import UNCHANGED, UNLIMITED
 
 # Bit of `input.given`: `input.dt` is the time since the last step.
 TIMED = 64
@@ -56,7 +56,7 @@ def set_tick(world: Record, dt: float) -> None:
     for j in range(world.n):
         limits.change[j] = limits.hardest[j] * dt
         if limits.is_eased:
-            limits.jerk_step[j] = min(max(limits.jerk[j] * (dt * dt), JERK_STEPS[0]), JERK_STEPS[1])
+            limits.jerk_step[j] = min(max(limits.jerk[j] * (dt * dt), UNCHANGED), UNLIMITED)
         memory.change[j] *= ratio
         memory.course[j] *= ratio
         memory.slope[j] *= ratio

@@ -71,9 +71,7 @@ def slow(world: Record) -> None:
         elif b != 0.0:
             fastest = min(fastest, (math.copysign(limit, b) - a) / b)
         # The feedback alone asks for too much: wait for it, but not forever, as no pace can change that.
-    waited = memory.waited + (world.period if fastest == 0.0 else -world.period)
-    memory.waited = max(0.0, waited)
-    if memory.waited > law.slow_patience:
+    if patience_is_over(world, fastest == 0.0):
         fastest = 1.0
     if last > ADVANCED:
         memory.falling = (memory.fastest - fastest) / (last * world.period) if memory.path_tick > 0.0 else 0.0
@@ -94,6 +92,14 @@ def feedforward_rates(world: Record) -> None:
     push_fading(world, first.u, rest.task, first.sigma, rest.asked)
     combine(first.gain, rest.asked, first.v, world.k, world.n, scratch.part_b)
     scale_joints(world, scratch.part_b)
+
+
+@compiled
+def patience_is_over(world: Record, waits: bool) -> bool:
+    """Count the time for which the path waits; return whether it is longer than the patience."""
+    memory = world.memory
+    memory.waited = max(0.0, memory.waited + (world.period if waits else -world.period))
+    return bool(memory.waited > world.law.slow_patience)
 
 
 @compiled
@@ -158,14 +164,10 @@ def singularity_consistent(world: Record) -> None:
         pace, most = full, full / smallest
     elif most == math.inf:
         most = 0.0
-    memory.waited = max(0.0, memory.waited + (world.period if pace < WAITING else -world.period))
-    if memory.waited > law.slow_patience:
-        pace = full
-        for j in range(n):
-            scratch.part_a[j] = pace * scratch.part_b[j]
-        most = 1.0
+    is_over = patience_is_over(world, pace < WAITING)
+    pace = full if is_over else pace
     for j in range(n):
-        scratch.work[j] = most * scratch.part_a[j] - pace * scratch.part_b[j]
+        scratch.work[j] = 0.0 if is_over else most * scratch.part_a[j] - pace * scratch.part_b[j]
     set_pace(world, pace)
     take_on(world)
 
@@ -280,56 +282,42 @@ def value_task(world: Record, sigma: Array, z: Array) -> None:
 
 @compiled
 def push_back(world: Record) -> None:
-    """Write the multipliers of the bounds on σ_i by an active set [Lawson95], solving for the active ones.
+    """Write the multipliers of the bounds on σ_i: those of the set of active bounds that fulfills all.
 
-    Bounds may give way by SOFT of their multiplier. Contradictory bounds then have a solution too, the one
-    with the least squares of violation.
+    Active bounds have multipliers >= 0, and the others need no push. Bounds may give way by SOFT of their
+    multiplier, so that there is exactly one such set, and the least squares of violation where they
+    contradict each other. The smallest singular values are tried first: mostly their bounds act.
     """
-    barrier = world.barrier
-    k, G, acts, push = world.rank, barrier.gram, barrier.acts, barrier.push
+    barrier, k = world.barrier, world.rank
     for i in range(k):
-        acts[i] = 0.0
         for j in range(k):
-            G[i, j] = dot(barrier.row[i], barrier.row[j], world.n)
-        G[i, i] *= 1.0 + SOFT
-    for _ in range(3 * k):
-        chosen, most = -1, 0.0
+            barrier.gram[i, j] = dot(barrier.row[i], barrier.row[j], world.n)
+        barrier.gram[i, i] *= 1.0 + SOFT
+    for code in range(1, 1 << k):
         for i in range(k):
-            short = barrier.need[i] - dot(G[i], push, k)
-            if acts[i] == 0.0 and G[i, i] > 0.0 and short > most + ROUNDING * abs(barrier.need[i]):
-                chosen, most = i, short
-        if chosen < 0:
+            barrier.acts[i] = (code >> (k - 1 - i)) & 1
+        solve_acting(world)
+        is_right = True
+        for i in range(k):
+            short = barrier.need[i] - dot(barrier.gram[i], barrier.push, k)
+            is_met = barrier.gram[i, i] == 0.0 or short <= ROUNDING * abs(barrier.need[i])
+            is_right = is_right and (barrier.push[i] >= 0.0 if barrier.acts[i] else is_met)
+        if is_right:
             break
-        acts[chosen] = 1.0
-        while not solve_acting(world):
-            pass
 
 
 @compiled
-def solve_acting(world: Record) -> bool:
-    """Move the multipliers to the solution of the active bounds, or to the point where the first becomes 0.
-
-    Return whether none becomes 0.
-    """
-    barrier = world.barrier
-    k, root, acts, push, wanted = world.rank, barrier.root, barrier.acts, barrier.push, barrier.wanted
+def solve_acting(world: Record) -> None:
+    """Write the multipliers that fulfill the active bounds exactly, and 0 for the others."""
+    barrier, k, acts = world.barrier, world.rank, world.barrier.acts
     for i in range(k):
-        wanted[i] = acts[i] * barrier.need[i]
+        barrier.push[i] = acts[i] * barrier.need[i]
         for j in range(i + 1):
-            root[i, j] = acts[i] * barrier.gram[i, j] * acts[j]
-        root[i, i] += 1.0 - acts[i]
-    factor(root, k)
-    forward(root, wanted, k)
-    backward(root, wanted, k)
-    step, last = 1.0, -1
-    for i in range(k):
-        if wanted[i] < 0.0 and push[i] <= step * (push[i] - wanted[i]):
-            step, last = push[i] / (push[i] - wanted[i]), i
-    for i in range(k):
-        push[i] += step * (wanted[i] - push[i])
-    if last >= 0:
-        acts[last] = push[last] = 0.0
-    return last < 0
+            barrier.root[i, j] = acts[i] * barrier.gram[i, j] * acts[j]
+        barrier.root[i, i] += 1.0 - acts[i]
+    factor(barrier.root, k)
+    forward(barrier.root, barrier.push, k)
+    backward(barrier.root, barrier.push, k)
 
 
 @Method

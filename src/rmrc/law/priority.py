@@ -3,6 +3,7 @@
 import math
 
 from rmrc.law.compiling import Array, Method, Record, compiled
+from rmrc.law.inverses import damped_gain
 from rmrc.law.kinematics import BASE, WORLD, carry, frame_turn, framed_error, turn_columns
 from rmrc.law.metric import INERTIA, scale_joints, unscale_joints, weigh_columns
 from rmrc.law.svd import combine, decompose_afresh, dot, project
@@ -42,18 +43,15 @@ def second_error(world: Record) -> float:
 @compiled
 def scale_second(world: Record) -> float:
     """Write A_2 = S_x2 J_2 S_q of the rows that count; return its Frobenius norm."""
-    rest, second = world.rest, world.second
-    total = 0.0
+    rest, second, total = world.rest, world.second, 0.0
     for i in range(second.m):
         for j in range(world.n):
-            entry = second.row_scale[i] * second.J[second.row[i], j] * world.task.joint_scale[j]
-            rest.matrix[i, j] = entry
-            total += entry * entry
+            scale = second.row_scale[i] * world.task.joint_scale[j]
+            rest.matrix[i, j] = scale * second.J[second.row[i], j]
     if world.law.inverse_metric == INERTIA:
         weigh_columns(world.links.root, rest.matrix, second.m, world.n, rest.matrix)
-        total = 0.0
-        for i in range(second.m):
-            total += dot(rest.matrix[i], rest.matrix[i], world.n)
+    for i in range(second.m):
+        total += dot(rest.matrix[i], rest.matrix[i], world.n)
     return math.sqrt(total)
 
 
@@ -72,12 +70,9 @@ def leave_first(world: Record) -> None:
 def solve_second(world: Record, size: float, rates: Array) -> None:
     """Write S_q V g(Σ) Uᵀ t_2 with the second task's own constant damping."""
     second, rest = world.second, world.rest
-    n, damping, floor = world.n, world.law.nullspace_secondary_damping, TOLERANCE * size
-    k = min(second.m, n)
+    k, n, damping = min(second.m, world.n), world.n, world.law.nullspace_secondary_damping
     for i in range(k):
-        s = rest.sigma[i]
-        undamped = 1.0 / s if s > floor else 0.0
-        rest.gain[i] = s / (s * s + damping * damping) if damping > 0.0 else undamped
+        rest.gain[i] = damped_gain(rest.sigma[i], 0.0 if damping > 0.0 else TOLERANCE * size, damping)
     project(rest.u, world.rest.task, k, second.m, rest.asked)
     combine(rest.gain, rest.asked, rest.v, k, n, rates)
     scale_joints(world, rates)
@@ -86,17 +81,13 @@ def solve_second(world: Record, size: float, rates: Array) -> None:
 @Method
 def classical(world: Record) -> None:
     """Write S_q (A_2 P)* (t_2 − A_2 S_q⁻¹ qdot_1): the missing part, in the remaining space [Nakamura87]."""
-    rest, law, scratch, tick = world.rest, world.law, world.scratch, world.tick
+    rest, shape, tick = world.rest, world.scratch.shape, world.tick
     n, m, size = world.n, world.second.m, scale_second(world)
-    if law.inverse_metric == INERTIA:
-        for j in range(n):
-            scratch.shape[j] = tick.qdot_cmd[j]
-        unscale_joints(world, scratch.shape)
-        for i in range(m):
-            rest.task[i] -= dot(rest.matrix[i], scratch.shape, n)
-    for i in range(m if law.inverse_metric != INERTIA else 0):
-        for j in range(n):
-            rest.task[i] -= rest.matrix[i, j] * tick.qdot_cmd[j] / world.task.joint_scale[j]
+    for j in range(n):
+        shape[j] = tick.qdot_cmd[j]
+    unscale_joints(world, shape)
+    for i in range(m):
+        rest.task[i] -= dot(rest.matrix[i], shape, n)
     leave_first(world)
     decompose_afresh(world, m)
     tick.secondary_sigma = rest.sigma[min(m, n) - 1]

@@ -18,13 +18,18 @@ ROWS = 6  # a twist has six rows; a task, and so sigma, has at most as many
 # Bits of `input.given` of a pose and a twist; more stand in `rmrc.law.step`.
 POSE, TWIST = 1, 2
 CAPACITY = 8  # joints of the smallest record; larger arms get the next power of two
+# A joint with this step of jerk may change its rate without limit: quotients and cubes of rates over it are
+# finite [rad/s or m/s].
+UNLIMITED = 1e30
+# With a smaller one it may not change its rate at all.
+UNCHANGED = 1.0 / UNLIMITED
 
 # Methods at addresses, 0 where a world has none: the choices of the law, its parts that few worlds need, the
 # plant, and the stages between law and plant.
 METHODS = (
     "decompose", "complete", "gains", "damping", "null_space", "objective", "priority", "policy", "hold_off",
-    "limit", "stops", "ease", "remember", "give_way", "metric", "weigh", "turn", "control", "second",
-    "move_joints", "ease_joints",
+    "limit", "stops", "ease", "remember", "give_way", "find_best", "metric", "weigh", "turn", "control",
+    "second", "move_joints", "by_joint",
     "sense", "believe", "readings", "obey", "transmission", "ticks",
 )  # fmt: skip
 
@@ -59,37 +64,42 @@ def world_type(joints: int) -> np.dtype[np.void]:
     """Return the type of a world's record with room for a number of joints."""
     f, i = np.float64, np.int64
     J, R = (joints,), (ROWS,)
+    rows = [
+        # of the twist that count, and S_x; their frame, and the axis about which the site is free, or -1
+        ("row", i, R), ("row_scale", f, R), ("frame", i), ("free", i), ("feedback", f),
+    ]  # fmt: skip
     task = [
-        # rows of the twist that count, S_x and S_q; the frame of the rows, the pose of the base, and the axis
-        # about which the site is free, or -1; the joints for which a whole turn changes nothing
-        ("row", i, R), ("row_scale", f, R), ("joint_scale", f, J), ("comes_round", i, J),
-        ("frame", i), ("base", f, (7,)), ("free", i), ("feedback", f), ("feedforward", f),
+        # S_q, the joints for which a whole turn changes nothing, and the pose of the base
+        *rows, ("joint_scale", f, J), ("comes_round", i, J), ("base", f, (7,)), ("feedforward", f),
     ]  # fmt: skip
     second = [  # a second task: its rows, its site, the axes that move it, and its target, also in the base
-        ("m", i), ("row", i, R), ("row_scale", f, R), ("frame", i), ("free", i),
-        ("site", i), ("moves", i, J), ("pose_ref", f, (7,)), ("in_base", f, (7,)), ("feedback", f),
+        *rows, ("m", i), ("site", i), ("moves", i, J), ("pose_ref", f, (7,)), ("in_base", f, (7,)),
         ("last_axis", i), ("tip_step", f, (3,)), ("tip_quat", f, (4,)),
         # where it is for the law, and its true error
         ("pose", f, (7,)), ("J", f, (ROWS, joints)), ("columns", f, (ROWS, joints)), ("error", f, (6,)),
         ("true_error", f),
     ]  # fmt: skip
-    chain = [
+    V, Q = (joints, 3), (joints, 4)
+    axes = [
         # axes outward: the joint that moves each and its ratio; 1 if it turns, its way along itself per
         # radian, or 1 if it slides; its direction and the step to it with all joints at 0
-        ("axes", i), ("leader", i, J), ("ratio", f, J), ("turns", f, J), ("advance", f, J),
-        ("axis_0", f, (joints, 3)), ("step_0", f, (joints, 3)), ("tip_step", f, (3,)), ("tip_quat", f, (4,)),
-        # their directions, points on them, and their contributions to the twist of the site
-        ("axis", f, (joints, 3)), ("anchor", f, (joints, 3)), ("columns", f, (ROWS, joints)), ("rate", f, J),
+        ("leader", i, J), ("ratio", f, J), ("turns", f, J), ("advance", f, J),
+        ("axis_0", f, V), ("step_0", f, V),
+        # their directions, points on them, and the turn and the point behind them
+        ("axis", f, V), ("anchor", f, V), ("turn", f, Q), ("point", f, V),
+    ]  # fmt: skip
+    chain = [
+        *axes, ("axes", i), ("tip_step", f, (3,)), ("tip_quat", f, (4,)),
+        # their contributions to the twist of the site, and their rates
+        ("columns", f, (ROWS, joints)), ("rate", f, J),
     ]  # fmt: skip
     links = [
-        # moving masses: the link before each, the joint that moves it, and its inertia about its joint
-        ("count", i), ("parent", i, J), ("leader", i, J), ("ratio", f, J), ("is_slide", i, J),
-        ("axis_0", f, (joints, 3)), ("step_0", f, (joints, 3)), ("mass", f, J), ("moment", f, (joints, 3)),
+        # moving masses: the link before each, and its inertia about its joint
+        *axes, ("count", i), ("parent", i, J), ("mass", f, J), ("moment", f, V),
         ("inertia", f, (joints, 3, 3)), ("armature", f, J), ("scale", f, J),
-        # their places, and what each carries
-        ("axis", f, (joints, 3)), ("anchor", f, (joints, 3)), ("turn", f, (joints, 4)), ("point", f, (3,)),
-        ("half_turned", f, (3, 3)), ("carried_mass", f, J), ("carried_moment", f, (joints, 3)),
-        ("carried_inertia", f, (joints, 3, 3)), ("twist", f, (joints, 6)), ("momentum", f, (joints, 6)),
+        # at their places: screws, and the inertia that each carries
+        ("screw", f, (joints, 6)), ("body", f, (joints, 6, 6)), ("half_turned", f, (3, 3)),
+        ("turned_moment", f, (3,)), ("twist", f, (joints, 6)), ("momentum", f, (joints, 6)),
         # the scaled joint inertia and its Cholesky factor
         ("metric", f, (joints, joints)), ("root", f, (joints, joints)),
     ]  # fmt: skip
@@ -117,8 +127,6 @@ def world_type(joints: int) -> np.dtype[np.void]:
         # share of the rates that is left, and how long the site has stood still while it should move
         ("path_tick", f), ("pace", f), ("fastest", f), ("falling", f), ("waited", f),
         ("share", f), ("still", f),
-        # the joints that were held at their bounds, and when
-        ("active", f, J), ("active_age", i),
         # the longest tick of the last seconds, 0 while all last one period
         ("longest", f),
     ]  # fmt: skip
@@ -126,6 +134,7 @@ def world_type(joints: int) -> np.dtype[np.void]:
         # the wanted twist along the axes of the task's frame, the commanded one; A; wished rates
         ("twist_ref", f, (6,)), ("twist_cmd", f, (6,)), ("error", f),
         ("A", f, (ROWS, joints)), ("qdot0", f, J), ("work", f, J), ("shape", f, J),
+        ("wrench", f, (6,)),
         # parts of the rates, linear in the pace or in the share of the task; a root of an inertia; held
         # joints
         ("part_a", f, J), ("part_b", f, J), ("root_b", f, (joints, joints)), ("sway", f, J),
@@ -135,18 +144,18 @@ def world_type(joints: int) -> np.dtype[np.void]:
         # joint is held; the share of its wish that a held joint gets; the null-space motion; the best rates
         # so far
         ("lower", f, J), ("upper", f, J), ("stop_lower", f, J), ("stop_upper", f, J), ("held", f, J),
-        ("fade", f, J), ("drift", f, J), ("best", f, J), ("acting", i),
-        # the share of the task, and bounds, that `give_way` takes
-        ("share", f), ("floor", f, J), ("ceiling", f, J),
-        ("direction", f, R), ("missing", f, R), ("pull", f, R), ("magnitude", f, R),
+        ("fade", f, J), ("drift", f, J), ("best", f, J), ("acting", i), ("eased", i),
+        # the active set: whether it is that of the last search, λ, how often a joint was released, the task,
+        # and the slopes
+        ("goes_on", i), ("damping", f), ("releases", i, J),
+        ("task", f, R), ("direction", f, R), ("missing", f, R), ("pull", f, R), ("magnitude", f, R),
         # jerk: the wish, the course that can be kept, the joints that share a factor, and those that have
         # strayed
         ("wish", f, J), ("kept", f, J), ("group", i, J), ("strayed", i, J), ("coast", f, J),
     ]  # fmt: skip
     barrier = [  # singular values that must not fall faster: gradients, bounds, shortfalls, and multipliers
         ("slope", f, (ROWS, joints)), ("row", f, (ROWS, joints)), ("least", f, R), ("need", f, R),
-        ("push", f, R),
-        ("acts", f, R), ("wanted", f, R), ("gram", f, (ROWS, ROWS)), ("root", f, (ROWS, ROWS)),
+        ("push", f, R), ("acts", f, R), ("gram", f, (ROWS, ROWS)), ("root", f, (ROWS, ROWS)),
     ]  # fmt: skip
     tick = [  # the columns of a run that stand nowhere else
         ("time", f), ("q", f, J), ("q_believed", f, J), ("qdot", f, J), ("qdot_cmd", f, J),
@@ -248,8 +257,8 @@ def new_worlds(count: int, n: int, axes: int = 0) -> NDArray[np.void]:
     worlds = np.zeros(count, world_type(capacity(max(n, axes))))
     worlds["n"] = n
     reset(worlds)
-    worlds["limits"]["change"] = worlds["limits"]["jerk_step"] = math.inf
-    worlds["limits"]["torque"] = math.inf
+    worlds["limits"]["change"] = worlds["limits"]["torque"] = math.inf
+    worlds["limits"]["jerk_step"] = UNLIMITED
     worlds["limits"]["stretch"] = 1.0
     worlds["task"]["free"] = worlds["second"]["free"] = -1
     worlds["input"]["q_cmd"] = worlds["input"]["called"] = math.nan

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rmrc.law import damping, inverses, jerk, law, limits, metric, nullspace, policies, priority, svd
+from rmrc.law.active_set import find_best, give_way
 from rmrc.law.compiling import Array, Method
-from rmrc.law.inertia import Inertia, find_metric
-from rmrc.law.stops import give_way
-from rmrc.law.task import BareTask, Joints, SecondTask, Task
+from rmrc.law.inertia import find_metric, link_fields
+from rmrc.law.record import UNCHANGED, UNLIMITED
+from rmrc.law.task import BareJoints, Joints, SecondTask, Task
 from rmrc.scenario import ControlSection, LimitsSection
 from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, write_choices
 from rmrc.scenario.profile import load_profile
@@ -34,7 +35,7 @@ class TaskLaw:
     """
 
     def __init__(
-        self, task: Task | BareTask, control: ControlSection, start: Array, seen: "Positions | None" = None
+        self, task: Task, control: ControlSection, start: Array, seen: "Positions | None" = None
     ) -> None:
         """Bind parameters to joints.
 
@@ -57,13 +58,11 @@ class TaskLaw:
             least, most = self.position_limit
             self.position_limit = np.array([np.maximum(least, lower), np.minimum(most, upper)])
         self.posture = start if nullspace_.posture is None else np.array(nullspace_.posture)
-        self.second: SecondTask | None = None
-        self._inertia: Inertia | None = None
-        if isinstance(task, Task):  # with an arm
-            if nullspace_.objective == "secondary":
-                self.second = SecondTask(task, nullspace_.secondary, start if seen is None else seen)
-            if control.inverse.metric == "inertia":
-                self._inertia = Inertia(task.arm, task.length)
+        has_second, has_inertia = nullspace_.objective == "secondary", control.inverse.metric == "inertia"
+        seen = start if seen is None else seen
+        self.second = SecondTask(task, nullspace_.secondary, seen) if has_second else None
+        has_inertia &= not isinstance(arm, BareJoints)  # whose caller has it
+        self._links = link_fields(arm, task.length) if has_inertia else {}
 
     @property
     def is_eased(self) -> bool:
@@ -87,14 +86,16 @@ class TaskLaw:
         }
         methods = {field: getattr(module, name) for field, (module, name) in names.items() if name}
         methods |= {"control": law.control, "decompose": svd.decompose, "complete": svd.complete}
-        if isinstance(self.task, Task) and self.task.frame != "world":
+        if self.task.frame != "world":
             methods["turn"] = law.turn
         if inverse.metric == "inertia":
             methods["weigh"] = metric.weigh
-        if self._inertia is not None:
+        if self._links:
             methods["metric"] = find_metric
         if self.is_eased:
             methods |= {"ease": limits.ease_rates, "stops": jerk.rest_bounds, "remember": jerk.remember}
+        if control.limits.on_excess in ("optimal", "sns"):
+            methods["find_best"] = find_best
         is_in_range = np.isfinite(self.position_limit).any()
         if is_in_range or control.limits.on_excess not in ("scale", "clamp", "none"):
             methods["give_way"] = give_way
@@ -109,22 +110,22 @@ class TaskLaw:
         world["task"]["feedback"], world["task"]["feedforward"] = control.feedback, control.feedforward
         ranges = self.task.arm.position_limit.T
         bounds["range"][:, :n] = ranges
-        if isinstance(self.task, Task):  # joints without an arm may slide
-            is_bounded = np.isfinite([ranges, self.position_limit]).any(axis=(0, 1))
-            world["task"]["comes_round"][:n] = self.task.arm.comes_round & ~is_bounded
+        is_bounded = np.isfinite([ranges, self.position_limit]).any(axis=(0, 1))
+        world["task"]["comes_round"][:n] = self.task.arm.comes_round & ~is_bounded
         bounds["rate"][:n], bounds["is_eased"] = self.rate_limit, self.is_eased
         # The limits on changes also keep them within the acceleration limit.
         bounds["acceleration"][:n] = math.inf if self.is_eased else self.acceleration_limit
         bounds["hardest"][:n], bounds["jerk"][:n] = self.acceleration_limit, self.jerk_limit
         bounds["change"][:n] = self.acceleration_limit * control.period
         if self.is_eased:
-            bounds["jerk_step"][:n] = np.clip(self.jerk_limit * control.period**2, *jerk.JERK_STEPS)
+            bounds["jerk_step"][:n] = np.clip(self.jerk_limit * control.period**2, UNCHANGED, UNLIMITED)
         bounds["braking"][:n], bounds["position"][:, :n] = self.braking, self.position_limit
         bounds["keep_direction"] = control.limits.keep_direction
         if self.second is not None:
             self.second.write(world)
-        if self._inertia is not None:
-            self._inertia.write(world)
+        world["links"]["count"] = len(self._links.get("mass", ()))
+        for name, values in self._links.items():
+            world["links"][name][: len(values)] = values
         write_choices(world["law"], control)
         world["law"]["nullspace_posture"][:n] = self.posture
 
@@ -147,7 +148,7 @@ def schedule_of(method: str, schedule: str) -> str:
 
 
 # Methods that most worlds never call: they are compiled when one does.
-LATE = "give_way", "complete"
+LATE = "give_way", "find_best", "complete"
 
 
 def link(worlds: Any, methods: Mapping[str, Method], late: Sequence[str] = LATE) -> None:

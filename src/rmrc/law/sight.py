@@ -115,7 +115,7 @@ def look(world: Record) -> None:
         follow_chain(world, state.q)
         geometric_jacobian(world)
         if second.m > 0:
-            follow_second(world, state.q)
+            follow_second(world)
     elif sites > 0:
         read_base(world)
         read_axes(world)

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rmrc.law.command import Command
 from rmrc.law.compiling import Array
-from rmrc.law.joint_motion import ease_joints, move_joints
+from rmrc.law.joint_motion import move_joints
+from rmrc.law.limits import by_joint
 from rmrc.law.periods import TIMED
 from rmrc.law.record import new_worlds, reset
 from rmrc.law.settings import TaskLaw, link
@@ -68,9 +69,7 @@ class SteppedLaw:
         self._worlds = worlds = new_worlds(len(laws), n, axes)
         for world, law in zip(worlds, laws, strict=True):
             law.write(world)
-        self._methods = laws[0].methods | {"move_joints": move_joints}
-        if laws[0].is_eased:
-            self._methods["ease_joints"] = ease_joints
+        self._methods = laws[0].methods | {"move_joints": move_joints, "by_joint": by_joint}
         self._is_single, self._steps = is_single, list[Callable[[], None]]()
         self.command = Command(worlds, self.joints, is_single)
         state, input_ = worlds["state"], worlds["input"]

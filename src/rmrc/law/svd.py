@@ -70,16 +70,12 @@ def combine(gain: Array, along: Array, basis: Array, k: int, size: int, total: A
 def orthogonalize_row(rows: Array, i: int, size: int) -> None:
     """Remove from row i its components along the orthonormal rows before it, and normalize it."""
     for p in range(i):
-        along = 0.0
-        for j in range(size):
-            along += rows[i, j] * rows[p, j]
+        along = dot(rows[i], rows[p], size)
         for j in range(size):
             rows[i, j] -= along * rows[p, j]
-    norm2 = 0.0
+    norm = math.sqrt(dot(rows[i], rows[i], size))
     for j in range(size):
-        norm2 += rows[i, j] * rows[i, j]
-    for j in range(size):
-        rows[i, j] /= math.sqrt(norm2)
+        rows[i, j] /= norm
 
 
 @compiled
@@ -100,18 +96,16 @@ def tame(rows: Array, norm2: Array, k: int, size: int) -> float:
     """
     total, largest = 0.0, 0.0
     for p in range(k):
-        norm2[p] = 0.0
-        for j in range(size):
-            norm2[p] += rows[p, j] * rows[p, j]
-            largest = max(largest, abs(rows[p, j]))
+        norm2[p] = dot(rows[p], rows[p], size)
         total += norm2[p]
+        for j in range(size):
+            largest = max(largest, abs(rows[p, j]))
     if TINY < total < HUGE or largest == 0.0:
         return 1.0
     for p in range(k):
-        norm2[p] = 0.0
         for j in range(size):
             rows[p, j] /= largest
-            norm2[p] += rows[p, j] * rows[p, j]
+        norm2[p] = dot(rows[p], rows[p], size)
     return float(largest)
 
 

@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.record import ROWS
 from rmrc.scenario import Frame
 from rmrc.support.spatial import (
     AXES,
@@ -36,6 +35,37 @@ SAMPLES = 20
 RANK_TOLERANCE = 1e-9
 # A row that depends on others up to this share of itself is not chosen: files have π/2 as 1.5708 or 1.57.
 INDEPENDENT = 2e-3
+
+
+@dataclass(frozen=True, eq=False)
+class BareJoints:
+    """Joints of which only the limits are known, in place of an `Arm`: the caller has their Jacobian.
+
+    Attributes:
+        joints: Names.
+        position_limit: Lower and upper limits, (n, 2) [rad or m]; infinite where there are none.
+        rate_limit: Largest rates, (n,) [rad/s or m/s]; infinite where there are none.
+    """
+
+    joints: tuple[str, ...]
+    position_limit: Array
+    rate_limit: Array
+    base_pose = ORIGIN
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def is_slide(self) -> NDArray[np.bool_]:
+        """Whether each counts as sliding, or as the same after a turn: none, as nothing is known of them."""
+        return np.zeros(self.n, np.bool_)
+
+    comes_round = is_slide
+
+
+Joints: TypeAlias = "Arm | BareJoints"
 
 
 class View(NamedTuple):
@@ -104,7 +134,7 @@ class Task:
     """Rows of an arm's Jacobian, weighted and made comparable by a characteristic length.
 
     Attributes:
-        arm: The arm.
+        arm: The arm, or the bare joints of a law that is given the Jacobian of its rows.
         rows: Rows of the twist that count, (m,), ascending.
         length: Characteristic length L, which makes meters and radians comparable [m].
         weights: Task weights W_x, (m,); None: all 1.
@@ -139,6 +169,8 @@ class Task:
     @cached_property
     def rank(self) -> int:
         """Rank of A almost everywhere: the largest at random but always equal configurations."""
+        if isinstance(self.arm, BareJoints):
+            return min(len(self.rows), self.arm.n)
         return self._rank(*_sampled(self.arm, self.frame))
 
     def _rank(self, jacobians: Array, poses: Array) -> int:
@@ -171,6 +203,9 @@ class Task:
         (task["frame"], task["free"]), task["base"] = self.view.codes, self.view.base
         task["row"][:m], task["row_scale"][:m] = self.rows, self.row_scale
         task["joint_scale"][:n] = self.joint_scale
+        if isinstance(self.arm, BareJoints):
+            chain["axes"], chain["leader"][:n], chain["ratio"][:n] = n, np.arange(n), 1.0
+            return
         geometry = self.arm.chain
         axes = chain["axes"] = len(geometry.names)
         slides = np.isinf(geometry.pitch)
@@ -188,73 +223,6 @@ def _sampled(arm: "Arm", frame: Frame) -> tuple[Array, Array]:
     q = [*arm.sampled(SAMPLES), arm.configuration("home")[arm.wiring.qpos]]
     poses = [arm.pose(one) if frame == "site" else ORIGIN for one in q]
     return np.array([arm.jacobian(one) for one in q]), np.array(poses)
-
-
-class Joints(Protocol):
-    """The properties of joints that the limits of a law use."""
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the joints."""
-
-    @property
-    def position_limit(self) -> Array:
-        """Lower and upper limits, (n, 2) [rad or m]; infinite where there are none."""
-
-    @property
-    def rate_limit(self) -> Array:
-        """Largest rates, (n,) [rad/s or m/s]; infinite where there are none."""
-
-
-@dataclass(frozen=True, eq=False)
-class BareJoints:
-    """Joints of which only the limits are known: see `Joints`."""
-
-    joints: tuple[str, ...]
-    position_limit: Array
-    rate_limit: Array
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return len(self.joints)
-
-
-@dataclass(frozen=True, eq=False)
-class BareTask:
-    """A task without an arm: the caller of the law supplies the Jacobian of its rows.
-
-    Attributes:
-        arm: The joints.
-        m: Number of rows.
-        weights: Task weights W_x, (m,); None: all 1.
-        joint_weights: Joint weights W_q, (n,); None: all 1.
-    """
-
-    arm: Joints
-    m: int
-    weights: Sequence[float] | None = None
-    joint_weights: Sequence[float] | None = None
-
-    @property
-    def rank(self) -> int:
-        """Rank of A almost everywhere, for independent rows."""
-        return min(self.m, self.arm.n)
-
-    def write(self, world: np.void) -> None:
-        """Write the rows and their scales into a world's record."""
-        task, chain, m, n = world["task"], world["chain"], self.m, self.arm.n
-        world["n"], world["m"], world["k"], world["rank"] = n, m, self.rank, self.rank
-        task["row"], task["row_scale"], task["joint_scale"] = np.arange(ROWS), 1.0, 1.0
-        if self.weights is not None:
-            task["row_scale"][:m] = np.sqrt(self.weights)
-        if self.joint_weights is not None:
-            task["joint_scale"][:n] = 1.0 / np.sqrt(self.joint_weights)
-        chain["axes"], chain["leader"][:n], chain["ratio"][:n] = n, np.arange(n), 1.0
 
 
 class SecondTask:

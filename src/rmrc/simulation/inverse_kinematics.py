@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Arm
 from rmrc.law import svd
+from rmrc.law.active_set import best_within, find_best
 from rmrc.law.compiling import Array, Record, compiled
 from rmrc.law.kinematics import HALF_TURN, follow_chain, geometric_jacobian, pose_error
-from rmrc.law.optimal import best_within
 from rmrc.law.record import copied, new_worlds
 from rmrc.law.settings import link
 from rmrc.law.task import Task
@@ -125,7 +125,7 @@ def _worlds(task: Task) -> NDArray[np.void]:
     """Return the record of a task's world, in an array, (1,)."""
     worlds = new_worlds(1, task.arm.n, len(task.arm.axis_names))
     task.write(worlds[0])
-    link(worlds, {"decompose": svd.decompose, "complete": svd.complete})
+    link(worlds, {"decompose": svd.decompose, "complete": svd.complete, "find_best": find_best})
     return worlds
 
 
@@ -145,7 +145,6 @@ def descend(
     takes all steps, with λ = 0.
     """
     world = worlds[0]  # numba takes an array of records faster than a record
-    world.memory.active[:] = 0.0
     squared = before = measure(world, goal, q)
     share, steps, row, is_last, following = FIRST_SHARE, 0, 0, False, q.copy()
     linearize(world, q, 0.0, trace[:1])
@@ -233,7 +232,7 @@ def find_step(world: Record, limit: Array, damping: float, q: Array, following: 
     bounds, step, e, left2 = world.bounds, world.tick.qdot_cmd, world.first.task, 0.0
     for j in range(world.n):
         bounds.lower[j], bounds.upper[j], step[j] = limit[j, 0] - q[j], limit[j, 1] - q[j], 0.0
-    best_within(world, e, 1.0, damping)
+    best_within(world, e, damping)
     for j in range(world.n):
         following[j] = min(max(q[j] + step[j], limit[j, 0]), limit[j, 1])
         step[j] /= world.task.joint_scale[j]

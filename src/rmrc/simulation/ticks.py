@@ -6,12 +6,10 @@ import numpy as np
 
 from rmrc.law.compiling import Array, Method, Record, at, call, carray, compiled, pointer
 from rmrc.law.kinematics import (
-    WORLD,
     follow_chain,
     follow_second,
-    frame_error,
+    framed_error,
     geometric_jacobian,
-    pose_error,
     second_jacobian,
 )
 from rmrc.law.priority import second_error
@@ -146,14 +144,12 @@ def believe(world: Record) -> None:
     call(world.methods.readings, world)
     for j in range(world.n):
         tick.q_believed[j] = world.plant.q_last[j] = world.state.q[j]
-    pose_error(tick.pose, tick.pose_ref, true_error)
-    if task.frame != WORLD:
-        frame_error(task.frame, task.base, task.free, tick.pose, tick.pose_ref, true_error)
+    framed_error(task.frame, task.base, task.free, tick.pose, tick.pose_ref, true_error)
     follow_chain(world, world.state.q)
     geometric_jacobian(world)
     if world.second.m > 0:
         world.second.true_error = second_error(world)
-        follow_second(world, world.state.q)
+        follow_second(world)
 
 
 @compiled
