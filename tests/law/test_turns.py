@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 import rmrc
 from project import examples
 from rmrc.scenario import StartPose
-from rmrc.simulation.start import start_positions
+from rmrc.simulation.configuration import start_positions
 
 # Joints: a hinge without range, one with a range of many turns, a slide without range, two hinges without range;
 # of the latter, the second leads a hinge by a ratio.
