@@ -235,7 +235,9 @@ class Rmrc:
         import rmrc
 
         limits = {"rate": arm.rate.tolist(), **control.get("limits", {})}
-        self.controller = rmrc.Controller(arm.path, arm.site, {**control, "limits": limits}, period=PERIOD)
+        law = {**control, "limits": limits}
+        # a meter is as long as a radian, as in the loops of the others
+        self.controller = rmrc.Controller(arm.path, arm.site, law, period=PERIOD, task={"length": 1})
 
     def step(self, q: np.ndarray, qdot: np.ndarray, pose: Pose, twist: np.ndarray, after: Pose) -> np.ndarray:
         return self.controller.step(q, qdot, pose=pose.vector, twist=twist).qdot_cmd

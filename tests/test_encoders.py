@@ -17,7 +17,7 @@ from rmrc.textbook.displacement import tip_covariance
 from screws import screw_chain
 from wording import says
 
-PLANAR = ("arm.model=models/planar_3link.xml", "arm.start=home", "task.axes=[x, y, rz]")
+PLANAR = ("arm.model=models/planar_3link.xml", "arm.start=home", "task={axes: [x, y, rz], length: 1}")
 STANFORD = (
     "arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home", "task.axes=[x, y, z, rx, ry, rz]",
 )  # fmt: skip

@@ -27,7 +27,7 @@ SAYS = {
     "own_loop": [r"5213 ticks, the bits of `rmrc run`: True", "least singular value: 0.0018"],
     "robot_driver": [
         "1500 commands at 500 Hz",
-        r"100 states lost: braked from 0\.[6-9]\d to 0\.[0-4]\d rad/s",
+        r"100 states lost: braked from 1\.00 to 0\.[0-4]\d rad/s",
         r"largest acceleration [1-4]\.\d\d of 4 rad/s²; at the goal within 0\.\d mm",
     ],
     "environment": ["goal 0: .* reached: True", "goal 1: .* reached: True", "goal 2: .* reached: True"],

@@ -166,7 +166,8 @@ def ran(model, kind, by, **plant):
     """Return a world, and what it did: a short move and a pause."""
     axes = ("x", "y", "z") if model == "telescope" else ("x", "z")
     prepared = prepare(Scenario.model_validate({
-        "name": "followers", "arm": {"model": MODELS / f"{model}.xml", "site": "tip"}, "task": {"axes": axes},
+        "name": "followers", "arm": {"model": MODELS / f"{model}.xml", "site": "tip"},
+        "task": {"axes": axes, "length": 1},
         "control": {"period": TIMESTEP, "feedback": 20.0, "inverse": {"method": "inverse"}, "limits": {"on_excess": "none"}},
         "target": {"path": ({"line": {"by": by}}, {"hold": {"for": 0.1}})},
         "plant": {"kind": kind, "timestep": TIMESTEP, **plant},

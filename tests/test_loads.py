@@ -260,6 +260,9 @@ def test_the_verb_tells_contact_and_leaves_the_verdict_to_what_is_expected(rmrc,
     assert known["scorecard"]["contact"]["first_bodies"] == "lower – floor" and known["resting"] == []
 
 
+BY_ARM = "from the arm: damping maximum 0.042, below 0.059"
+
+
 def test_what_was_assumed_is_known_and_only_what_the_author_had_otherwise_is_told(tmp_path):
     more = (
         '<option timestep="0.0005" integrator="RK4"/><actuator><position name="drive" joint="elbow" kp="50"/>'
@@ -268,6 +271,7 @@ def test_what_was_assumed_is_known_and_only_what_the_author_had_otherwise_is_tol
     about = scenario(arm(tmp_path, more=more))
     assumed = {one.text: one.is_otherwise for one in prepare(about).assumed}
     assert assumed == {
+        BY_ARM: True,
         "rate servos take the place of position actuators: drive": True,
         "rate servos take the place of velocity actuators: rate": False,
         "integrator implicitfast instead of the model's RK4": True,
@@ -279,4 +283,5 @@ def test_what_was_assumed_is_known_and_only_what_the_author_had_otherwise_is_tol
         "no position limit: all joints": False,
     }
     plain = prepare(scenario(arm(tmp_path, name="plain"), kind="ideal")).assumed
-    assert not any(one.is_otherwise for one in plain) and not any("torque" in one.text for one in plain)
+    assert [one.text for one in plain if one.is_otherwise] == [BY_ARM]
+    assert not any("torque" in one.text for one in plain)

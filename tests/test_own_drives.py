@@ -33,7 +33,8 @@ def scenario(name, start="home", by=(0.05, 0.0, 0.05), seconds=0.3, period=PERIO
     path = MODELS / f"{name}.xml" if isinstance(name, str) else name
     return Scenario.model_validate({
         "name": "drives", "arm": {"model": path, "site": "hand", "start": start}, "task": {"axes": ("x", "z")},
-        "control": {"period": period, "feedback": 5.0, "limits": limits or {}},
+        "control": {"period": period, "feedback": 5.0, "limits": limits or {},
+                    "inverse": {"damping": {"maximum": 0.1, "below": 0.3}}},
         "target": {"path": ({"line": {"by": by}}, {"hold": {"for": seconds}})},
         "plant": {"kind": "model", "bandwidth": 100.0, **plant},
     })  # fmt: skip

@@ -33,9 +33,11 @@ def test_shipped_scenario_meets_its_expectations(name):
     assert all(outcome.ok for outcome in results), [str(outcome) for outcome in results if not outcome.ok]
 
 
+# More damping than the arms need: with what fits them, some do no worse.
+DAMPED = "control.inverse={method: damped, damping: {maximum: 0.1, below: 0.3}}"
 FAULTS = [
     ("approach_singularity", "control.limits.rate=0.5"),
-    ("blow_up", "control.inverse.method=damped"),
+    ("blow_up", DAMPED),
     ("line_tracking", "plant.kv=100"),
     ("null_space", "control.nullspace.objective=none"),
     ("stanford_line", "control.feedback=1"),
@@ -52,7 +54,7 @@ FAULTS = [
     ("posture_sweep", "control.nullspace.objective=none"),
     ("encoder_offsets", "arm.encoder.deviation=1 deg"),
     ("wrong_lengths", "plant.stretch.link_1=1.006"),
-    ("example_5_5", "control.inverse.method=damped"),
+    ("example_5_5", DAMPED),
     ("whitney_1972", "control.feedback=25"),
     ("more_rows_than_joints", "task.weights=[1, 1, 1]"),
     ("only_some_velocities", "control.inverse.method=transpose"),
@@ -67,19 +69,19 @@ FAULTS = [
     ("spray_past_the_wrist", "task.axes=[x, y, z, rx, ry, rz]"),
     ("recorded_motion", "control.feedforward=false"),
     ("start_by_pose", "arm.pose.orientation=[160 deg, 0, 0]"),
-    ("anthropomorphic_shoulder", "control.inverse.method=damped"),
-    ("anthropomorphic_elbow", "control.inverse.method=damped"),
-    ("torus_elbow", "control.inverse.method=damped"),
-    ("torus_axis", "control.inverse.method=damped"),
-    ("spherical_wrist_pole", "control.inverse.method=damped"),
-    ("helical_crank", "control.inverse.method=damped"),
-    ("rp_pivot", "control.inverse.method=damped"),
+    ("anthropomorphic_shoulder", DAMPED),
+    ("anthropomorphic_elbow", DAMPED),
+    ("torus_elbow", DAMPED),
+    ("torus_axis", DAMPED),
+    ("spherical_wrist_pole", DAMPED),
+    ("helical_crank", DAMPED),
+    ("rp_pivot", DAMPED),
     ("annulus_6_3", "control.feedforward=false"),
-    ("stanford_shoulder", "control.inverse.method=damped"),
+    ("stanford_shoulder", DAMPED),
     ("stanford_boom", "control.feedforward=false"),
-    ("puma_shoulder", "control.inverse.method=damped"),
-    ("puma_elbow", "control.inverse.method=damped"),
-    ("puma_wrist", "control.inverse.method=damped"),
+    ("puma_shoulder", DAMPED),
+    ("puma_elbow", DAMPED),
+    ("puma_wrist", DAMPED),
     ("selig_211", "control.feedback=5"),
     ("three_roll", "control.feedforward=false"),
     # blind to the buckling: what the elbow does moves the tip neither in x nor in y

@@ -23,6 +23,7 @@ AMOUNT = r"(less than 0\.001|infinite|unknown|[\d,.]+(?:e[+-]\d+)?)"
 SENTENCE = re.compile(
     rf"(?P<place>Stayed at (?:a singularity|full reach)|(?:Came to full reach|(?:Came to a|Came near a|Met no) singularity) \(κ (?:at most )?(?P<kappa>{AMOUNT})\))"
     rf"(?P<end> and diverged at \S+ s(?: at .+?)?| and went \d+% of its path)?: "
+    rf"(?:damped (?P<damped>\d+)% of the time at κ below 20(?P<way> \(lower damping\.below\))?, )?"
     rf"(?:(?P<keepers>.+?) kept )?(?P<joint>\S+?)'s commands (?P<verb>at|peaked at) (?P<rate>{AMOUNT})(?: of (?P<limit>{AMOUNT}))? (?P<unit>m|rad)/s"
     rf"(?P<rest>(?:, with at most .+? of error)?(?:, .+? for .+? s)*)"
     rf"(?:; (?P<who>the plain inverse|the baseline) (?P<did>would ask for|commanded) (?P<other>{AMOUNT}) (?P<other_unit>m|rad)/s(?P<other_end> and diverged at \S+ s)?)?\."
@@ -65,6 +66,11 @@ def denied(sentence, run):
         share = re.search(r"(\d+)%", end)
         wrong += ["end"] * (bool(share) == (run.completed == 1.0))
         wrong += ["share"] * bool(share and not 0 <= 100 * run.completed - int(share[1]) < 1)
+    share = 100 * np.mean((run["damping"] > 0) & (run["condition"] < 20))
+    wrong += ["damped"] * (bool(found["damped"]) != bool(share > 50))
+    if found["damped"]:
+        wrong += ["damped share"] * bool(abs(int(found["damped"]) - share) > 0.5 + 1e-9)
+        wrong += ["way"] * (bool(found["way"]) != (run.damping_below > 0))
     joint = run.joints.index(next(name for name in run.joints if name[:20] == found["joint"][:20]))
     wrong += ["unit"] * (found["unit"] != run.joint_unit(joint))
     wrong += ["rate"] * (not is_told(found["rate"], sent[:, joint].max()))

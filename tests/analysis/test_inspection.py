@@ -140,7 +140,7 @@ WORDS = {
 @pytest.mark.parametrize("case", WORDS)
 def test_words_at_singularities(case):
     (name, site, q), lost, standing = WORDS[case]
-    found = inspect(model(name, site), q)
+    found = inspect(model(name, site), q, length=1.0)
     assert [one.words for one in found.lost] == list(map(says, lost))
     assert [one.words for one in found.standing] == list(map(says, standing))
 

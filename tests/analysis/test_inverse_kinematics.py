@@ -143,7 +143,7 @@ def test_rows_that_do_not_count_are_free():
 @pytest.mark.parametrize("method", ["damped", "newton"])
 def test_more_rows_than_joints_are_met_where_they_can_be(method):
     arm = load("planar_2link")
-    task = choose(arm, ["x", "y", "z", "rz"])
+    task = choose(arm, ["x", "y", "z", "rz"], 1.0)
     q = np.array([0.4, 0.9])
     found = solve_ik(task, arm.pose(q), q - 0.1, method=method)
     assert found.found
@@ -280,7 +280,7 @@ def test_the_tolerance_is_over_the_length():
 
 def test_the_nearest_cannot_be_bettered_within_the_limits():
     arm = load("stanford")
-    task, (lower, upper) = choose(arm), arm.position_limit.T
+    task, (lower, upper) = choose(arm, length=1.0), arm.position_limit.T
     rng = np.random.default_rng(4)
     for _ in range(3):
         goal = np.concatenate([rng.uniform(1.2, 1.6, 3), Rotation.random(rng=rng).as_quat()])
@@ -395,7 +395,7 @@ def test_damped_steps_never_make_the_error_larger():
 def test_a_damped_step_minimizes_the_damped_error(name, axes, wrong):
     """|e − J z|² + λ²|z|², by numpy's least squares of the stacked equations; wrong: λ is not what was used."""
     arm = load(name)
-    task, agree, seen = choose(arm, axes.split()), True, 0
+    task, agree, seen = choose(arm, axes.split(), 1.0), True, 0
     for q in arm.sampled(5, 18):
         goal = arm.pose(q)
         path = solve_ik(task, goal, 0.5 * q, limits=False).iterates

@@ -56,11 +56,11 @@ def test_many_configurations_have_the_singular_values_of_each(puma):
 
 def test_what_is_lost_is_told_along_the_axes_of_the_site_and_kept_along_the_worlds(puma):
     q = np.array([0.3, -0.9, 3.4, 0.4, 0.0, 0.2])  # the wrist in line
-    found = rmrc.inspect(puma, q, task_frame="site")
+    found = rmrc.inspect(puma, q, task_frame="site", length=1.0)
     (lost,) = found.lost
     assert np.abs(puma.jacobian(q).T @ lost.wrench).max() < 1e-6 * np.linalg.norm(lost.wrench)
     assert lost.words.endswith("(axes of the site)")
-    (same,) = rmrc.inspect(puma, q).lost
+    (same,) = rmrc.inspect(puma, q, length=1.0).lost
     assert abs(abs(lost.twist @ same.twist) - 1.0) < 1e-9  # all rows count: the same direction of the world
     R = Rotation.from_quat(np.roll(puma.pose(q)[3:], -1)).as_matrix()
     assert np.abs(np.kron(np.eye(2), R.T) @ lost.twist - lost.twist).max() > 0.1  # and another of the site
@@ -103,8 +103,9 @@ def test_a_goal_of_whole_positions_and_rotations_is_the_same_in_every_frame(puma
 def test_verbs_take_the_frame_by_an_option(rmrc, puma):
     q = "0.3,-0.9,3.4,0.4,0.8,0.2"
     code, out, _ = rmrc(
-        "inspect", str(puma.path), "--q", q, "--axes", ",".join(POINTING), "--task-frame", "site", "--json"
-    )
+        "inspect", str(puma.path), "--q", q, "--axes", ",".join(POINTING), "--task-frame", "site", "--json",
+        "--length", "1",
+    )  # fmt: skip
     facts = json.loads(out)
     assert code == 0 and facts["task"]["frame"] == "site"
     np.testing.assert_allclose(

@@ -342,7 +342,7 @@ def test_zero_curves_of_circles_are_closed_and_on_them():
 def test_map_over_two_joints_is_mujocos_and_singular_where_the_determinant_is():
     arm = arm_of("stanford")
     q = arm.configuration("home")[arm.wiring.qpos]
-    space = joint_map(arm, ("theta_2", "theta_5"), q, cells=40)
+    space = joint_map(arm, ("theta_2", "theta_5"), q, length=1.0, cells=40)
     for i, j in ((0, 0), (3, 30), (40, 17)):
         one = q.copy()
         one[1], one[4] = space.first[i], space.second[j]

@@ -13,7 +13,7 @@ from project import ROOT
 from rmrc.arm import load as load_arm
 from rmrc.law.controller import Controller
 from rmrc.scenario import ControlSection, TaskSection, load
-from rmrc.scenario.choices import Status
+from rmrc.scenario.choices import DAMPING_BELOW, DAMPING_MAXIMUM, Status
 from rmrc.support.errors import ModelError, QuestionError, ScenarioError
 
 PUMA = ROOT / "models/puma560.xml"
@@ -101,11 +101,12 @@ def test_positions_that_no_arm_has_are_refused_by_reset(q):
 
 # Laws -------------------------------------------------------------------------------------------
 
-KEYS = {"period": 0.002, "feedback": 7.0, "inverse": {"method": "jparse"}}
+DAMPING = {"maximum": 0.1, "below": 0.3}  # of a law without an arm
+KEYS = {"period": 0.002, "feedback": 7.0, "inverse": {"method": "jparse", "damping": DAMPING}}
 
 
 def test_a_law_is_the_same_from_a_mapping_a_section_and_a_file(tmp_path):
-    text = "period: 0.002\nfeedback: 7\ninverse: {method: jparse}\n"
+    text = "period: 0.002\nfeedback: 7\ninverse: {method: jparse, damping: {maximum: 0.1, below: 0.3}}\n"
     block = "control:\n" + "".join(f"  {line}\n" for line in text.splitlines())
     for name, content in {"keys": text, "block": block}.items():
         (tmp_path / f"{name}.yaml").write_text(content, "utf-8")
@@ -140,8 +141,8 @@ def test_a_period_needs_no_whole_steps_of_mujoco():
 def test_the_defaults_of_one_inverse_are_those_of_a_scenario():
     defaults, inverse = inspect.signature(rmrc.resolve_rates).parameters, ControlSection().inverse
     homes = {
-        "method": inverse.method, "schedule": inverse.damping.schedule, "damping_maximum": inverse.damping.maximum,
-        "damping_below": inverse.damping.below, "manipulability_below": inverse.damping.manipulability_below,
+        "method": inverse.method, "schedule": inverse.damping.schedule, "damping_maximum": DAMPING_MAXIMUM.null,
+        "damping_below": DAMPING_BELOW.null, "manipulability_below": inverse.damping.manipulability_below,
         "error_gain": inverse.damping.error_gain, "tolerance": inverse.tolerance, "cutoff": inverse.cutoff,
         "gamma": inverse.gamma, "rate_bound": inverse.rate_bound,
     }  # fmt: skip
@@ -354,11 +355,12 @@ def test_stale_kinematics_brake_their_world_alone_and_say_what_to_call():
 def test_a_jacobian_gives_the_rates_of_the_arm_that_has_it():
     """The same law on J of MuJoCo and the feedback of this file: two ways to the twist, and one law behind."""
     section = {
+        "inverse": {"damping": DAMPING},
         "limits": {"rate": 0.8, "acceleration": 5.0},
         "feedback": 2.0,
         "joint_weights": [1, 2, 1, 3, 1, 1],
     }
-    arm = Controller(ARM, control=section)
+    arm = Controller(ARM, control=section, task={"length": 1})
     law = rmrc.Law(6, 6, section, position_limit=ARM.position_limit, joints=ARM.joints)
     p, turn = wanted_pose()
     pose, q = np.r_[p, turn.as_quat(scalar_first=True)], Q.copy()
@@ -411,11 +413,12 @@ def test_what_depends_on_the_arm_may_be_given_with_each_step(which):
     section = {
         "error": {"inverse": ERROR_SCHEDULE},
         "gradient": {
+            "inverse": {"damping": DAMPING},
             "nullspace": {"objective": "manipulability", "gain": 2.0},
             "joint_weights": [1, 2, 3, 1, 1, 2, 1],
         },
-        "M": {"inverse": {"method": "damped", "metric": "inertia"}},
-        "qdot0": {"nullspace": {"objective": "rates", "rates": [0.1] * 7}},
+        "M": {"inverse": {"method": "damped", "metric": "inertia", "damping": DAMPING}},
+        "qdot0": {"inverse": {"damping": DAMPING}, "nullspace": {"objective": "rates", "rates": [0.1] * 7}},
     }[which]
     task = {"axes": ["x", "y", "z", "rx", "ry", "rz"], "length": 1.0}
     whole, bare = Controller(arm, control=section, task=task), rmrc.Law(7, 6, section)

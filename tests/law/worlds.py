@@ -22,10 +22,10 @@ seeds = st.integers(0, 2**32 - 1)
 # One shape of each kind, and those of the arms that there are.
 SHAPES = [(1, 1), (2, 2), (2, 4), (3, 7), (4, 2), (6, 3), (6, 6), (6, 7)]
 
-# What inverses and schedules read, as `resolve_rates` calls it: the defaults of a scenario, and some error.
+# What inverses and schedules read, as `resolve_rates` calls it: its defaults, without an arm, and some error.
 SHORT = {"damping_manipulability_below": "manipulability_below", "damping_error_gain": "error_gain"}
 DEFAULTS = {
-    SHORT.get(name, name): one.default
+    SHORT.get(name, name): one.null if one.default is None else one.default
     for one in PARAMETERS
     if one.field.startswith("inverse_")
     for name in [one.field.removeprefix("inverse_")]

@@ -47,6 +47,8 @@ target: {{path: [{{line: {{to: [1.99, 0.0]}}}}], limits: {{velocity: 1.0, accele
 STANFORD = f"""
 name: stanford
 arm: {{model: {ROOT}/models/stanford.xml, site: tool, start: [0, 60 deg, 0.7, 5 deg, 40 deg, 0]}}
+task: {{length: 1}}
+control: {{inverse: {{damping: {{maximum: 0.1, below: 0.3}}}}}}
 target: {{path: [{{turn: {{axis: y, angle: -30 deg}}}}]}}
 plant: {{kind: ideal}}
 """

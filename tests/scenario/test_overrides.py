@@ -16,7 +16,7 @@ from wording import says
         ("arm.start[1]=10 deg", ["arm", "start", 1], math.radians(10)),
         ("target.path[0].line.to=[2,0]", ["target", "path", 0, "line", "to"], [2.0, 0.0]),
         ("task.weights=", ["task", "weights"], None),
-        ("task={axes: [z]}", ["task"], {"axes": ["z"], "frame": "world", "length": 1.0, "weights": None}),
+        ("task={axes: [z]}", ["task"], {"axes": ["z"], "frame": "world", "length": None, "weights": None}),
     ],
 )
 def test_an_override_replaces_one_value_and_no_other(override, steps, value):

@@ -88,8 +88,8 @@ def test_rows_of_the_schema_read_as_a_table():
         "control.inverse.damping.maximum",
         "number > 0",
         "as σ",
-        "0.1",
-        "λ_max, the largest damping (λ, not λ²)",
+        "from the arm",
+        "λ_max, the largest damping (λ, not λ²); null: `below`/√2, so that no gain exceeds 1/`below`",
     )
     kinds = {
         "name": "text",
@@ -128,13 +128,15 @@ def test_rows_of_the_schema_read_as_a_table():
     assert rows["arm.model"].default == "required"
     assert rows["arm.site"].default == rows["arm.tool.rpy"].default == "null"
     assert rows["control.inverse.tolerance"].default == "1.0e-06"
+    for key in ("task.length", "control.inverse.damping.below", "control.inverse.damping.maximum"):
+        assert rows[key].default == "from the arm" and rows[key].type == "number > 0"
     assert rows["task.weights"].default == rows["plant.kv"].default == "null"
     assert rows["target.path[].hold.for"].unit == "s"
 
 
 def valid(value, schema, root):
     """Say whether a value fits, for the part of JSON Schema that ours uses (no such library here)."""
-    known = {"$ref", "$defs", "$schema", "title", "description", "default", "unit", "format"}
+    known = {"$ref", "$defs", "$schema", "title", "description", "default", "derived", "unit", "format"}
     types = {
         "object": dict, "array": list, "string": str, "number": (int, float),
         "integer": int, "boolean": bool, "null": type(None),
@@ -224,5 +226,5 @@ def test_the_json_schema_refuses_what_is_refused(old, new):
 def test_the_json_schema_gives_editors_units_and_meanings():
     damping = described()["$defs"]["DampingSection"]["properties"]["maximum"]
     assert damping["unit"] == "as σ"
-    assert damping["description"] == "λ_max, the largest damping (λ, not λ²)"
-    assert damping["exclusiveMinimum"] == 0
+    assert damping["description"].startswith("λ_max, the largest damping (λ, not λ²)")
+    assert [one.get("exclusiveMinimum") for one in damping["anyOf"]] == [0, None]

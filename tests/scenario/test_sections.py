@@ -32,7 +32,8 @@ def test_the_defaults_are_those_of_the_contract():
     assert scenario.task.axes == ("x", "y", "z", "rx", "ry", "rz")
     assert (scenario.control.period, scenario.control.feedback) == (0.001, 20.0)
     assert scenario.control.inverse.method == "damped"
-    assert (scenario.control.inverse.damping.maximum, scenario.control.inverse.damping.below) == (0.1, 0.3)
+    assert (scenario.control.inverse.damping.maximum, scenario.control.inverse.damping.below) == (None, None)
+    assert scenario.task.length is None
     assert (scenario.plant.kind, scenario.plant.kv, scenario.plant.timestep) == ("servo", None, None)
     assert scenario.expect == {}
 
@@ -214,7 +215,7 @@ arm:
 task:
   axes: [x, y, z, rx, ry, rz]
   frame: world
-  length: 1.0
+  length: null
   weights: null
 control:
   period: 0.001
@@ -227,7 +228,7 @@ control:
     cutoff: 0.01
     gamma: 0.1
     rate_bound: 2.0
-    damping: {schedule: smallest_singular_value, maximum: 0.1, below: 0.3, manipulability_below: 0.3,
+    damping: {schedule: smallest_singular_value, maximum: null, below: null, manipulability_below: 0.3,
       error_gain: 1.0}
     push: {position: 1.0, rotation: 1.0}
   feedback: 20.0

@@ -47,7 +47,7 @@ def test_sigma_rises_from_a_thousandth_of_the_largest_to_the_next_of_the_tick(si
 
 
 def test_a_task_of_one_row_has_one_sigma_and_a_range_around_it(simulate):
-    prepared, run = simulate("task.axes=[x]", CONSTANT)
+    prepared, run = simulate("task.axes=[x]", CONSTANT, "control.inverse.damping.maximum=0.1")
     curve = filter_factor(prepared, run)
     np.testing.assert_allclose(curve.sigma[-1], 1.2 * run["sigma"].max(), rtol=1e-12)
     np.testing.assert_allclose(curve.gain, damped(curve.sigma, 0.1), rtol=1e-12)

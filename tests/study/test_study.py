@@ -93,7 +93,7 @@ def test_each_variant_is_what_it_is_alone(path):
 
 def test_what_they_have_in_common_is_found_once(monkeypatch):
     asked = []
-    for name in ("make_reference", "Task"):
+    for name in ("make_reference", "choose"):
         find = getattr(preparation, name)
         monkeypatch.setattr(
             preparation, name, lambda *args, name=name, find=find: asked.append(name) or find(*args)
@@ -102,7 +102,7 @@ def test_what_they_have_in_common_is_found_once(monkeypatch):
     prepared = Study(draft_of(SCENARIOS[1])).prepare_all(variants(many))
     for of in ("arm", "reference", "task"):
         assert len({id(getattr(one, of)) for one in prepared}) == 1
-    assert sorted(asked) == ["Task", "make_reference"]
+    assert sorted(asked) == ["choose", "make_reference"]
 
 
 def test_what_is_kept_does_not_grow():

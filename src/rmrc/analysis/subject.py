@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TypeAlias, get_args
 
@@ -37,17 +38,17 @@ class Subject:
         arm: The arm, with the site in question.
         q: Joint positions, (n,) [rad or m].
         axes: Rows of the twist that count; None: those that fit the question.
-        length: Characteristic length, which makes meters and radians comparable [m].
+        length: Characteristic length, which makes meters and radians comparable [m]; None: that of the arm.
         frame: Frame of the rows: `world`, `base`, or `site`, which turns with the site.
     """
 
     arm: Arm
     q: Array
     axes: Sequence[str] | None
-    length: float
+    length: float | None
     frame: Frame = "world"
 
-    @property
+    @cached_property
     def task(self) -> Task:
         """The rows that count; without `axes`, those that the arm can move independently of each other."""
         return choose(self.arm, self.axes, self.length, self.frame)
@@ -73,7 +74,7 @@ def subject(
         site: The site in question; None: that of the arm or scenario, or else of the hand: see
             `rmrc.arm.frames`.
         axes: Of x y z rx ry rz; None: those of a scenario, or else the question chooses.
-        length: Characteristic length [m]; None: that of a scenario, or else 1.
+        length: Characteristic length [m]; None: that of a scenario, or else of the arm.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         task_frame: Frame of the rows: `world`, `base` or `site`; None: that of the scenario whose rows
@@ -106,7 +107,7 @@ def subject(
     else:
         positions = numbers("q", q, arm.joints)
     frame = _check(axes, length, task_frame)
-    return Subject(arm, positions, axes, 1.0 if length is None else length, frame)
+    return Subject(arm, positions, axes, length, frame)
 
 
 def read_arm(

@@ -21,6 +21,7 @@ from rmrc.arm.location import Location, copy_joint, locate, moved
 from rmrc.arm.masses import Masses, find_masses
 from rmrc.arm.mounting import NamedFrame
 from rmrc.arm.others import Others
+from rmrc.arm.proportions import Proportions, proportions
 from rmrc.arm.shapes import Shape, visible
 from rmrc.arm.wiring import SLIDE, Wiring, find_chain, joint_name, joints_above, wire
 from rmrc.support.brief import brief
@@ -431,16 +432,25 @@ class Arm:
         rows = [np.eye(self.n), *(one.ratio * np.eye(self.n)[[one.leader]] for one in self.followers)]
         return [*self.wiring.dof.tolist(), *self.wiring.follower_dof.tolist()], np.concatenate(rows)
 
-    def sampled(self, count: int, seed: int = 0) -> Array:
-        """Return random joint positions, (count, n), the same at every call, uniform between the limits.
+    @property
+    def span(self) -> tuple[Array, Array]:
+        """Lower and upper ends of the joints' ranges, (n,) each.
 
         For a joint without limits the range is half a turn, or π meters, to either side of `home`.
         """
         home = self.configuration("home")[self.wiring.qpos]
         lower, upper = self.position_limit.T
         within = np.isfinite(lower) & np.isfinite(upper)
-        lower, upper = np.where(within, lower, home - np.pi), np.where(within, upper, home + np.pi)
-        return np.random.default_rng(seed).uniform(lower, upper, (count, self.n))
+        return np.where(within, lower, home - np.pi), np.where(within, upper, home + np.pi)
+
+    def sampled(self, count: int, seed: int = 0) -> Array:
+        """Return random joint positions, (count, n), the same at every call, uniform within `span`."""
+        return np.random.default_rng(seed).uniform(*self.span, (count, self.n))
+
+    @cached_property
+    def proportions(self) -> Proportions:
+        """Its proportions, from which a law has its length and its damping."""
+        return proportions(*self.span, self.is_slide, self.jacobian)
 
     @property
     def sites(self) -> tuple[str, ...]:

@@ -96,7 +96,7 @@ def ik(
     package: Packages = None,
     axes: TaskAxes = None,
     task_frame: TaskFrame = None,
-    length: Length = 1.0,
+    length: Length = None,
     method: WhichMethod = Method.DAMPED,
     limits: Limits = True,
     every: Every = False,

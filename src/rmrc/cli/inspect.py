@@ -81,7 +81,7 @@ def inspect(
     keyframe: Keyframes = None,
     axes: TaskAxes = None,
     task_frame: TaskFrame = None,
-    length: Length = 1.0,
+    length: Length = None,
     frame: Frame = None,
     joint_error: JointError = None,
     wrench: Wrench = None,

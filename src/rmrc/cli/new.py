@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rmrc.cli.console import notice, output, print_line
-from rmrc.cli.options import AsJson, Body, Joints, Model, Packages, Quiet, Site, length_within, read_arm
+from rmrc.cli.options import AsJson, Body, Joints, Length, Model, Packages, Quiet, Site, read_arm
 from rmrc.cli.reports import show
 from rmrc.support.errors import QuestionError
 from rmrc.support.invocation import command
@@ -18,14 +18,6 @@ Out = Annotated[
     typer.Option("--out", "-o", help="File, or - for stdout; default: the model's name, in this folder."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite the file.")]
-Length = Annotated[
-    float | None,
-    typer.Option(
-        help="Characteristic length equivalent to one radian, in m: task.length.",
-        show_default="the rms distance of the site from the axes",
-        callback=lambda length: length if length is None else length_within(length),
-    ),
-]
 Plant = Annotated[str, typer.Option(help="Plant that executes the rates: plant.kind of the scenario.")]
 
 

@@ -85,10 +85,11 @@ TaskFrame = Annotated[
 ]
 length_within = within("--length", 1e-6, FARTHEST)
 Length = Annotated[
-    float,
+    float | None,
     typer.Option(
         help="Characteristic length in m: makes meters and radians comparable in sigma, kappa and w.",
-        callback=length_within,
+        callback=lambda length: length if length is None else length_within(length),
+        show_default="that of the arm",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]

@@ -65,7 +65,7 @@ def statics(
     at: At = None,
     gravity: Gravity = False,
     hold: Hold = None,
-    length: Length = 1.0,
+    length: Length = None,
     as_json: AsJson = False,
 ) -> None:
     """Compute actuator torques and link loads under a wrench, and wrenches that need no torque."""

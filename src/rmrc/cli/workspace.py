@@ -108,7 +108,7 @@ def workspace(
     keyframe: Keyframe = None,
     axes: TaskAxes = None,
     task_frame: TaskFrame = None,
-    length: Length = 1.0,
+    length: Length = None,
     cells: Cells = 200,
     samples: Samples = 1_000_000,
     out: Out = Path("recordings"),

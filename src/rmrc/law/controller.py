@@ -29,6 +29,7 @@ from rmrc.law import fit
 from rmrc.law.active_set import give_way
 from rmrc.law.command import Command
 from rmrc.law.compiling import Array
+from rmrc.law.defaults import fitted
 from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET
 from rmrc.law.kinematics import FRAMES
 from rmrc.law.record import POSE, TWIST
@@ -68,7 +69,8 @@ class Controller(SteppedLaw):
     Attributes:
         arm: The arm.
         task: The task: which components of the site's motion are controlled.
-        control: The settings of the law.
+        control: The settings of the law; numbers that nobody gave are those of the arm.
+        assumed: Assumptions about the model, and the numbers that came from the arm, one line each.
         actuators: Indices of the arm's actuators in `data.ctrl` of the model, (n,).
     """
 
@@ -115,13 +117,17 @@ class Controller(SteppedLaw):
         self.control = sections.control
         self.arm = _arm(model, site, body, joints, sections.arm)
         self.arm.require_open()
-        self.task = self._task(sections.task if task is None else task)
+        wanted = sections.task if task is None else task
+        section = wanted if isinstance(wanted, Task | None) else read_task(wanted)
+        self.task = self._task(section)
         fit.refuse([
             *fit.misfits(self.control, len(self.task.rows), self.arm),
             *fit.second_task_misfits(self.control, self.arm),
             *fit.scale_misfits("task.length", (self.task.length,), is_list=False),
             *fit.scale_misfits("task.weights", tuple(self.task.weights or ())),
         ])  # fmt: skip
+        self.control, by_arm = fitted(self.control, self.task, section.length if section else None)
+        self.assumed = (*self.arm.notes, *filter(None, [by_arm]))
         super().__init__(self.arm.joints, self.control.period, watchdog, clock)
         self._drives = actuators
         self.reset()
@@ -129,13 +135,12 @@ class Controller(SteppedLaw):
         if slow:
             warnings.warn(f"{self.arm.path}: {slow}", ModelWarning, stacklevel=2)
 
-    def _task(self, task: Task | TaskSection | Mapping[str, Any] | None) -> Task:
+    def _task(self, section: Task | TaskSection | None) -> Task:
         weights = self.control.joint_weights
-        if isinstance(task, Task):
-            return task
-        if task is None:
+        if isinstance(section, Task):
+            return section
+        if section is None:
             return replace(choose(self.arm), joint_weights=weights)
-        section = read_task(task)
         chosen = choose(self.arm, section.axes, section.length, section.frame)
         return replace(chosen, weights=section.weights, joint_weights=weights)
 

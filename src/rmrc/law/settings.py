@@ -25,6 +25,7 @@ class TaskLaw:
 
     Attributes:
         task: The task of the site.
+        control: The control section; without an arm, numbers that come from one may be null.
         second: The second task, if any.
         rate_limit: Largest rates, from the model where the scenario has none, (n,); infinite for none.
         acceleration_limit: Largest accelerations, (n,); infinite for none.
@@ -46,7 +47,7 @@ class TaskLaw:
             seen: Where all joints are, if they are not at rest: see `Arm.pose`.
         """
         arm, section, nullspace_ = task.arm, control.limits, control.nullspace
-        self.task, self._control = task, control
+        self.task, self.control = task, control
         self.rate_limit = rate_limit(arm, section)
         self.acceleration_limit = _each(arm, section.acceleration)
         self.jerk_limit = _each(arm, section.jerk)
@@ -72,7 +73,7 @@ class TaskLaw:
     @property
     def methods(self) -> dict[str, Method]:
         """The methods that it calls, by their fields in a world's record."""
-        control = self._control
+        control = self.control
         inverse, objective = control.inverse, control.nullspace.objective
         names = {
             "gains": (inverses, inverse.method),
@@ -103,7 +104,7 @@ class TaskLaw:
 
     def write(self, world: np.void) -> None:
         """Write parameters into a world's record."""
-        control, n, bounds = self._control, self.task.arm.n, world["limits"]
+        control, n, bounds = self.control, self.task.arm.n, world["limits"]
         self.task.write(world)
         world["first"]["rows"], world["period"] = world["m"], control.period
         world["input"]["period"], bounds["stretch"] = control.period, 1.0

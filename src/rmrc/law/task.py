@@ -28,8 +28,8 @@ if TYPE_CHECKING:  # a task without an arm does not load MuJoCo
 
 Array = NDArray[np.float64]
 
-# The rank of a task almost everywhere is the largest at this many random configurations. One would do with
-# probability 1; more guard against configurations that are singular by chance.
+# Rows are independent if they are at one of this many random configurations. One would do with probability 1;
+# more guard against configurations that are singular by chance.
 SAMPLES = 20
 # A singular value below this share of the largest, at a random configuration, is rounding.
 RANK_TOLERANCE = 1e-9
@@ -168,15 +168,28 @@ class Task:
 
     @cached_property
     def rank(self) -> int:
-        """Rank of A almost everywhere: the largest at random but always equal configurations."""
+        """Rank of A almost everywhere: the largest at the configurations of `Arm.proportions`."""
         if isinstance(self.arm, BareJoints):
             return min(len(self.rows), self.arm.n)
-        return self._rank(*_sampled(self.arm, self.frame))
-
-    def _rank(self, jacobians: Array, poses: Array) -> int:
-        """Return the largest rank of A, from Jacobians (s, 6, n) along world axes and poses (s, 7)."""
-        sigma = np.linalg.svd(self.matrix(self.turned(jacobians, poses)), compute_uv=False)
+        sigma = self._sigma
         return int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[:, :1], axis=1).max())
+
+    @cached_property
+    def _sigma(self) -> Array:
+        """Singular values at the configurations of `Arm.proportions`, (s, k)."""
+        places = self.arm.proportions
+        A = self.matrix(self.turned(places.jacobian, _poses(self.arm, self.frame, places.q)))
+        return np.asarray(np.linalg.svd(A, compute_uv=False))
+
+    @property
+    def least_sigma(self) -> Array:
+        """Smallest σ that is not always 0, at the configurations of `Arm.proportions`, (s,)."""
+        return np.asarray(self._sigma[:, max(self.rank, 1) - 1])
+
+    @property
+    def usual_sigma(self) -> float:
+        """The usual σ_min, see `rmrc.arm.proportions`; 0 if the joints do not move the rows."""
+        return float(np.median(self.least_sigma)) if self.rank else 0.0
 
     def matrix(self, jacobian: Array) -> Array:
         """Return A = S_x J S_q, (..., m, n), for a Jacobian along the axes of the frame, (..., 6, n)."""
@@ -220,9 +233,13 @@ def _sampled(arm: "Arm", frame: Frame) -> tuple[Array, Array]:
 
     The last of them are at the keyframe `home`.
     """
-    q = [*arm.sampled(SAMPLES), arm.configuration("home")[arm.wiring.qpos]]
-    poses = [arm.pose(one) if frame == "site" else ORIGIN for one in q]
-    return np.array([arm.jacobian(one) for one in q]), np.array(poses)
+    q = np.vstack([arm.sampled(SAMPLES), arm.configuration("home")[arm.wiring.qpos]])
+    return np.array([arm.jacobian(one) for one in q]), _poses(arm, frame, q)
+
+
+def _poses(arm: "Arm", frame: Frame, q: Array) -> Array:
+    """Return poses of the site, (s, 7), at joint positions (s, n), or others if the frame needs none."""
+    return np.array([arm.pose(one) if frame == "site" else ORIGIN for one in q])
 
 
 class SecondTask:
@@ -271,7 +288,7 @@ class SecondTask:
 
 
 def choose(
-    arm: "Arm", axes: Sequence[str] | None = None, length: float = 1.0, frame: Frame = "world"
+    arm: "Arm", axes: Sequence[str] | None = None, length: float | None = None, frame: Frame = "world"
 ) -> Task:
     """Return the task of some axes, or of those that the arm can move independently of each other.
 
@@ -285,15 +302,19 @@ def choose(
     Args:
         arm: The arm.
         axes: Of x y z rx ry rz; None to choose.
-        length: Characteristic length [m].
+        length: Characteristic length [m]; None: that of the arm, see `rmrc.arm.proportions`.
         frame: The frame of the rows: the world, the arm's base, or the site as it turns.
 
     Raises:
         ValueError: No such axis.
     """
-    if axes is not None:
-        return Task(arm, np.array(sorted({AXES.index(axis) for axis in axes})), length, frame=frame)
+    names = _independent(arm, length or 1.0, frame) if axes is None else axes
+    rows = np.array(sorted({AXES.index(axis) for axis in names}), np.intp)
+    return Task(arm, rows, arm.proportions.length(rows) if length is None else length, frame=frame)
 
+
+def _independent(arm: "Arm", length: float, frame: Frame) -> list[str]:
+    """Return the axes that the arm can move independently of each other, in the order of choice."""
     task = Task(arm, np.arange(6), length, frame=frame)
     J = task.turned(*_sampled(arm, frame)) * task.joint_scale
     size = np.linalg.norm(J, axis=2).max(axis=0)
@@ -311,4 +332,4 @@ def choose(
             more = [*rows, row]
             if row not in rows and rank(more) > len(rows) and rank(more, some) > rank(rows, some):
                 rows = more
-    return Task(arm, np.sort(rows), length, frame=frame)
+    return [AXES[row] for row in rows]

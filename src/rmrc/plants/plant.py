@@ -22,11 +22,12 @@ from rmrc.scenario.choices import PLANTS
 
 
 class Assumed(NamedTuple):
-    """A deviation of a run from the model as its author wrote it.
+    """A deviation of a run from the model as its author wrote it, or what its user left open.
 
     Attributes:
         text: Description.
-        is_otherwise: Whether the author chose a different value, rather than none.
+        is_otherwise: Whether the author chose a different value, rather than none, or the run has a number
+            that its user did not give.
     """
 
     text: str

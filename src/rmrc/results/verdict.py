@@ -22,6 +22,8 @@ NEAR = 17.0
 # Share of the largest distance from the shoulder from which an arm counts as stretched out; and share of the
 # lost direction that must point away from the shoulder for that to be the cause.
 STRETCHED, AWAY = 0.995, 0.9
+# A run that is damped for a larger share of its time, at κ below this, is damped without need.
+USUAL, HARMLESS = 0.5, 20.0
 # Rates that differ by less count as the same.
 MORE = 1.05
 
@@ -62,7 +64,7 @@ def told(run: Recorded, card: "Scorecard", beside: "tuple[Recorded, Scorecard] |
     if not len(run):
         end = f"{run.divergence} before" if run.divergence else "Ended before"
         return f"{end[:1].upper()}{end[1:]} the first tick was recorded."
-    place, rates, error, times = _place(run), _rates(run), _error(card), _times(card)
+    place, rates, error, times = _place(run), _needless(run) + _rates(run), _error(card), _times(card)
     other = _plainly(run, card) if beside is None else _other(*beside)
     details = [[rates, error, *times[:count]] for count in range(len(times), -1, -1)]
     sentences = [f"{place}: {', '.join(told)}{other}." for told in [*details, [rates]]]
@@ -96,6 +98,13 @@ def _stretched(run: Recorded) -> NDArray[np.bool_]:
     lost = run.view.back(run["u_min"], run["pose"])
     away = np.abs((lost[:, :3] * outward).sum(axis=1)) >= AWAY * distance * np.linalg.norm(lost, axis=1)
     return np.asarray((distance >= STRETCHED * run.reach) & away)
+
+
+def _needless(run: Recorded) -> str:
+    """Return for which share of its time a run was damped far from any singularity, if for the most of it."""
+    share = float(np.mean((run["damping"] > 0.0) & (run["condition"] < HARMLESS)))
+    way = " (lower damping.below)" if run.damping_below > 0.0 else ""
+    return f"damped {100.0 * share:.0f}% of the time at κ below {HARMLESS:g}{way}, " if share > USUAL else ""
 
 
 def _rates(run: Recorded) -> str:

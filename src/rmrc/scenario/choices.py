@@ -108,6 +108,7 @@ class Parameter(Keyed):
         unit: Unit for the schema.
         bounds: On the number.
         null: The number that the law reads where the key is null; None: it may not be null.
+        derived: The source of a default that depends on the arm, in words; the law has `null` without an arm.
         kind: A number, one for all joints or for each, or one per joint: positions (perhaps angles) or rates.
         range: Smallest and largest value that `tune` tries; None: it leaves the parameter alone.
     """
@@ -117,6 +118,7 @@ class Parameter(Keyed):
     unit: str
     bounds: Bounds = POSITIVE
     null: float | None = None
+    derived: str = ""
     kind: Literal["number", "each", "positions", "rates"] = "number"
     range: Callable[[Scales], tuple[float, float]] | None = None
 
@@ -124,15 +126,18 @@ class Parameter(Keyed):
 # In the order of the keys in a section.
 PARAMETERS = (
     DAMPING_MAXIMUM := Parameter(
-        "inverse.damping.maximum", "λ_max, the largest damping (λ, not λ²)", 0.1, "as σ",
+        "inverse.damping.maximum",
+        "λ_max, the largest damping (λ, not λ²); null: `below`/√2, so that no gain exceeds 1/`below`",
+        None, "as σ", null=0.1, derived="from the arm",
         # λ = σ₁/2 takes a fifth of the gain even in the best direction, by 1/(1 + λ²/σ²); σ₁/1000 lets rates
         # grow 500-fold.
         range=lambda seen: (1e-3 * seen.sigma, 0.5 * seen.sigma),
     ),
     DAMPING_BELOW := Parameter(
         "inverse.damping.below",
-        "ε: threshold of σ_min below which smallest_singular_value damps; filtered: threshold of each σ",
-        0.3, "as σ",
+        "ε: threshold of σ_min below which smallest_singular_value damps; filtered: threshold of each σ; "
+        "null: a third of the arm's usual σ_min, its median within the limits",
+        None, "as σ", null=0.3, derived="from the arm",
         # Damping that begins at σ₁ never ends.
         range=lambda seen: (5e-3 * seen.sigma, seen.sigma),
     ),
@@ -544,6 +549,12 @@ GROUPS = (
         "How far `at_singularity: keep_out` keeps the arm from singularities.",
     ),
 )
+
+
+def read_by(method: str, schedule: str) -> tuple[Parameter, ...]:
+    """Return the parameters that an inverse and, if it has one, its schedule read."""
+    inverse = INVERSES[method]
+    return (*inverse.parameters, *(SCHEDULES[schedule].parameters if inverse.is_scheduled else ()))
 
 
 def record_fields() -> tuple[tuple[str, type[int] | type[float], bool], ...]:

@@ -107,6 +107,13 @@ class Scenario(Sections):
         found._draft = draft
         return found
 
+    def fitted(self, length: float, control: ControlSection) -> "Scenario":
+        """Return the scenario with the numbers that come from its arm; its source stays as it is written."""
+        task = self.task.model_copy(update={"length": length})
+        found = self.model_copy(update={"task": task, "control": control})
+        found._draft = self._draft
+        return found
+
     def set(self, values: Mapping[str, object]) -> "Scenario":
         """Return the scenario with other values: `scenario.set({"control.feedback": 40})`.
 

@@ -67,7 +67,7 @@ def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: 
         for inner in below["items"]["oneOf"]:
             yield from _rows(f"{key}[]", inner, kinds, required=False)
     else:
-        default = "required" if required else inline(schema.get("default"))
+        default = "required" if required else schema.get("derived") or inline(schema.get("default"))
         yield SchemaRow(key, _type(schema), schema.get("unit", ""), default, schema["description"])
 
 

@@ -244,8 +244,12 @@ class TaskSection(Section):
         "site as it rotates",
         "world",
     )
-    length: Positive = key(
-        "characteristic length: divides the linear rows, to make them comparable with angles", 1.0, "m"
+    length: Positive | None = key(
+        "characteristic length: divides the linear rows, to make them comparable with angles; null: the rms "
+        "distance of the site from the hinges' axes, or 1 where it would only change the unit of σ",
+        None,
+        "m",
+        schema={"derived": "from the arm"},
     )
     weights: Weights | None = key(
         "task weights W_x, one per axis in the order of `axes`; null: all 1", None, "1"
@@ -301,7 +305,8 @@ def derived(place: str) -> Callable[[type[Derived]], type[Derived]]:
         for choice in (one for one in choices.CHOICES if one.place == place):
             fields[choice.name] = (Literal[choice.names], key(choice.meaning, choice.default))
         for one in (one for one in choices.PARAMETERS if one.place == place):
-            fields[one.name] = (_type_of(one), key(one.meaning, one.default, one.unit))
+            schema = {"derived": one.derived} if one.derived else {}
+            fields[one.name] = (_type_of(one), key(one.meaning, one.default, one.unit, schema=schema))
         for group in (one for one in choices.GROUPS if one.place == place):
             section = DERIVED.get(group.key) or _made(group)
             fields[group.name] = (section, key(group.meaning, section()))

@@ -82,7 +82,7 @@ def true_configuration(scenario: Scenario, arm: Arm, assumed: Array, problems: P
     return arm.placed(assumed, q)
 
 
-def start_positions(arm: Arm, section: StartPose, near: Array, length: float) -> Array:
+def start_positions(arm: Arm, section: StartPose, near: Array, length: float | None) -> Array:
     """Return joint positions within the limits at which the site has a pose, (n,).
 
     The search starts from the given positions. If that fails, it tries others.
@@ -91,7 +91,7 @@ def start_positions(arm: Arm, section: StartPose, near: Array, length: float) ->
         arm: The arm.
         section: The pose; components that it leaves out are as at the given positions.
         near: Joint positions, (n,).
-        length: Characteristic length, which weighs rotation against position [m].
+        length: Characteristic length, which weighs rotation against position [m]; None: that of the arm.
 
     Raises:
         TargetError: The arm does not reach the pose; it reports how near it comes.
@@ -106,6 +106,7 @@ def start_positions(arm: Arm, section: StartPose, near: Array, length: float) ->
         is_quaternion = len(section.orientation) == 4
         goal[3:] = (spatial.normalize if is_quaternion else spatial.quat_from_rpy)(section.orientation)
         rows += 3, 4, 5
+    length = arm.proportions.length(rows) if length is None else length
     goal, task = spatial.pose_product(frame, goal), Task(arm, np.array(rows), length)
     first = np.clip(near, *arm.position_limit.T)[None]
     q, _, _ = search(task, arm.position_limit, AIM, STEPS, goal[None], first, arm.sampled(RESTARTS))

@@ -8,7 +8,7 @@ Each step checks what it makes. The problems of all steps up to the law are repo
 
 import math
 from collections.abc import Callable, Hashable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from rmrc.arm import Arm, load_asked
 from rmrc.arm.differences import check_stretch
 from rmrc.law import fit
+from rmrc.law.defaults import fitted
 from rmrc.law.settings import TaskLaw
-from rmrc.law.task import Task
+from rmrc.law.task import Task, choose
 from rmrc.plants.hardware import Hardware
 from rmrc.plants.plant import Assumed, Plant
 from rmrc.results.events import CHATTER_FLOOR
@@ -34,7 +35,6 @@ from rmrc.support.brief import brief
 from rmrc.support.errors import ModelError, ScenarioError, TargetError
 from rmrc.support.legible import listed
 from rmrc.support.notices import tell_assumed
-from rmrc.support.spatial import AXES
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -71,7 +71,7 @@ class Prepared:
     """All data of a world.
 
     Attributes:
-        scenario: As written.
+        scenario: As it runs: numbers that it leaves to its arm are those of the arm.
         arm: The arm that it names, as the law knows it.
         qpos: Start configuration of the model, (nq,), the true positions.
         held: Controls and activations of the author's actuators: see `Arm.held`.
@@ -79,6 +79,7 @@ class Prepared:
         task: The task of the site.
         law: The law for the joints.
         hardware: The plant, and the stages between it and the law.
+        by_arm: The numbers that come from the arm, in a line; "" if there are none.
     """
 
     scenario: Scenario
@@ -89,6 +90,7 @@ class Prepared:
     task: Task
     law: TaskLaw = field(repr=False)
     hardware: Hardware = field(repr=False)
+    by_arm: str = ""
 
     @property
     def plant(self) -> Plant:
@@ -125,11 +127,12 @@ class Prepared:
     @property
     def assumed(self) -> tuple[Assumed, ...]:
         """The deviations of the run from the model as its author wrote it, and the missing limits."""
+        of_arm = [Assumed(self.by_arm, True)] if self.by_arm else []
         of_law = (*_by_profile(self.scenario), *_not_shown(self), *_missing_limits(self), *_slow_servos(self))
         of_springs = [Assumed(self.springs, True)] if self.springs else []
         starts_at_rest = "a start at rest: the keyframe's velocities are ignored"
         of_start = [Assumed(starts_at_rest, True)] if self.arm.moves_at(self.scenario.arm.start) else []
-        return (*self.plant.assumed(), *of_springs, *of_law, *of_start)
+        return (*self.plant.assumed(), *of_springs, *of_arm, *of_law, *of_start)
 
     @property
     def springs(self) -> str:
@@ -162,10 +165,11 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     arm = start.arm
     hardware = prepare_hardware(scenario, arm, problems)
     task = prepare_task(scenario, arm, cache, problems)
-    law = prepare_law(scenario, task, start.q, problems)
+    law, by_arm = prepare_law(scenario, task, start.q, problems)
+    scenario = scenario.fitted(task.length, law.control)
     reference = prepare_reference(scenario, arm, start.q, cache)
     held = arm.held(scenario.arm.start, start.qpos, own=PLANTS[scenario.plant.kind].own)
-    prepared = Prepared(scenario, arm, start.qpos, held, reference, task, law, hardware)
+    prepared = Prepared(scenario, arm, start.qpos, held, reference, task, law, hardware, by_arm)
     problems.extend(_long_run(prepared))
     problems.extend(hardware.excesses(prepared.most_ticks))
     problems.raise_any()
@@ -233,19 +237,19 @@ def prepare_hardware(scenario: Scenario, arm: Arm, problems: Problems) -> Hardwa
 def prepare_task(scenario: Scenario, arm: Arm, cache: Cache, problems: Problems) -> Task:
     """Return the task of a scenario; variants share it, because finding its rank takes a millisecond."""
     section, weights = scenario.task, scenario.control.joint_weights
-    problems.extend(fit.scale_misfits("task.length", (section.length,), is_list=False))
+    problems.extend(fit.scale_misfits("task.length", (section.length or 1.0,), is_list=False))
     problems.extend(fit.scale_misfits("task.weights", section.weights or ()))
     problems.extend(fit.scale_misfits("control.joint_weights", weights or ()))
 
     def make() -> Task:
-        rows = np.array([AXES.index(axis) for axis in section.axes])
-        return Task(arm, rows, section.length, section.weights, weights, section.frame)
+        task = choose(arm, section.axes, section.length, section.frame)
+        return replace(task, weights=section.weights, joint_weights=weights)
 
     return cache.get(("task", arm, section, weights), make)
 
 
-def prepare_law(scenario: Scenario, task: Task, q: Array, problems: Problems) -> TaskLaw:
-    """Return the law of a scenario that starts at joint positions, (n,).
+def prepare_law(scenario: Scenario, task: Task, q: Array, problems: Problems) -> tuple[TaskLaw, str]:
+    """Return the law of a scenario that starts at joint positions, (n,), and what comes from the arm.
 
     Raises:
         ScenarioError: There are problems, of this step or of those before.
@@ -257,7 +261,8 @@ def prepare_law(scenario: Scenario, task: Task, q: Array, problems: Problems) ->
     problems.extend(fit.second_task_misfits(control, arm))
     problems.extend(fit.slow_misfits(control, arm, arm.path))
     problems.raise_any()
-    return TaskLaw(task, control, q)
+    control, by_arm = fitted(control, task, scenario.task.length)
+    return TaskLaw(task, control, q), by_arm
 
 
 def prepare_reference(scenario: Scenario, arm: Arm, q: Array, cache: Cache) -> Reference:

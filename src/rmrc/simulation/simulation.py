@@ -17,7 +17,7 @@ from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard, figures
 from rmrc.results.tally import Tally
 from rmrc.scenario import InverseSection
-from rmrc.scenario.choices import DAMPING_BELOW, INVERSES, SCHEDULES
+from rmrc.scenario.choices import DAMPING_BELOW, read_by
 from rmrc.simulation.footprint import HELD, refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.world import World, compile_for
@@ -245,7 +245,7 @@ def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run
         joints=arm.joints,
         is_slide=tuple(arm.is_slide.tolist()),
         axes=scenario.task.axes,
-        length=scenario.task.length,
+        length=prepared.task.length,
         period=scenario.control.period,
         columns=columns,
         planned=prepared.reference.ticks,
@@ -268,6 +268,5 @@ def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run
 
 def _damping_below(inverse: InverseSection) -> float:
     """Return ε if the inverse in use reads it, or 0."""
-    method, schedule = INVERSES[inverse.method], SCHEDULES[inverse.damping.schedule]
-    read = (*method.parameters, *(schedule.parameters if method.is_scheduled else ()))
-    return inverse.damping.below if DAMPING_BELOW in read else 0.0
+    read = read_by(inverse.method, inverse.damping.schedule)
+    return float(inverse.damping.below) if DAMPING_BELOW in read else 0.0

@@ -108,7 +108,8 @@ class AsRows:
         """
         self._plan, self._columns, self._versions = plan, columns, json.dumps(facts.versions())
         self._own = [column for column in columns if column.name in plan.keys]  # the others have fixed types
-        vary = {split(key)[0] for key in (*plan.keys, *SEEDS)}
+        # numbers of `task` and `control` may come from the arm of each run
+        vary = {"task", "control", *(split(key)[0] for key in (*plan.keys, *SEEDS))}
         self._same = {name: _as_json(base, name) for name in _SECTIONS if name not in vary}
 
     def __call__(self, results: Sequence[Result]) -> bytes:

@@ -80,9 +80,7 @@ def draw_scenarios(
         values = robot.values(nominal, dict(zip(robot.varied, loop, strict=True)))
         if joints:
             off = (
-                spread.start
-                * np.where(arm.is_slide, scenario.task.length, 1.0)
-                * (2.0 * point[:joints] - 1.0)
+                spread.start * np.where(arm.is_slide, nominal.task.length, 1.0) * (2.0 * point[:joints] - 1.0)
             )
             start = np.clip(nominal.qpos[arm.wiring.qpos] + off, *arm.position_limit.T)
             values["arm.start"] = start

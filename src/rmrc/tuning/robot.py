@@ -108,13 +108,13 @@ class Robot:
             name: plant.stretch.get(name, 1.0) * (1.0 + self.calibration * float(share))
             for name, share in zip(bodies, lengths, strict=True)
         }
-        off = np.where(arm.is_slide, nominal.scenario.task.length, 1.0) * self.calibration * zeros
+        off = np.where(arm.is_slide, nominal.task.length, 1.0) * self.calibration * zeros
         return {"plant.stretch": plant.stretch | factors, "plant.joint_offset": plant.joint_offset + off}
 
     @staticmethod
     def _of_joints(nominal: Prepared, value: float) -> float | NDArray[np.float64]:
         """Return an angle, or the values of all joints where some slide."""
-        slides, length = nominal.arm.is_slide, nominal.scenario.task.length
+        slides, length = nominal.arm.is_slide, nominal.task.length
         return np.where(slides, value * length, value) if slides.any() else value
 
     def slowest(self, scenario: Scenario) -> Range:

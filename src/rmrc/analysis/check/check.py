@@ -68,7 +68,7 @@ def check(
     arm = read_arm(model, site, body, packages, joints)
     arm.require_open()
     suits = scales(arm)
-    if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
+    if not suits.below > 0.0:
         raise QuestionError(
             f"{arm.path}: its joints do not move {quoted(arm.site)}; choose another with --site or --body"
         )

@@ -125,9 +125,8 @@ def _scenario(scales: Scales, start: Array, seed: int) -> Scenario:
     values = {
         "name": "check",
         "arm": identity(arm, Path.resolve) | {"start": start.tolist()},
-        "task": {"axes": list(task.axes), "length": task.length},
-        "control": {"inverse": {"damping": {"maximum": scales.quartile, "below": scales.quartile}},
-                    "limits": {"rate": scales.rate.tolist()}},
+        "task": {"axes": list(task.axes)},
+        "control": {"limits": {"rate": scales.rate.tolist()}},
         "target": {"path": path or [{"hold": {"for": DURATION}}]},
     }  # fmt: skip
     return loads(inline(values))

@@ -9,6 +9,7 @@ from rmrc.analysis.check.check import Checked
 from rmrc.analysis.check.findings import CODES, Finding
 from rmrc.analysis.check.motion import BOUND, DURATION, Motion
 from rmrc.analysis.new.text import listed_positions
+from rmrc.arm.proportions import damping_maximum
 from rmrc.results.junit import Case
 from rmrc.results.scorecard import Figure
 from rmrc.show.report import Report, plain
@@ -78,13 +79,17 @@ def _motion_values(one: Motion) -> dict[str, Any]:
 
 
 def _what(found: Checked) -> Sheet:
-    arm, task, near = found.arm, found.scales.task, found.nearest
+    arm, task, near, below = found.arm, found.scales.task, found.nearest, found.scales.below
     far = float(np.linalg.norm((near.q - np.clip(found.home, *arm.position_limit.T)) / task.joint_scale))
     where = f"{'' if near.is_singular else 'none; least sigma '}at {listed_positions(found.scales, near.q)}"
     routes = ", ".join(f"{name} {number(value)}" for name, value in found.routes.items())
     rows = [
         ("site", arm.site),
         ("task", f"{' '.join(task.axes)}, 1 rad counts as {number(task.length)} m"),
+        (
+            "damping by default",
+            f"up to {number(damping_maximum(below))} where sigma_min is below {number(below)}",
+        ),
         ("sigma at home", "  ".join(map(number, found.sigma))),
         ("sigma_min, kappa", f"{number(found.sigma[-1])}, {number(found.condition)}"),
         ("nearest singularity", f"{where}, {number(far)} rad away" if near.is_singular else where),

@@ -102,7 +102,7 @@ def ik(
             are, or else `world`. A goal is a pose in the world: in another frame, all three positions count
             or none, and likewise rotations.
         length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
-            scenario, or else 1.
+            scenario, or else of the arm.
         method: `damped` steps from several starts, or `newton`'s from one.
         limits: Whether to keep the model's position limits.
         every: Whether to search for all postures, from many starts, by damped steps.

@@ -185,7 +185,7 @@ def inspect(
         task_frame: Frame of the rows: `world`, `base` or `site`; None: that of the scenario whose rows
             they are, or else `world`.
         length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
-            scenario, or else 1.
+            scenario, or else of the arm.
         frame: Frame of J and of the words: `world`, `site` or `base`, the body that carries the arm;
             None: that of the rows.
         joint_error: Error of each joint, whose magnitude is taken as a standard deviation as well, (n,)

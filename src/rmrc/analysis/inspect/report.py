@@ -223,12 +223,10 @@ def _task(found: Inspection) -> Sheet:
         ("condition kappa", number(found.condition)),
         ("manipulability w", number(found.manipulability)),
     ]
-    return Sheet(
-        f"The task, with a characteristic length of {number(task.length)} m",
-        ("", ""),
-        rows,
-        frozenset({0, 1}),
-    )
+    is_of_arm = task.length == task.arm.proportions.length(task.rows) != 1.0
+    length = f"{number(task.length)} m{', that of the arm' if is_of_arm else ''}"
+    title = f"The task, with a characteristic length of {length}"
+    return Sheet(title, ("", ""), rows, frozenset({0, 1}))
 
 
 def _factors(found: Inspection) -> Sheet:

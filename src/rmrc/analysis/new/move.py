@@ -7,20 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from rmrc.analysis.new.nearest import Nearest, ascend, nearest_singularity
-from rmrc.analysis.new.scaling import CLEAR, PATH_SHARE, Scales, tidy
+from rmrc.analysis.new.scaling import CLEAR, PATH_SHARE, Scales
+from rmrc.arm.proportions import tidy
 from rmrc.law.task import Array
 from rmrc.support.spatial import exp_rotation, log_rotation, quat_conjugate, quat_multiply
 
 # How far behind the singularity a motion through it turns back, as a share of the distance to it.
 BEYOND = 0.5
-# Distance at which the motion passes it [rad, or of L]: an exact crossing asks nothing of the lost direction,
-# and hides the problem.
+# Distance at which the motion passes it [rad, or of the arm's size]: an exact crossing asks nothing of the
+# lost direction, and hides the problem.
 BESIDE = 0.02
 # Shares of the way from the singularity to the start at which a motion begins; the next if one fails.
 NEARER = (1.0, 0.5, 0.25)
-# Length of a motion without a singularity [of L, or rad].
+# Length of a motion without a singularity [of the arm's size, or rad].
 SHORT = 0.2
-# Smaller values relative to L, or in radians, are rounding.
+# Smaller values relative to the arm's size, or in radians, are rounding.
 NOTHING = 1e-5
 
 
@@ -58,12 +59,10 @@ def begin(scales: Scales) -> tuple[Array, bool]:
     arm = scales.task.arm
     home = arm.configuration("home")[arm.wiring.qpos]
     lower, upper = arm.position_limit.T
-    if (home >= lower).all() and (home <= upper).all() and scales.sigma_at(home) >= scales.quartile:
+    if (home >= lower).all() and (home <= upper).all() and scales.sigma_at(home) >= scales.below:
         return home, True
     near = np.clip(home, scales.lower, scales.upper)
-    found = (
-        near if scales.sigma_at(near) >= scales.quartile else ascend(scales, near, CLEAR * scales.quartile)
-    )
+    found = near if scales.sigma_at(near) >= scales.below else ascend(scales, near, CLEAR * scales.below)
     return np.array([round(float(value), 3) for value in found]), False
 
 
@@ -73,7 +72,7 @@ def moves(scales: Scales) -> Iterator[Move]:
     nearest = nearest_singularity(scales, start)
     for share in NEARER:
         q = start if share == 1.0 else np.round(nearest.q + share * (start - nearest.q), 3)
-        if scales.sigma_at(q) < scales.quartile / CLEAR:
+        if scales.sigma_at(q) < scales.below / CLEAR:
             continue
         at = is_home and share == 1.0
         beyond = np.clip(nearest.q + BEYOND * (nearest.q - q), scales.lower, scales.upper)
@@ -87,7 +86,7 @@ def _move(scales: Scales, nearest: Nearest, start: Array, is_home: bool, how: st
     """Return a motion from a start to the pose at other joint positions."""
     arm = scales.task.arm
     first, last = arm.pose(start), arm.pose(end)
-    beside = BESIDE * nearest.twist if how == "through" else np.zeros(6)
+    beside = BESIDE * scales.size / scales.task.length * nearest.twist if how == "through" else np.zeros(6)
     by = last[:3] - first[:3] + beside[:3]
     turned = quat_multiply(exp_rotation(beside[3:]), last[3:])
     return _timed(
@@ -106,7 +105,7 @@ def _aside(scales: Scales, nearest: Nearest, start: Array, is_home: bool, sign: 
     task = scales.task
     best = np.zeros(6)
     best[task.rows] = np.linalg.svd(task.matrix(task.arm.jacobian(start)))[0][:, 0] / task.row_scale
-    best *= sign * SHORT
+    best *= sign * SHORT * scales.size / task.length
     return _timed(scales, nearest, start, is_home, "aside", best[:3], best[3:])
 
 
@@ -114,14 +113,16 @@ def _timed(
     scales: Scales, nearest: Nearest, start: Array, is_home: bool, how: str, by: Array, turn: Array
 ) -> Move:
     rows, length = set(scales.task.rows.tolist()), scales.task.length
-    by = np.array([tidy(x, 4) if i in rows and abs(x) > NOTHING * length else 0.0 for i, x in enumerate(by)])
+    by = np.array(
+        [tidy(x, 4) if i in rows and abs(x) > NOTHING * scales.size else 0.0 for i, x in enumerate(by)]
+    )
     # a single rotational row is turned about alone; two of them do not commute, and use all three
     turning = rows & {3, 4, 5}
     wanted = [len(turning) > 1 or i + 3 in turning for i in range(3)]
     turn = np.array(
         [tidy(x, 4) if w and abs(x) > NOTHING else 0.0 for x, w in zip(turn, wanted, strict=True)]
     )
-    epsilon = tidy(min(scales.quartile, scales.sigma_at(start) / CLEAR))
+    epsilon = tidy(min(scales.below, scales.sigma_at(start) / CLEAR))
     speed = PATH_SHARE * epsilon * scales.slowest
     each = speed / math.sqrt(2.0) if by.any() and turn.any() else speed
     return Move(start, is_home, how, by, turn, epsilon, speed, tidy(each * length), tidy(each), nearest)

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from rmrc.analysis.new.move import Move, moves
-from rmrc.analysis.new.scaling import Scales, scales, tidy
+from rmrc.analysis.new.scaling import Scales, scales
 from rmrc.analysis.new.text import PERIOD, comment
 from rmrc.analysis.new.text import text as written
 from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.arm import Arm
 from rmrc.arm.inventory import contacts
+from rmrc.arm.proportions import tidy
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard, scorecard
@@ -112,7 +113,7 @@ def new(
         body: The body whose frame to control, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         joints: The joints to actuate; None: those of the arm or scenario, or else all on the chain.
-        length: Characteristic length [m]; None: the rms distance of the site from the hinges' axes.
+        length: Characteristic length [m]; None: that of the arm.
         plant: Kind of the plant.
         out: File to write, atomically; None: writes nothing.
         force: Whether an existing file may be overwritten.
@@ -138,7 +139,7 @@ def new(
     arm = read_arm(model, site, body, packages, joints)
     arm.require_open()
     suits, cache = scales(arm, length), Cache(*() if arm.stretch else (arm,))
-    if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
+    if not suits.below > 0.0:
         raise QuestionError(
             f"{arm.path}: its joints do not move {quoted(arm.site)}; choose another with --site or --body"
         )
@@ -215,9 +216,7 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
     status = {
         name: _value(card, f"status_time.{name}") for name in ("POSITION_LIMITED", "RATE_LIMITED", "STUCK")
     }
-    astray = max(
-        _value(card, "position_error.max") / suits.task.length, _value(card, "orientation_error.max")
-    )
+    astray = max(_value(card, "position_error.max") / suits.size, _value(card, "orientation_error.max"))
     is_damped = move.how == "aside" or _value(card, "sigma.min") < 0.5 * move.epsilon
     arm = suits.task.arm
     first = contacts(arm, arm.configuration(move.start)[None])
@@ -284,7 +283,7 @@ def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tupl
         expect["sigma.min"] = {"below": move.epsilon}
     rows = suits.task.rows
     for group, counts, unit, size in (
-        ("position_error", (rows < 3).any(), "m", suits.task.length),
+        ("position_error", (rows < 3).any(), "m", suits.size),
         ("orientation_error", (rows >= 3).any(), "rad", 1.0),
     ):
         for figure in (f"{group}.max", f"{group}.end") if counts else ():

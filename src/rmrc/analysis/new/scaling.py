@@ -1,28 +1,21 @@
-"""Numbers of a control law scaled to an arm: length, rate limits, damping and speed, from the arm alone.
+"""Numbers of a scenario scaled to an arm: rate limits, damping and speed, from the arm alone.
 
-    L    rms distance of the site from the hinges' axes: a radian of a hinge moves the site by L
-    ε    σ_min is below it in a quarter of the configurations within the limits; or half of that at the start
-    λ    ε/√2: with λ² = (1 − (σ/ε)²) λ_max² it is the least at which σ/(σ² + λ²) never exceeds 1/ε
-    s    0.8 ε r: joint rates are at most s/ε, so that the feedback has a fifth of the rate limits r to itself
-
-The gain of a direction is g(σ) = σ/(σ² + λ²). With λ_max = c ε, σ² + λ² = (1 − c²) σ² + c² ε², so that g is
-largest at σ = c ε/√(1 − c²), where it is 1/(2 c ε √(1 − c²)): 1/ε for c = 1/√2, and more for smaller c.
+L, ε and λ are those of a law where nobody gives them, see `rmrc.arm.proportions`; ε is at most half of the
+σ_min at the start. The speed s is 0.8 ε r: joint rates are at most s/ε, so that the feedback has a fifth of
+the rate limits r to itself.
 """
 
-import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.analysis.survey import jacobians, survey
+from rmrc.analysis.survey import survey
 from rmrc.arm import Arm
+from rmrc.arm.proportions import damping_below, tidy
 from rmrc.law.task import Array, Task, choose
 
-# Number of configurations for the distribution of σ_min: a share of a quarter is known to 0.7 %.
-SAMPLES = 4096
-# Share of the configurations within the limits in which the law may damp.
-DAMPED_SHARE = 0.25
 # Share of the rate limits for the path; the feedback has the rest.
 PATH_SHARE = 0.8
 # Rate of a hinge whose model gives none [rad/s]: the order of magnitude for arms as large as a person's.
@@ -41,7 +34,6 @@ class Scales:
         task: Rows that the arm can move independently, with its length.
         rate: Limits, (n,) [rad/s or m/s].
         is_assumed: Which of them the model does not give, (n,).
-        sigma: σ_min over configurations within the limits, ascending.
         lower: Positions that are clear of the limits, (n,); -inf without one.
         upper: Likewise; inf without one.
         is_length_given: Whether the caller gave the length.
@@ -50,15 +42,20 @@ class Scales:
     task: Task
     rate: Array
     is_assumed: NDArray[np.bool_]
-    sigma: Array
     lower: Array
     upper: Array
     is_length_given: bool = False
 
+    @cached_property
+    def below(self) -> float:
+        """ε; 0 if the joints do not move the site."""
+        return damping_below(self.task.usual_sigma)
+
     @property
-    def quartile(self) -> float:
-        """First quartile of σ_min."""
-        return float(np.quantile(self.sigma, DAMPED_SHARE))
+    def size(self) -> float:
+        """The length of its motions [m]: L, or the rms distance of the site where L is only a unit."""
+        is_linear = self.task.rows[-1] < 3
+        return self.task.arm.proportions.distance if is_linear else self.task.length
 
     def sigma_at(self, q: Array) -> float:
         """Return σ_min at joint positions (n,)."""
@@ -75,38 +72,11 @@ def scales(arm: Arm, length: float | None = None) -> Scales:
 
     Args:
         arm: The arm; its site and joints are those of the scenario.
-        length: Characteristic length [m]; None: the rms distance of the site from the hinges' axes.
+        length: Characteristic length [m]; None: that of the arm.
     """
-    q = arm.sampled(SAMPLES)
-    rows = choose(arm)
-    found = _length(rows, q) if rows.rows[0] < 3 else 1.0
-    task = choose(arm, rows.axes, found if length is None else length)
-    own = arm.rate_limit
+    task, own = choose(arm, length=length), arm.rate_limit
     assumed = np.where(arm.is_slide, tidy(ASSUMED_RATE * task.length), ASSUMED_RATE)
     lower, upper = arm.position_limit.T
     within = np.where(np.isfinite(upper - lower), MARGIN * (upper - lower), 0.0)
-    sigma = np.sort(survey(task, q).sigma[:, -1])
-    return Scales(task, np.where(np.isfinite(own), own, assumed), ~np.isfinite(own), sigma,
+    return Scales(task, np.where(np.isfinite(own), own, assumed), ~np.isfinite(own),
                   lower + within, upper - within, length is not None)  # fmt: skip
-
-
-def _length(task: Task, q: Array) -> float:
-    """Return the rms distance of the site from the axes of the hinges over configurations (N, n) [m]."""
-    _, J = jacobians(task, q)
-    hinges = ~task.arm.is_slide
-    distance = np.linalg.norm(J[:, :3][:, :, hinges], axis=1)
-    found = math.sqrt(float(np.mean(distance**2))) if hinges.any() else 0.0
-    return tidy(found) if found > 0.0 else 1.0
-
-
-def tidy(value: float, digits: int = 2, up: bool = False) -> float:
-    """Return a number of few digits, nearest or not smaller.
-
-    >>> tidy(0.4382), tidy(0.4312, up=True), tidy(0.0)
-    (0.44, 0.44, 0.0)
-    """
-    if value == 0.0 or not math.isfinite(value):
-        return value
-    power = digits - 1 - math.floor(math.log10(abs(value)))
-    found = round(value, power)
-    return round(found + 10.0**-power, power) if up and found < value else found

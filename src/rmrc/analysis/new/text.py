@@ -1,6 +1,5 @@
 """A scenario as a text for people: every key with its unit and the reason for its value."""
 
-import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -10,8 +9,9 @@ import numpy as np
 
 from rmrc.analysis.inspect import words
 from rmrc.analysis.new.move import BESIDE, Move
-from rmrc.analysis.new.scaling import ASSUMED_RATE, PATH_SHARE, Scales, tidy
+from rmrc.analysis.new.scaling import ASSUMED_RATE, PATH_SHARE, Scales
 from rmrc.arm import Arm
+from rmrc.arm.proportions import damping_maximum, tidy
 from rmrc.law.task import Array
 from rmrc.scenario import inline
 from rmrc.scenario.sections import ToolSection
@@ -136,12 +136,16 @@ def _home(arm: Arm) -> str:
 def _task(scales: Scales) -> str:
     task = scales.task
     rows = ", ".join(task.axes)
+    says = "m; length equivalent to 1 rad in sigma"
+    if not scales.is_length_given:
+        is_unit = task.length != task.arm.proportions.distance
+        says = "m; sigma is per this length" if is_unit else f"{says}{RMS}"
     why = "all six" if len(task.axes) == 6 else "those that the joints can move independently"
     return "\n".join(
         [
             "task:",
             f"  axes: [{rows}]   # controlled rows of the twist: {why}",
-            *comment(f"m; length equivalent to 1 rad in sigma{'' if scales.is_length_given else RMS}", 2),
+            *comment(says, 2),
             f"  length: {inline(task.length)}",
         ]
     )
@@ -150,10 +154,10 @@ def _task(scales: Scales) -> str:
 def _control(scales: Scales, move: Move) -> str:
     arm, epsilon = scales.task.arm, move.epsilon
     damping = {
-        "schedule": "smallest_singular_value", "maximum": tidy(epsilon / math.sqrt(2.0), up=True),
+        "schedule": "smallest_singular_value", "maximum": damping_maximum(epsilon),
         "below": epsilon,
     }  # fmt: skip
-    share = float(np.mean(scales.sigma < epsilon))
+    share = float(np.mean(scales.task.least_sigma < epsilon))
     lines = ["control:", f"  period: {inline(PERIOD)}   # s", "  inverse:", "    method: damped"]
     lines += comment(
         f"`below`: damping begins where sigma_min is below it, in {100.0 * share:.0f} % of the range within "
@@ -197,7 +201,7 @@ def _target(move: Move) -> str:
         "angular_acceleration": tidy(move.angular_velocity / RISE),
         "angular_jerk": tidy(move.angular_velocity / RISE / JERK_RISE),
     }  # fmt: skip
-    past = f" It passes {BESIDE:g} rad, or of the length, beside it." if move.how == "through" else ""
+    past = f" It passes {BESIDE:g} rad, or of the arm's size, beside it." if move.how == "through" else ""
     lines = [
         "target:",
         *comment(f"m, and rad about an axis of the world: out, and back the same way.{past}", 2),

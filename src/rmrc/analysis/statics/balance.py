@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.arm import Arm
-from rmrc.law.task import RANK_TOLERANCE, SAMPLES, Task
+from rmrc.law.task import RANK_TOLERANCE, SAMPLES, Task, choose
 from rmrc.support.errors import QuestionError, did_you_mean
-from rmrc.support.spatial import quat_to_matrix, twist_transform, wrench_transform
+from rmrc.support.spatial import AXES, quat_to_matrix, twist_transform, wrench_transform
 from rmrc.textbook.propagation import actuator_torques, inward_wrenches
 from rmrc.textbook.screws import exp_screw, joint_screw
 from rmrc.textbook.statics import equilibrium_torques, joint_torques
@@ -291,7 +291,7 @@ KINDS = {"wrench": range(6), "force": range(3), "moment": range(3, 6)}
 """Rows of a wrench: all of it, forces without a moment, moments without a force."""
 
 
-def wrench_costs(arm: Arm, q: ArrayLike, length: float = 1.0) -> tuple[Costs, ...]:
+def wrench_costs(arm: Arm, q: ArrayLike, length: float | None = None) -> tuple[Costs, ...]:
     """Return the costs of wrenches, forces alone and moments alone for the actuators, and the free ones.
 
     |S_q Jᵀ F| = σ_i for S_x⁻¹ F = u_i, the left singular vectors of A = S_x J S_q. The links alone carry a
@@ -304,11 +304,13 @@ def wrench_costs(arm: Arm, q: ArrayLike, length: float = 1.0) -> tuple[Costs, ..
     Args:
         arm: The arm.
         q: Joint positions, (n,) [rad or m].
-        length: Characteristic length L [m]: a force of 1/L N is as large as a moment of 1 N·m.
+        length: Characteristic length L [m]: a force of 1/L N is as large as a moment of 1 N·m; None: that of
+            the arm.
     """
     here = np.asarray(q, dtype=np.float64)
     jacobians = np.array([arm.jacobian(each) for each in (here, *arm.sampled(SAMPLES))])
-    return tuple(_costs(Task(arm, np.array(rows), length), kind, jacobians) for kind, rows in KINDS.items())
+    tasks = {kind: choose(arm, [AXES[row] for row in rows], length) for kind, rows in KINDS.items()}
+    return tuple(_costs(task, kind, jacobians) for kind, task in tasks.items())
 
 
 def _costs(task: Task, kind: str, jacobians: Array) -> Costs:

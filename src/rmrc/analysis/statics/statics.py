@@ -71,7 +71,7 @@ def statics(
         hold: Longest duration of holding the wrench in the physics, until all is at rest [s]; None: no
             holding.
         length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
-            scenario, or else 1.
+            scenario, or else of the arm.
         on_ticks: Called with the number of ticks of each block that was held.
 
     Raises:
@@ -98,7 +98,7 @@ def statics(
     return Statics(
         balance=balanced,
         costs=wrench_costs(asked.arm, asked.q, asked.length),
-        length=asked.length,
+        length=asked.arm.proportions.length(range(6)) if asked.length is None else asked.length,
         elsewhere=None if at is None else elsewhere(asked.arm, asked.q, acts, at),
         held=None if hold is None else hold_wrench(balanced, hold, on_ticks),
     )

@@ -89,7 +89,7 @@ def joint_map(
         task_frame: Frame of the rows: `world`, `base` or `site`; None: that of the scenario whose rows
             they are, or else `world`.
         length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
-            scenario, or else 1.
+            scenario, or else of the arm.
         cells: Steps over the range of each.
         on_samples: Called with the number of configurations examined since the last call.
 

@@ -13,8 +13,9 @@ from rmrc.analysis.workspace.reach import Workspace
 from rmrc.analysis.workspace.search import Search, steps_of_grid
 from rmrc.analysis.workspace.slices import Slice, choose_slice
 from rmrc.arm import Arm
-from rmrc.law.task import Array, Task
+from rmrc.law.task import Array, Task, choose
 from rmrc.support.errors import QuestionError
+from rmrc.support.spatial import AXES
 
 
 def workspace(
@@ -55,7 +56,7 @@ def workspace(
         task_frame: Frame of the rows: `world`, `base` or `site`; None: that of the scenario whose rows
             they are, or else `world`.
         length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
-            scenario, or else 1.
+            scenario, or else of the arm.
         cells: Number of cells along the longer side.
         samples: Random configurations, with limits and as many without, for an arm that is no surface.
         worst: Whether to keep the worst of the postures that reach a cell instead of the best.
@@ -103,7 +104,7 @@ def _task(arm: Arm, part: Slice, asked: Subject) -> Task:
     if asked.axes is not None:
         return asked.task
     rows = part.rows if asked.frame == "world" else np.arange(3)
-    return Task(arm, rows, asked.length, frame=asked.frame)
+    return choose(arm, [AXES[row] for row in rows], asked.length, asked.frame)
 
 
 def _ranges(arm: Arm, part: Slice) -> tuple[Array, Array]:

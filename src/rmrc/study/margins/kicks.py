@@ -32,7 +32,7 @@ def twin_of(prepared: Prepared, starts: tuple[int, ...], size: float) -> Prepare
     """
     scenario, path = prepared.scenario, prepared.reference
     ticks = max(1, math.floor(1.0 / (scenario.control.feedback * path.period)))
-    lengths = size * np.array([scenario.task.length] * 3 + [1.0] * 3)
+    lengths = size * np.array([prepared.task.length] * 3 + [1.0] * 3)
     for i, first in enumerate(starts):
         path = path.displaced(first, min(first + ticks, path.ticks - 1), lengths * _corner(i))
     return replace(prepared, reference=path)

@@ -1,0 +1,306 @@
+"""Numbers that come from the arm: the length and the damping, against MuJoCo's Jacobians and numpy."""
+
+import json
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from project import ROOT
+from rmrc import Controller, Law, load
+from rmrc.analysis.check.check import check
+from rmrc.analysis.inspect.inspection import inspect
+from rmrc.analysis.new.scaling import scales
+from rmrc.arm import load as load_arm
+from rmrc.arm import load_model
+from rmrc.arm.proportions import damping_maximum
+from rmrc.law.task import choose
+from rmrc.scenario import loads
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import prepare
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+PATH = "target: {path: [{line: {by: [0.05, 0.05, 0.05]}}]}"
+
+
+def jacobians(arm, q=None):
+    """Return J along world axes at joint positions, or at random ones, (s, 6, n), by MuJoCo alone."""
+    model, i = arm.model, arm.model.site(arm.site).id
+    data, names = mujoco.MjData(model), arm.joints
+    if q is None:
+        lower, upper = np.array([model.joint(name).range for name in names]).T
+        q = np.random.default_rng(1).uniform(lower, upper, (4000, len(names)))
+    found = np.zeros((len(q), 6, model.nv))
+    for at, J in zip(q, found, strict=True):
+        data.qpos[[model.joint(name).qposadr[0] for name in names]] = at
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_jacSite(model, data, J[:3], J[3:], i)
+    return found[:, :, [model.joint(name).dofadr[0] for name in names]]
+
+
+def rule(J, rows, weights=1.0, joint_weights=1.0):
+    """Return length and usual σ_min of an arm of hinges, from the equations of docs/theory.md."""
+    distance = math.sqrt(np.mean(np.sum(J[:, :3] ** 2, axis=1)))
+    length = float(f"{distance:.2g}") if min(rows) < 3 <= max(rows) else 1.0
+    row_scale = np.sqrt(weights) / np.where(np.array(rows) < 3, length, 1.0)
+    A = row_scale[:, None] * J[:, rows] / np.sqrt(joint_weights)
+    return length, np.median(np.linalg.svd(A, compute_uv=False)[:, -1])
+
+
+def chain(factor=1.0, joint="hinge", more=""):
+    """Return an arm of six joints with lengths of about a meter times a factor."""
+    axes = ("0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0")
+    steps = ("0 0 0.4", "0.1 0 0", "0.6 0 0", "0.5 0.05 0", "0.05 0 0", "0.1 0 0.02")
+    text = ""
+    for i, (axis, step) in enumerate(zip(axes, steps, strict=True)):
+        pos = " ".join(f"{factor * float(value):.17g}" for value in step.split())
+        text += f'<body pos="{pos}"><joint name="j{i}" type="{joint}" axis="{axis}" range="-170 170"/><geom size="0.01"/>'
+    site = f'<site name="tool" pos="{0.2 * factor:.17g} 0 {0.1 * factor:.17g}"/>'
+    return mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{text}{site}{'</body>' * 6}</worldbody>{more}</mujoco>"
+    )
+
+
+def numbers(one):
+    """Return length, ε and λ_max of a Controller."""
+    damping = one.control.inverse.damping
+    return one.task.length, damping.below, damping.maximum
+
+
+# The rule -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "site"), [("ur5e", "tool"), ("so101", None), ("planar_6_3", None)])
+def test_length_and_damping_are_those_of_the_rule(name, site):
+    """On the rule's own configurations exactly, and on 4000 random ones as far as the median of 128 is known."""
+    arm = load_arm(ROOT / f"models/{name}.xml", site)
+    one = Controller(arm)
+    rows = [AXES.index(axis) for axis in one.task.axes]
+    length, usual = rule(jacobians(arm, arm.proportions.q), rows)
+    assert one.task.length == length
+    below, maximum = numbers(one)[1:]
+    assert below == float(f"{usual / 3:.2g}")
+    assert 0 <= maximum - below / math.sqrt(2) < 10 ** (math.floor(math.log10(maximum)) - 1)
+    length_, usual_ = rule(jacobians(arm), rows)
+    assert_allclose(length, length_, rtol=0.05)
+    assert_allclose(usual, usual_, rtol=0.1)
+
+
+@pytest.mark.parametrize("factor", [0.1, 100.0])
+def test_a_larger_arm_has_a_larger_length_and_the_same_damping(factor):
+    whole, other = (Controller(chain(f), "tool") for f in (1.0, factor))
+    assert whole.task.axes == AXES
+    assert_allclose(other.task.length, factor * whole.task.length, rtol=1e-12)
+    assert numbers(other)[1:] == numbers(whole)[1:]
+    # where the rows are of one kind, σ is in meters, and so is its damping
+    whole, other = (Controller(chain(f), "tool", task={"axes": ["x", "y", "z"]}) for f in (1.0, factor))
+    assert other.task.length == whole.task.length == 1.0
+    assert_allclose(numbers(other)[1:], np.multiply(factor, numbers(whole)[1:]), rtol=1e-12)
+
+
+def test_the_largest_damping_is_the_least_with_which_no_gain_exceeds_that_at_its_threshold():
+    def largest(below, maximum):
+        sigma = np.linspace(1e-4, 2.0, 20001) * below
+        damping = maximum * np.sqrt(np.clip(1.0 - (sigma / below) ** 2, 0.0, None))
+        return (sigma / (sigma**2 + damping**2)).max() * below
+
+    for below in (0.3, 0.061, 1.7, 4e-5):
+        assert largest(below, damping_maximum(below)) <= 1.0 + 1e-12
+        assert largest(below, 0.95 * below / math.sqrt(2)) > 1.0  # negative control: there is no less
+
+
+def test_the_weights_of_task_and_joints_count():
+    arm, weights, heavy = load_model(chain(), "tool"), [4, 1, 1, 1, 9, 1], [1, 2, 3, 4, 5, 6]
+    one = Controller(arm, control={"joint_weights": heavy}, task={"axes": AXES, "weights": weights})
+    usual = rule(jacobians(arm, arm.proportions.q), range(6), weights, heavy)[1]
+    assert numbers(one)[1] == float(f"{usual / 3:.2g}")
+
+
+def test_the_same_arm_has_the_same_numbers_at_every_reading():
+    models = [ROOT / "models/fr3.xml"] * 2
+    first, second = (Controller(load_arm(path)) for path in models)
+    assert numbers(first) == numbers(second)
+    assert numbers(first) == numbers(Controller(mujoco.MjModel.from_xml_path(str(models[0])), first.arm.site))
+
+
+# Its users ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["puma560", "so101"])
+def test_a_run_a_controller_and_every_question_have_the_same_numbers(name):
+    arm = load_arm(ROOT / f"models/{name}.xml")
+    one, suits = Controller(arm), scales(arm)
+    axes = ", ".join(one.task.axes)
+    run = prepare(loads(f"name: x\narm: {{model: {arm.path}}}\ntask: {{axes: [{axes}]}}\n{PATH}"))
+    assert numbers(one) == (run.task.length, *damping_of(run.scenario))
+    assert (suits.task.length, suits.below) == numbers(one)[:2]
+    assert inspect(arm).task.length == check(arm).scales.task.length == one.task.length
+    assert choose(arm).length == one.task.length
+    assert_allclose(inspect(arm).sigma, np.linalg.svd(one.task.matrix(arm.jacobian(inspect(arm).q)))[1])
+    assert loads(run.scenario.to_yaml()) == run.scenario
+
+
+def damping_of(scenario):
+    damping = scenario.control.inverse.damping
+    return damping.below, damping.maximum
+
+
+@pytest.mark.parametrize("name", ["ur5e", "puma560", "fr3", "xarm7", "so101"])
+def test_few_configurations_are_damped(name):
+    arm = load_arm(ROOT / f"models/{name}.xml")
+
+    def share(**more):
+        one = Controller(arm, control={"feedback": 0, "limits": {"on_excess": "none"}, **more.get("control", {})},
+                         task=more.get("task"))  # fmt: skip
+        q = np.random.default_rng(5).uniform(*arm.span, (1000, arm.n))
+        return np.mean([bool(one.step(at, twist=np.ones(6)).status & Status.DAMPED) for at in q])
+
+    assert 0.1 < share() < 0.3
+    task = {"axes": list(choose(arm).axes), "length": 1}
+    wide = {"inverse": {"damping": {"maximum": 0.1, "below": 0.3}}}
+    assert share(task=task, control=wide) > 0.99  # negative control: numbers for links of a meter
+
+
+def test_what_is_given_stays_and_the_others_follow():
+    path = ROOT / "models/ur5e.xml"
+    length, below, maximum = numbers(Controller(path, "tool"))
+
+    def some(task=None, **damping):
+        keys = {"axes": AXES} | (task or {})
+        return numbers(Controller(path, "tool", {"inverse": {"damping": damping}}, task=keys))
+
+    assert some(below=0.2) == (length, 0.2, damping_maximum(0.2))
+    assert some(maximum=0.3) == (length, below, 0.3)
+    assert some(below=0.2, maximum=0.5) == (length, 0.2, 0.5)
+    arm = load_arm(path, "tool")
+    usual = np.median(np.linalg.svd(arm.proportions.jacobian, compute_uv=False)[:, -1])
+    assert some({"length": 1}) == (1.0, float(f"{usual / 3:.2g}"), damping_maximum(float(f"{usual / 3:.2g}")))
+    assert Controller(path, "tool", {"inverse": {"damping": {"below": 0.2}}}).assumed[-1] == (
+        f"from the arm: length {length:g} m, damping maximum 0.15"
+    )
+    inverse = {"inverse": {"method": "pseudoinverse"}}
+    assert Controller(path, "tool", inverse, task={"length": 1}).assumed == ()  # it reads none of them
+
+
+def test_a_law_without_an_arm_has_the_stated_numbers():
+    """λ² = (1 − (σ/0.3)²) 0.1² at σ = 0.1, and the rates that follow."""
+    damping = math.sqrt(1.0 - 1.0 / 9.0) * 0.1
+    out = Law(2, 2, {"feedback": 0, "limits": {"on_excess": "none"}}).step(np.diag([1.0, 0.1]), [1.0, 1.0])
+    assert_allclose(out.damping, damping, rtol=1e-12)
+    assert_allclose(out.qdot_cmd, [1 / (1 + damping**2), 0.1 / (0.01 + damping**2)], rtol=1e-12)
+
+
+# Arms at the edge ---------------------------------------------------------------------------------
+
+
+def test_rows_that_an_arm_never_moves_do_not_count():
+    """All six rows of a planar arm: σ_min is always 0, and the numbers are those of the rows that it moves."""
+    path = ROOT / "models/planar_3link.xml"
+    six, three = (Controller(path, task={"axes": axes}) for axes in (AXES, ("x", "y", "rz")))
+    assert numbers(six) == numbers(three)
+
+
+def test_an_arm_whose_mobility_never_changes_is_never_damped():
+    slides = Controller(chain(joint="slide"), "tool", task={"axes": ["x", "y", "z"]})
+    assert numbers(slides)[0] == 1.0
+    hinge = Controller(chain(), "tool", joints=["j0"], task={"axes": ["rz"]})
+    assert numbers(hinge) == (1.0, 0.33, damping_maximum(0.33))
+    for one in (slides, hinge):
+        for q in np.random.default_rng(2).uniform(-1, 1, (20, one.arm.n)):
+            assert not one.step(q, twist=np.ones(6)).status & Status.DAMPED
+
+
+def test_slides_are_comparable_with_hinges_at_any_size():
+    """A turret with a boom, r from 0.2 to 1 times its size: the columns r/L and 1 of A do not depend on it."""
+
+    def boom(size):
+        return mujoco.MjModel.from_xml_string(
+            f'<mujoco><worldbody><body><joint name="turn" axis="0 0 1"/><geom size="0.01"/><body>'
+            f'<joint name="reach" type="slide" axis="1 0 0" range="{0.2 * size} {size}"/><geom size="0.01"/>'
+            '<site name="tool"/></body></body></worldbody></mujoco>'
+        )
+
+    one, other = (Controller(boom(size), "tool", task={"axes": ["x", "y"]}) for size in (1.0, 0.05))
+    r = 0.2 + 0.8 * (np.arange(2000) + 0.5) / 2000
+    assert_allclose(one.task.length, math.sqrt(np.mean(r**2)), rtol=0.03)
+    assert_allclose(numbers(other), np.multiply(numbers(one), [0.05, 1, 1]), rtol=0.05)
+    L = one.task.length
+    assert_allclose(numbers(one)[1], np.median(np.minimum(r / L, 1)) / 3, rtol=0.05)
+
+
+@pytest.mark.parametrize("name", ["telescope", "mimic"])
+def test_a_joint_with_followers_counts_with_all_that_it_moves(name):
+    """By differences of the site's position, with the followers where MuJoCo's equalities put them."""
+    arm = load_arm(ROOT / f"tests/models/{name}.xml")
+    steps = 1e-6 * np.eye(arm.n)[~arm.is_slide]
+    moved = [[arm.pose(q + step)[:3] - arm.pose(q - step)[:3] for step in steps] for q in arm.proportions.q]
+    distance = math.sqrt(np.mean(np.sum(np.square(moved), axis=2))) / 2e-6
+    assert arm.proportions.distance == float(f"{distance:.2g}")
+
+
+def test_a_joint_without_a_range_is_a_circle():
+    model = chain()
+    model.jnt_limited[:3] = 0
+    arm = load_model(model, "tool")
+    width = np.radians([360] * 3 + [340] * 3)
+    assert_allclose(np.subtract(*arm.span[::-1]), width)
+    assert (np.ptp(arm.proportions.q, axis=0) > 0.95 * width).all()
+
+
+def test_a_site_that_the_joints_do_not_move_leaves_the_stated_numbers_and_says_so():
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint name="a" axis="0 0 1"/><geom size="0.01"/><site name="tool"/></body>'
+        "</worldbody></mujoco>"
+    )
+    one = Controller(model, "tool", task={"axes": ["x"]})
+    assert numbers(one) == (1.0, 0.3, damping_maximum(0.3)) and "do not move" in one.assumed[-1]
+
+
+# Its words ----------------------------------------------------------------------------------------
+
+
+def test_a_run_prints_the_numbers_that_came_from_the_arm(rmrc, tmp_path):
+    text = f"name: x\narm: {{model: {ROOT}/models/ur5e.xml, site: tool}}\n{PATH}\nplant: {{kind: ideal}}"
+    (tmp_path / "x.yaml").write_text(text)
+    code, out, _ = rmrc("run", str(tmp_path / "x.yaml"), "--no-record", "--out", str(tmp_path))
+    one = Controller(ROOT / "models/ur5e.xml", "tool")
+    length, below, maximum = numbers(one)
+    (line,) = [line for line in out.splitlines() if "from the arm" in line]
+    assert code == 0 and line.endswith(one.assumed[-1])
+    assert f"length {length} m" in line and f"maximum {maximum}, below {below}" in line
+    facts = json.loads((tmp_path / "x.json").read_text())
+    assert one.assumed[-1] in facts["assumed"]
+    assert facts["scenario"]["task"]["length"] == length
+    # negative control: nothing is said of what is given
+    given = [f"task.length={length}", f"control.inverse.damping={{below: {below}, maximum: {maximum}}}"]
+    _, same, _ = rmrc("run", str(tmp_path / "x.yaml"), "--no-record", "--out", str(tmp_path), *sets(given))
+    assert "from the arm" not in same
+
+
+def sets(values):
+    return [word for value in values for word in ("--set", value)]
+
+
+@pytest.mark.parametrize(("inverse", "says"), [
+    ({"damping": {"maximum": 0.1, "below": 0.3}}, "damped 100% of the time at κ below 20 (lower damping.below)"),
+    ({"damping": {"schedule": "constant", "maximum": 0.1}}, "damped 100% of the time at κ below 20, "),
+    ({}, ""),
+    ({"method": "pseudoinverse"}, ""),
+])  # fmt: skip
+def test_a_run_that_is_damped_without_need_says_so(inverse, says):
+    from rmrc import run
+
+    values = {"name": "x", "arm": {"model": str(ROOT / "models/ur5e.xml"), "site": "tool"}, "task": {"length": 1},
+              "control": {"inverse": inverse}, "plant": {"kind": "ideal"},
+              "target": {"path": [{"line": {"by": [0.05, 0.05, 0.05]}}]}}  # fmt: skip
+    verdict = run(loads(json.dumps(values))).verdict
+    assert says in verdict and ("damped" in verdict) == bool(says), verdict
+
+
+def test_shipped_scenarios_leave_nothing_to_the_arm_that_changes_their_columns():
+    for path in sorted((ROOT / "scenarios").glob("*.yaml")):
+        scenario = load(path)
+        assert prepare(scenario).by_arm == "", path
