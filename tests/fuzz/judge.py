@@ -30,7 +30,7 @@ UNFINISHED = re.compile(r"/\.[^/]*-[0-9a-f]{16}[^/]*$|\.part$|\.tmp$")
 # Figures that a run may leave undefined: of a second task, of paths that do not end where they begin, of no
 # standstill, of joints without a limit, of no profile.
 UNDEFINED = re.compile(
-    r"^(return|secondary_)|_joint$|^stuck.longest_time$|^tau.*share_of_limit$|^profile.|^(contact|torque_limited).first_"
+    r"^(return|secondary_|slip\.)|_joint$|^stuck.longest_time$|^tau.*share_of_limit$|^profile.|^(contact|torque_limited).first_"
 )
 
 

@@ -40,7 +40,8 @@ def controller(ratio=2, **control):
         "feedback": 0.5,
         **control,
     }
-    c = rmrc.Controller(model, site="tip", control=law, task={"axes": ["x", "y", "z"]}, period=0.01)
+    task = {"axes": ["x", "y", "z"], "length": 1}
+    c = rmrc.Controller(model, site="tip", control=law, task=task, period=0.01)
     assert c.joints == NAMES
     return c
 
