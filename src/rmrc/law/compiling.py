@@ -145,7 +145,12 @@ class _Missed(threading.local):
 
 
 _missed = _Missed()
-_SIGNALS: list[int] = sorted(signal.valid_signals())
+# Signals that programs handle; to look at all of the sixty would take as long as ten ticks.
+_SIGNALS = [
+    getattr(signal, f"SIG{name}")
+    for name in ("INT", "TERM", "HUP", "ALRM", "VTALRM", "PROF", "USR1", "USR2", "BREAK")
+    if hasattr(signal, f"SIG{name}")
+]
 
 
 @contextmanager
