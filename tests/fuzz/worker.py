@@ -1,128 +1,198 @@
-"""Runs inputs one after the other in this process, and says what it found; started by the supervisor."""
+"""Runs inputs in this process as the command line would, and judges what came of them; started by `fuzz`."""
 
 import contextlib
-import faulthandler
-import functools
 import importlib
+import io
 import json
 import os
+import re
 import resource
+import shutil
 import signal
 import sys
+import tempfile
+import traceback
+import warnings
 from pathlib import Path
+from typing import NamedTuple
 
-from . import case as cases
-from .judge import judge, was_stopped
-from .sandbox import Sandbox
+from project import ROOT
 
-# A file that grows beyond this is an error of its writer.
-LARGEST_FILE = 2**30
+from . import inputs
 
-# What needs all that is ever compiled; other verbs need no more.
-SHORT = ("--set", "target.path=[{hold: {for: 0.01}}]")
-WARMING = tuple(
-    (*line.split(), *(SHORT if "scenarios" in line else ()))
-    for line in (
-        "run ../scenarios/null_space.yaml",
-        "compare ../scenarios/null_space.yaml --no-record --vary control.feedback=1,2",
-        "ik ../models/planar_2link.xml --to 1,1",
-        "ik ../models/torus_3r.xml --to-q 0.1,0.2,0.3 --all",
-        "workspace ../models/planar_2link.xml --cells 10",
-    )
-)
+# Of docs/commands.md, and 128 + the number of a signal that stops a run.
+DOCUMENTED = {0, 1, 2, 3, 129, 130, 141, 143}
+# Bytes of address space beside what a worker begins with.
+MEMORY = 8 * 2**30
+IGNORED = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)
+
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+NAN = re.compile(r"(?<![\w.-])[-+]?nan(?![\w.-])", re.IGNORECASE)
+TRACE = re.compile(r"^Traceback \(most|^Exception (ignored|in thread)|Fatal Python error", re.MULTILINE)
+NUMPY = re.compile(r"^.*encountered in .*$", re.MULTILINE)
+UNFINISHED = re.compile(r"/\.[^/]*-[0-9a-f]{16}[^/]*$|\.part$|\.tmp$|^tmp/.")
 
 
-def main(folder, plant, memory, ready):
-    """Read names of inputs on stdin, a JSON list each; write what came of each on stdout.
+class Outcome(NamedTuple):
+    """What came of an input: exit code, traceback of an exception that came out, output, warnings, new files."""
+
+    code: object
+    error: str
+    out: str
+    err: str
+    warned: list
+    files: set
+
+
+def judge(case, outcome):
+    """Yield (what is wrong in a word, what exactly)."""
+    text = outcome.err + outcome.out
+    if outcome.error or outcome.code == 70 or TRACE.search(text):
+        yield "traceback", (outcome.error or text).strip()[-400:]
+    elif "not enough memory" in outcome.err:
+        yield "memory", outcome.err[-300:]
+    elif outcome.code not in DOCUMENTED:
+        yield "exit code", repr(outcome.code)
+    elif outcome.code and not text.strip():
+        yield "silence", f"exit code {outcome.code}"
+    for match in filter(None, (CONTROL.search(outcome.out), CONTROL.search(outcome.err))):
+        yield (
+            "control",
+            f"U+{ord(match[0]):04X}: {match.string[max(0, match.start() - 60) : match.end() + 60]!r}",
+        )
+    for line in [*outcome.warned, *(match[0] for match in NUMPY.finditer(outcome.err))][:1]:
+        yield "warning", line
+    yield from _stray(case, outcome)
+    if outcome.code == 0 and not {"--help", "--version"} & {*case.argv}:
+        yield from _undefined(case, outcome)
+
+
+def _stray(case, outcome):
+    """Yield the first file that is left over, or where none may be."""
+    allowed = {"here/recordings", *(os.path.normpath(f"here/{word}") for word in case.argv)}
+    allowed |= {f"here/{word.partition('=')[2]}" for word in case.argv}
+    allowed |= {f"here/{Path(word).stem}.yaml" for word in case.argv[:2] if case.argv[0] == "new"}
+    for path in sorted(outcome.files):
+        parents = {path, *map(str, Path(path).parents)}
+        if UNFINISHED.search(path) or not (
+            parents & allowed or any(one.startswith(f"{path}/") for one in allowed)
+        ):
+            yield "file", path
+            return
+
+
+def _undefined(case, outcome):
+    """Yield numbers that are none, of a command that says that all went well."""
+    if "--json" in case.argv:
+        try:
+            json.loads(outcome.out, parse_constant=lambda name: name + 0)
+        except (ValueError, TypeError) as error:
+            yield "nan", f"no strict JSON: {error}"
+    elif not any(b"nan" in data.lower() for data in case.files.values()):
+        for match in NAN.finditer(outcome.out):
+            yield "nan", outcome.out[max(0, match.start() - 60) : match.end() + 60]
+
+
+class Sandbox:
+    """A folder with copies of the models and scenarios, and an empty one in which commands are called."""
+
+    def __init__(self, folder, main):
+        self.folder, self.main = Path(folder), main
+        self._make()
+
+    def _make(self):
+        for name in ("models", "scenarios"):
+            shutil.rmtree(self.folder / name, ignore_errors=True)
+            shutil.copytree(ROOT / name, self.folder / name)
+        for name in ("here", "tmp"):
+            shutil.rmtree(self.folder / name, ignore_errors=True)
+            (self.folder / name).mkdir()
+
+    def _state(self):
+        """Return the time of change of each file, and 0 for a folder."""
+        paths = [path for path in self.folder.rglob("*") if path != self.folder]
+        return {
+            str(path.relative_to(self.folder)): 0 if path.is_dir() else path.lstat().st_mtime_ns
+            for path in paths
+        }
+
+    def run(self, case):
+        """Return what came of an input; fds 1 and 2 of this process are files."""
+        for path, data in case.files.items():
+            place = self.folder / path
+            (place if path.endswith("/") else place.parent).mkdir(parents=True, exist_ok=True)
+            if not path.endswith("/"):
+                place.write_bytes(data)
+        before = self._state()
+        os.chdir(self.folder / "here")
+        os.environ |= {"COLUMNS": case.columns, "LINES": "24", "TMPDIR": str(self.folder / "tmp")}
+        tempfile.tempdir = None
+        for number in (1, 2):
+            os.ftruncate(number, 0)
+        sys.argv, sys.stdin = ["rmrc", *case.argv], io.StringIO()
+        sys.stdout = io.TextIOWrapper(os.fdopen(1, "wb", closefd=False), case.encoding)
+        sys.stderr = io.TextIOWrapper(os.fdopen(2, "wb", closefd=False), case.encoding, "backslashreplace")
+        code, error = self._call()
+        out, err = (Path(f"/proc/self/fd/{number}").read_bytes()[: 2**22] for number in (1, 2))
+        after = self._state()
+        changed = {path for path in before.keys() | after.keys() if before.get(path) != after.get(path)}
+        texts = (data.decode(case.encoding, "replace") for data in (out, err))
+        os.chdir(self.folder)
+        self._make()
+        return Outcome(code, error, *texts, self.warned, changed)
+
+    def _call(self):
+        """Return the exit code, and the traceback of what is none."""
+        code, error = None, ""
+        with warnings.catch_warnings(record=True) as seen:
+            warnings.simplefilter("always")
+            for category in IGNORED:
+                warnings.simplefilter("ignore", category)
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            try:
+                self.main()
+            except SystemExit as end:
+                code = end.code or 0
+            except BaseException:  # whatever it is, a user would see it
+                error = traceback.format_exc()
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            for stream in (sys.stdout, sys.stderr):
+                try:
+                    stream.flush()
+                except Exception:
+                    error = error or traceback.format_exc()
+                with contextlib.suppress(Exception):
+                    stream.detach()
+        self.warned = [f"{one.category.__name__}: {one.message}" for one in seen]
+        return code, error
+
+
+def main(folder, module):
+    """Read names of inputs from stdin, a JSON list each; write what came of each to what was stdout.
 
     Args:
-        folder: Where to work; its name with `.trace` takes the Python stacks on SIGUSR1.
-        plant: Module of a command line to run instead of rmrc's, and of its class `planted`; "" for none.
-        memory: Bytes of address space that inputs may take beside what the imports took; "0" for any number.
-        ready: What to do before the first input: "imported" to import all that any may need, "warm" to compile it as well; "" for nothing.
+        folder: Where to work.
+        module: The module whose `main` is the command line.
     """
     tell = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
-    hear = os.fdopen(os.dup(0), encoding="utf-8")
-    with open(os.devnull, "r+b") as nothing:
-        for number in (0, 1):
-            os.dup2(nothing.fileno(), number)
-    trace = Path(f"{folder}.trace").open("w", encoding="utf-8")  # noqa: SIM115, as it stays open
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        os.dup2(os.open(f"{folder}.{name}", os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND), number)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # but while an input runs
-    faulthandler.enable(trace)
-    faulthandler.register(signal.SIGUSR1, trace, all_threads=True)
-    generate, command_line = _planted(plant) if plant else _ours(ready)
-    sandbox = Sandbox(folder, command_line)
-    if ready == "warm" and not plant:
-        _warm_up(sandbox)
-    _bound(int(memory))
-    print("ready", file=tell)
-    for line in hear:
-        kind, index = json.loads(line)
-        # Frozen inputs come as their path.
-        case = cases.read(Path(index).read_text("utf-8")) if kind == "file" else generate(kind, index)
-        outcome = sandbox.run(case)
-        found = judge(case, outcome, sandbox.root)
-        sandbox.clean()
-        code = outcome.code if isinstance(outcome.code, int) else str(outcome.code)
-        said = {"code": code, "cpu": outcome.cpu, "findings": found, "stopped": was_stopped(outcome)}
-        print(json.dumps(said), file=tell)
-
-
-def _ours(ready):
-    """Return the generators and the command line; import before all that a verb may import, if asked to."""
-    from rmrc import cli
-
-    for name in _modules() if ready else ():
-        with contextlib.suppress(ImportError):
-            importlib.import_module(name)
-    _remember_what_never_changes()
-    from .classes import case
-
-    return case, cli.main
-
-
-def _warm_up(sandbox):
-    for argv in WARMING:
-        outcome = sandbox.run(cases.Case(argv))
-        sandbox.clean()
-        if outcome.code not in (0, 1):
-            raise RuntimeError(f"{argv}: {outcome.code} {outcome.error} {outcome.err.decode()}")
-
-
-def _modules():
-    """Return the modules of rmrc, so that no input waits for an import or has its memory counted."""
-    import rmrc
-
-    package = Path(rmrc.__file__).parent
-    for path in sorted(package.rglob("*.py")):
-        parts = path.relative_to(package).with_suffix("").parts
-        if parts[-1] not in ("__init__", "__main__"):
-            yield ".".join(("rmrc", *parts))
-
-
-def _remember_what_never_changes():
-    """Keep what libraries find out anew at each call of the command line: its own parser.
-
-    Nothing of rmrc is remembered, so that what an input leaves behind shows in the next.
-    """
-    import typer.main
-
-    typer.main.get_command = functools.cache(typer.main.get_command)
-
-
-def _planted(name):
-    module = importlib.import_module(name)
-    return module.case, module.main
-
-
-def _bound(memory):
-    resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
+    names, sandbox = sys.stdin, Sandbox(folder, importlib.import_module(module).main)
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MEMORY,) * 2)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2**30, 2**30))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    if memory:
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
-        most = pages * resource.getpagesize() + memory
-        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    for line in names:
+        case = (
+            inputs.Case(tuple(json.loads(line)[1:]))
+            if module != "rmrc.cli"
+            else inputs.case(*json.loads(line))
+        )
+        outcome = sandbox.run(case)
+        print(
+            json.dumps([str(outcome.code), list(judge(case, outcome)), outcome.out, outcome.err]), file=tell
+        )
 
 
 if __name__ == "__main__":

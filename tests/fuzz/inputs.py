@@ -1,0 +1,389 @@
+"""Hostile inputs: models, scenarios, options and numbers, each made from a class and an index alone."""
+
+import json
+import random
+import re
+import xml.etree.ElementTree as ET
+from functools import cache
+from typing import NamedTuple
+
+import yaml
+from typer.main import get_command
+
+from project import ROOT
+from rmrc.cli import app
+from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, PLANTS, POLICIES, SCHEDULES
+
+COMMANDS = get_command(app).commands
+MODEL, SCENARIO = "models/fuzz.xml", "scenarios/fuzz.yaml"
+REGRESSIONS = sorted((ROOT / "tests/fuzz/regressions").glob("*.json"))
+
+# Texts that some reader takes for a number, or nearly so.
+NUMBERS = (
+    "0", "-0.0", "1", "-1", "2", "0.5", "5e-324", "1e-300", "1e-12", "1e-6", "1000", "1e9", "1e100", "1e154", "1e300",
+    "1.7976931348623157e308", "1e309", "-1e300", "nan", "inf", "-inf", ".nan", "-.inf", "2147483648", "-2147483649",
+    "9223372036854775808", "9" * 400, "0x1F", "1_000", "1e", "--1", "1,5", "010", "\u0663", "1e999 deg", "90deg", "true",
+)  # fmt: skip
+# Names that a terminal, a markup language, a file system or a parser may take for more than a name.
+NAMES = (
+    "", " ", "\x1b[31mred\x1b[0m", "\x1b]0;title\x07", "a\nb", "a\rb", "\x9b31m", "\x85", "\x7f", "\u202eevil", "\u2028", "\ufeff",
+    "[red]x[/red]", "[/]", "[[", "{0}", "%s%n", "a.b", "..", "/", "a\\b", "'\"", "<&>", "e\u0301", "\U0001f600", "-x", "--help",
+    "$HOME", "*", "x" * 300, "home", "tip", "world", "0", "~", "a,b", "a=b", "a:b", "#",
+)  # fmt: skip
+BYTES = (
+    b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"\xed\xa0\x80", b"\x1b[2J", b"\x9b", b"\r", b"\t", b"&#0;", b"&#27;", b"-->", b"<!--",
+    b"<!DOCTYPE x>", b"\xf0\x9f\x98\x80", b"nan", b"1e999", b"{", b"}", b"[", b"]", b"'", b'"', b": ", b"- ", b"<", b"/>", b"&", b"*a",
+)  # fmt: skip
+SCALARS = (
+    "~", "yes", "017", "0x1F", "1:30", "2026-01-01", ".nan", ".inf", "1e3", "''", r'"\0"', r'"\x1b[31m"', r'"\ud800"', "!!float x",
+    "!!binary aGk=", "!!python/object/apply:os.system [id]", "|", "*a", "&a 1", "{}", "[]", "[[]]", "{a: 1, a: 2}", "[1, 2, 3]", "[~]",
+    "60 deg", "1e999 deg", "60 degrees", "1e+308", "1e-320", "9" * 400, "[/]", "<<", "%", "@", "home", "x", "[rz, x]", "\u0663",
+    "../models", "/dev/null", "..", "a" * 3000,
+)  # fmt: skip
+# Attributes that mean something, with values that an engine may not bear.
+ATTRIBUTES = {
+    "joint": {"type": "ball", "axis": "0 0 0", "range": "1 -1", "ref": "1e10", "stiffness": "1e300", "damping": "-1", "armature": "1e-300",
+              "frictionloss": "1e300", "actuatorfrcrange": "0 0", "limited": "auto"},
+    "body": {"pos": "1e300 0 0", "quat": "0 0 0 0", "mocap": "true", "gravcomp": "nan", "childclass": "none"},
+    "geom": {"type": "mesh", "size": "1e300 1 1", "fromto": "0 0 0 0 0 0", "mass": "-1", "density": "nan", "contype": "4294967296"},
+    "site": {"pos": "nan 0 0", "quat": "0 0 0 0", "size": "-1", "type": "mesh"},
+    "inertial": {"mass": "0", "diaginertia": "1 1 9", "pos": "1e300 0 0"},
+    "option": {"timestep": "1e-300", "integrator": "RK4", "gravity": "0 0 1e300", "iterations": "-1", "density": "1e300"},
+    "compiler": {"angle": "degree", "autolimits": "false", "eulerseq": "abc", "meshdir": "/", "settotalmass": "1e300"},
+}  # fmt: skip
+ELEMENTS = (
+    ("mujoco", '<include file="fuzz.xml"/>'), ("mujoco", '<size nuserdata="1000000000"/>'), ("mujoco", "<nonsense/>"),
+    ("mujoco", '<option><flag constraint="disable" autoreset="disable"/></option>'), ("mujoco", '<statistic extent="nan"/>'),
+    ("body", '<replicate count="100000" offset="0 0 1"><body><joint/><geom size="0.1"/></body></replicate>'),
+    ("body", '<frame pos="nan 0 0"><site name="framed"/></frame>'), ("body", "<freejoint/>"), ("body", '<joint type="ball"/>'),
+    ("body", '<joint name="more" type="slide" axis="0 0 0"/>'), ("body", "<site/>"), ("body", "<body><joint/></body>"),
+    ("body", '<inertial mass="nan" pos="0 0 0"/>'), ("body", '<geom size="1e308" mass="1"/>'),
+    ("body", '<composite type="cable" count="40 1 1" curve="s" size="1"><geom size="0.01"/></composite>'),
+    ("equality", '<joint joint1="JOINT" polycoef="0 nan 0 0 0"/>'), ("equality", '<joint joint1="JOINT" joint2="OTHER"/>'),
+    ("equality", '<joint joint1="JOINT" joint2="OTHER" polycoef="1e300 1 1 1 1"/>'), ("equality", '<weld body1="BODY" body2="world"/>'),
+    ("tendon", '<fixed name="t" limited="true" range="0 1e-300"><joint joint="JOINT" coef="1e300"/></fixed>'),
+    ("actuator", '<position joint="JOINT" kp="nan"/>'), ("actuator", '<velocity joint="JOINT" kv="1e300" ctrlrange="-1 1"/>'),
+    ("actuator", '<muscle joint="JOINT" range="0 0"/>'), ("actuator", '<general joint="JOINT" dyntype="filter" dynprm="0"/>'),
+    ("keyframe", '<key name="home" qpos="nan"/>'), ("keyframe", '<key name="more" qpos="1 2 3 4 5 6 7 8 9"/>'),
+    ("contact", '<exclude body1="BODY" body2="BODY"/>'), ("asset", '<hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/>'),
+    ("asset", '<mesh name="m" vertex="0 0 0 0 0 0 0 0 0 0 0 0"/>'), ("asset", '<mesh name="m" file="none.stl"/>'),
+    ("asset", '<texture name="t" type="2d" builtin="flat" width="100000" height="100000"/>'), ("sensor", '<user dim="100000000"/>'),
+)  # fmt: skip
+# Choices of a scenario that are right.
+RIGHT = {
+    "control.inverse.method": INVERSES.names,
+    "control.inverse.damping": [{"schedule": name} for name in SCHEDULES.names],
+    "control.nullspace": [{"objective": name} for name in OBJECTIVES.names],
+    "control.limits": [{"on_excess": name, "rate": 1.0} for name in LIMITS.names],
+    "control.at_singularity": POLICIES.names,
+    "control.period": (0.002, 0.01, 0.05),
+    "task.axes": (["x"], ["y", "x"], ["x", "y", "z"], ["rz"], ["x", "y", "z", "rx", "ry", "rz"]),
+    "task.frame": ("world", "base", "site"),
+    "arm.pose": ({"position": [0.5, 0.3]}, {"position": [9.0, 9.0, 9.0]}, {"orientation": ["180 deg", 0, 0]}),
+    "arm.body": ("link_2", "link1"),
+    "arm.base": ("fixed", "free"),
+    "arm.others": ("hold", "free"),
+    "plant": [{"kind": name} for name in PLANTS.names],
+    "plant.payload": (2.0,),
+    "target.path": (
+        [{"line": {"by": [0.1, 0.0, 0.1]}}], [{"arc": {"center": [0.1, 0.1], "angle": "360 deg"}}], [{"configurations": ["home"]}],
+        [{"set": {"by": [0.01, 0.0], "for": 0.05}}], [{"file": {"path": "recorded_motion.csv", "columns": "q"}}], [{"hold": {"for": 0.001}}],
+    ),
+}  # fmt: skip
+# Keys that take any positive number. Those for which a run is merely long are not among them.
+POSITIVE = (
+    "task.length", "control.inverse.cutoff", "control.inverse.rate_bound", "control.inverse.damping.maximum", "control.inverse.damping.below",
+    "control.feedback", "control.nullspace.gain", "control.limits.rate", "control.limits.acceleration", "control.limits.jerk",
+    "control.limits.braking", "control.slow.change", "control.stop.sigma", "plant.kv", "plant.bandwidth", "plant.payload", "arm.encoder.offset",
+)  # fmt: skip
+# Instead of thousands of ticks, dozens: the path as it is, but fast.
+FAST = tuple(
+    part
+    for name, value in (("velocity", "30"), ("acceleration", "1.0e+4"), ("jerk", "1.0e+8"))
+    for key in (name, f"angular_{name}")
+    for part in ("--set", f"target.limits.{key}={value}")
+)
+# Values of options by name: right ones, and such as keep a command short or within its folder.
+VALUES = {
+    "q": ("0.1,0.2,0.3,0.1,0.2,0.3", "0,0", "home"), "to_q": ("0.3,0.3", "0.3,0.3,0.3"), "to": ("0.5,0.5", "0.3,0.1,0.5", "9,9,9"),
+    "wrench": ("1,2,3", "1,2,3,4,5,6"), "keyframe": ("home",), "site": ("tip",), "body": ("link_2",), "axes": ("x,y", "x,y,z", "rz"),
+    "frame": ("world", "base", "site"), "task_frame": ("world", "base", "site"), "method": ("damped", "newton"), "hold": ("0.3",),
+    "set_": ("control.feedback=1", "task.axes=[x]", "plant.kind=servo", "arm.start[9]=1", "control..feedback=1", "=", "a["),
+    "vary": ("control.feedback=1,2", "plant.kind=ideal,servo", "control.feedback=", "x=1"), "only": ("control.feedback=20", "x=1", "="),
+    "random": ("control.feedback=1..2", "x=1..2", ".."), "sobol": ("control.feedback=1..2", "control.feedback=2"),
+    "plane": ("xy", "rz"), "map_": ("sigma_min", "postures"), "delay": ("8ms", "6ms..12ms", ".."), "plant": PLANTS.names,
+    "samples": ("2", "1000", "0", "x"), "repeat": ("2", "0", "x"), "runs": ("10", "0", "x"), "perturbed": ("0", "1", "x"), "copies": ("1", "x"),
+    "cells": ("10", "0", "x"), "accuracy": ("0.5", "0", "x"), "size": ("64x64", "0x0", "x", "-1x64"), "fps": ("5", "0", "x"),
+    "columns": ("t=t", "q=q*", "="), "panels": ("rates", "status", ","), "speed": ("1", "0", "x"),
+    "out": ("there", "a/b", "file", "file/below", "/dev/full", "/proc/nothing", "x" * 300, "\x1b[31m", "\udcff"),
+    "picture": ("a.png", "a.svg", "a.jpg", "", "none/a.png"), "junit": ("a.xml", "", "/dev/full"), "summary": ("a.md", "", "/dev/full"),
+    "folder": ("there", "a/b", "", "file", "/proc/nothing", "\x1b[31m"),
+}  # fmt: skip
+# Verbs and options that would open a viewer, a port, or other processes.
+CLOSED = ("replay", "cluster", "threads", "package")
+
+
+class Case(NamedTuple):
+    """An input.
+
+    Attributes:
+        argv: What is typed after `rmrc`, in a folder beside copies of `models` and `scenarios`.
+        files: Contents of more files by path from the folder above; a path that ends in a slash is a folder.
+        encoding: Of stdout and stderr.
+        columns: Width of the terminal.
+    """
+
+    argv: tuple[str, ...]
+    files: dict[str, bytes] = {}  # noqa: RUF012 - no one changes it
+    encoding: str = "utf-8"
+    columns: str = "80"
+
+    def text(self, **about):
+        """Return the input as JSON."""
+        files = {path: data.decode("utf-8", "surrogateescape") for path, data in self.files.items()}
+        return json.dumps({**about, **self._asdict(), "files": files}, indent=1) + "\n"
+
+
+def read(text):
+    """Return the input of `Case.text`; contents may also be a list of [text, count], each text so many times."""
+    facts = json.loads(text)
+    files = {path: _bytes(data) for path, data in facts.pop("files").items()}
+    return Case(tuple(facts.pop("argv")), files, **{key: facts[key] for key in Case._fields if key in facts})
+
+
+def _bytes(data):
+    if isinstance(data, str):
+        return data.encode("utf-8", "surrogateescape")
+    return b"".join(_bytes(text) * count for text, count in data)
+
+
+def case(name, index):
+    """Return the input of a class and an index, always the same; of class "file", the one at a path."""
+    if name == "file":
+        with open(index, encoding="utf-8") as file:
+            return read(file.read())
+    return CLASSES[name](random.Random(f"{name}:{index}"))
+
+
+@cache
+def shipped(pattern):
+    """Return the names and texts of shipped files."""
+    return [(path.stem, path.read_text("utf-8")) for path in sorted(ROOT.glob(pattern))]
+
+
+def word(rng):
+    """Return a number, a name or noise."""
+    noise = "".join(chr(rng.randrange(1, 0x250)) for _ in range(rng.randrange(12)))
+    return rng.choice((rng.choice(NUMBERS), rng.choice(NAMES), noise))
+
+
+def spoiled(rng, data):
+    """Return bytes of which some are lost, repeated, moved or replaced."""
+    for _ in range(rng.randint(1, 3)):
+        start = rng.randrange(len(data) + 1)
+        end = start + rng.randrange(20)
+        middle = rng.choice((b"", rng.choice(BYTES), 2 * data[start:end], data[end:][:40] + data[start:end]))
+        data = data[:start] + middle + rng.choice((data[end:], data[end:], data[end:], b""))
+    return data
+
+
+def models(rng):
+    """Return a shipped model with faults, and a question about it or a run of it."""
+    root = ET.fromstring(rng.choice(shipped("models/*.xml"))[1])
+    for _ in range(rng.choice((1, 1, 1, 2, 2, 3, 6))):
+        _change(rng, root)
+    data = ET.tostring(root).replace(b"\x1b", b"&#27;")
+    data = spoiled(rng, data) if rng.random() < 0.15 else data
+    verb, *options = rng.choice(
+        (
+            *(("inspect",), ("inspect", "--json"), ("run", "--no-record")) * 3,
+            ("statics", "--wrench", "1,2,3"), ("ik", "--to", "0.5,0.5", "--json"), ("ik", "--to-q", "0.3,0.3", "--all"),
+            ("check", "--json"), ("new", "--json", "--force"), ("sweep", "--threads", "1", "--vary", "control.feedback=1,2"),
+        )
+    )  # fmt: skip
+    if verb not in ("run", "sweep"):
+        return Case((verb, f"../{MODEL}", *options), {MODEL: data})
+    site = next((one.get("name") for one in root.iter("site")), "tip")
+    scenario = (
+        f"name: fuzz\narm: {{model: ../{MODEL}, site: {site}}}\ncontrol: {{period: 0.002, limits: {{rate: 3.0}}}}\n"
+        "target: {path: [{line: {by: [0.001, 0, 0.001]}}, {hold: {for: 0.005}}]}\n"
+        f"plant: {{kind: {rng.choice(PLANTS.names)}}}\n"
+    )
+    return Case((verb, f"../{SCENARIO}", *options), {MODEL: data, SCENARIO: scenario.encode()})
+
+
+def _change(rng, root):
+    """Change a value, an attribute or an element of a model."""
+    elements = list(root.iter())
+    element = rng.choice([one for one in elements if one.attrib])
+    key = rng.choice(sorted(element.attrib))
+    parent, child = rng.choice([(parent, child) for parent in elements for child in parent])
+    match rng.randrange(-12, 16):
+        case rank if rank < 3:  # another arm, and most often no worse than the one before
+            factor = rng.choice((0.5, 0.9, 1.1, 2.0) * 3 + (-1.0, 0.0, 1e9, 1e300))
+            scaled = lambda number: repr(float(number[0]) * factor)  # noqa: E731
+            element.set(key, re.sub(r"(?<![\w.])-?\d+\.?\d*(?![\w.])", scaled, element.get(key)))
+        case 3 | 4:
+            element.set(key, word(rng).translate(dict.fromkeys(set(range(32)) - {27})))
+        case 5:
+            del element.attrib[key]
+        case 6:
+            element.set("name", rng.choice(("a.b", "[red]x[/red]", "\x1b[31m", "\x9b31m", "x" * 300, "")))
+        case 7 | 8 | 9:
+            element = rng.choice([one for one in elements if one.tag in ATTRIBUTES])
+            name, value = rng.choice(list(ATTRIBUTES[element.tag].items()))
+            element.set(name, rng.choice((value, rng.choice(NUMBERS))))
+        case 10:
+            parent.remove(child)
+        case 11:
+            parent.extend([child] * rng.choice((1, 1, 40)))
+        case 12:
+            parent.remove(child)
+            for _ in range(rng.choice((1, 5, 300))):
+                parent = ET.SubElement(parent, rng.choice(("body", child.tag)))
+            parent.append(child)
+        case _:
+            _add(rng, root)
+
+
+def _add(rng, root):
+    """Add an element to the section that it belongs to, or to a body."""
+    section, text = rng.choice(ELEMENTS)
+    for placeholder, tag in (("JOINT", "joint"), ("OTHER", "joint"), ("BODY", "body")):
+        text = text.replace(
+            placeholder, rng.choice([one.get("name", "none") for one in root.iter(tag)] or ["none"])
+        )
+    places = [one for one in root.iter() if one.tag == section] or [ET.SubElement(root, section)]
+    try:
+        rng.choice(places).append(ET.fromstring(text))
+    except ET.ParseError:  # a name that was changed before
+        return
+
+
+def scenarios(rng):
+    """Return a shipped scenario with other values, faults or spoiled bytes, run by a verb."""
+    text = rng.choice(shipped("scenarios/*.yaml"))[1]
+    tree = yaml.safe_load(text)
+    for _ in range(rng.randrange(4)):
+        _choose(rng, tree)
+    style = rng.random()
+    if style < 0.8:
+        text = yaml.safe_dump(tree, sort_keys=False)
+    if style > 0.5:
+        for _ in range(rng.choice((1, 1, 2, 4))):
+            text = _reword(rng, text)
+    data = text.encode("utf-8", "surrogatepass")
+    data = spoiled(rng, data) if rng.random() < 0.1 else data
+    verb = rng.choices(
+        (
+            ("run", "--no-record"), ("run",), ("compare", "--no-record", "--vary", "control.feedback=1,2"),
+            ("sweep", "--threads", "1", "--samples", "2", "--repeat", "1"), ("tune", "--runs", "10", "--perturbed", "0", "--threads", "1"),
+        ),
+        (84, 4, 4, 6, 1),
+    )[0]  # fmt: skip
+    return Case((*verb, f"../{SCENARIO}", *FAST), {SCENARIO: data})
+
+
+def _choose(rng, tree):
+    """Set a key of a scenario to a value that may well be meant."""
+    key, values = rng.choice(list(RIGHT.items()))
+    *sections, last = key.split(".")
+    for section in sections:
+        if not isinstance(tree.get(section), dict):
+            tree[section] = {}
+        tree = tree[section]
+    tree[last] = rng.choice(values)
+
+
+def _reword(rng, text):
+    """Drop, repeat or indent a line, or put something else for a word."""
+    lines = text.splitlines(keepends=True) or ["\n"]
+    row = rng.randrange(len(lines))
+    words = list(re.finditer(r"[^\s,:\[\]{}]+|[,:\[\]{}]", text))
+    if words and rng.random() < 0.7:
+        start, end = rng.choice(words).span()
+        return (
+            text[:start]
+            + rng.choice((rng.choice(SCALARS), rng.choice(NUMBERS), rng.choice(words)[0], ""))
+            + text[end:]
+        )
+    lines[row : row + 1] = rng.choice(
+        (
+            [],
+            lines[row : row + 1] * 2,
+            [" " + lines[row]],
+            [lines[row].lstrip(" ")],
+            [lines[row], f"x: {rng.choice(SCALARS)}\n"],
+        )
+    )
+    return "".join(lines)
+
+
+def options(rng):
+    """Return a verb and its declared options, right and wrong, on shipped files or what is none."""
+    verb = rng.choice([one for one in COMMANDS if one not in CLOSED])
+    wrong = rng.random() < 0.5
+    argv, files = [verb], {"here/file": b"x", "here/log.csv": _log(rng)}
+    for parameter in COMMANDS[verb].params:
+        values = VALUES.get(parameter.name, ("1", "0.1", "7"))
+        value = rng.choice(values) if parameter.name in VALUES or not wrong else word(rng)
+        if parameter.param_type_name == "argument":
+            argv.append(_argument(rng, parameter.name) if not wrong or rng.random() < 0.9 else word(rng))
+        elif parameter.name not in (*CLOSED, "help") and rng.random() < 0.25:
+            argv += [rng.choice(parameter.opts), *([] if parameter.is_flag else [value])]
+    argv += (
+        FAST
+        if any(parameter.name == "set_" for parameter in COMMANDS[verb].params) and verb != "render"
+        else ()
+    )
+    samples = "1000" if verb == "workspace" else "2"
+    for option, value in (("--threads", "1"), ("--runs", "10"), ("--samples", samples), ("--cells", "10")):
+        if any(option in parameter.opts for parameter in COMMANDS[verb].params) and option not in argv:
+            argv += [option, value]
+    if wrong and rng.random() < 0.3:
+        argv.insert(
+            rng.randrange(len(argv) + 1),
+            rng.choice(("--", "--help", "--nonsense", "", "--json", "--=", word(rng))),
+        )
+    typed = (one.replace("\0", "").encode("utf-8", "surrogatepass") for one in argv)
+    argv = tuple(one.decode("utf-8", "surrogateescape") for one in typed)
+    rare = rng.random()
+    encoding = rng.choice(("ascii", "latin-1", "utf-16")) if rare < 0.06 else "utf-8"
+    return Case(argv, files, encoding, rng.choice(("1", "0", "20", "200", "x")) if rare > 0.92 else "80")
+
+
+def _argument(rng, name):
+    """Return the file or folder that a verb is about."""
+    if name == "folder":
+        return rng.choice(VALUES[name])
+    if name == "log":
+        return rng.choice(("log.csv", "log.csv", "none.csv", "file"))
+    if name in ("model", "scenario"):
+        suffix = {"model": "xml", "scenario": "yaml"}[name]
+        return f"../{name}s/{rng.choice(shipped(f'{name}s/*.{suffix}'))[0]}.{suffix}"
+    return rng.choice(("file", "none.npz", "../scenarios/null_space.yaml", "/dev/null", "."))
+
+
+def _log(rng):
+    """Return a log of commands and positions, with a cell or two that are odd."""
+    rows = [f"{0.01 * i:.2f},{i % 17 * 0.1:.1f},{i % 5 * 0.1:.1f}" for i in range(rng.choice((0, 2, 200)))]
+    for _ in range(rng.randrange(3)):
+        rows.insert(rng.randrange(len(rows) + 1), f"{rng.choice(NUMBERS)},{word(rng)},")
+    return "\n".join(["t,q,qdot_cmd", *rows]).encode("utf-8", "surrogatepass")
+
+
+def numbers(rng):
+    """Return a shipped scenario with extreme numbers, all of them allowed."""
+    argv = [rng.choice(("run", "run", "run", "compare")), "--no-record"]
+    argv += ["--vary", "control.feedback=0,1"] if argv[0] == "compare" else []
+    argv += [f"../scenarios/{rng.choice(shipped('scenarios/*.yaml'))[0]}.yaml", *FAST]
+    for _ in range(rng.choice((1, 2, 4, 8))):
+        most = rng.choice((3, 6, 16, 307))
+        argv += ["--set", f"{rng.choice(POSITIVE)}={rng.uniform(1, 10):.3f}e{rng.randint(-most, most):+d}"]
+    if rng.random() < 0.2:
+        plane = ", ".join(f"{rng.uniform(-1, 1):.3f}e{rng.randint(-300, 300):+d}" for _ in range(2))
+        argv += ["--set", f"target.path=[{{line: {{by: [{plane}]}}}}]"]
+    return Case((*argv, "--set", f"plant.kind={rng.choice(PLANTS.names)}"))
+
+
+CLASSES = {"models": models, "scenarios": scenarios, "options": options, "numbers": numbers}
