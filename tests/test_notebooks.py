@@ -93,38 +93,6 @@ def test_there_is_one_for_each_chapter_and_each_is_in_the_lists():
         assert listed == list(NOTEBOOKS), page
 
 
-def test_rows_of_the_textbook_that_they_show_are_there():
-    text = (ROOT / "docs/textbook.md").read_text("utf-8")
-    rows = set(re.findall(r"^\| ([A-D]\d+) \|", text, re.M))
-    shown = re.findall(r"^\| \[.*\.ipynb\) \| (.*) \|$", text, re.M)
-    assert len(shown) == len(NOTEBOOKS)
-    for first, last in re.findall(r"([A-D]\d+)(?: to ([A-D]\d+))?", " ".join(shown)):
-        ends = [int(end[1:]) for end in (first, last or first)]
-        assert {f"{first[0]}{i}" for i in range(ends[0], ends[1] + 1)} <= rows
-        assert ends[0] <= ends[1]
-
-
-@pytest.mark.parametrize("name", NOTEBOOKS)
-def test_it_is_plain_and_has_no_output(name):
-    notebook = NOTEBOOKS[name]
-    assert (notebook["nbformat"], notebook["nbformat_minor"]) == (4, 5)  # the first with ids of cells
-    assert notebook["metadata"] == {
-        "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
-        "language_info": {"name": "python"},
-    }
-    ids = [cell["id"] for cell in notebook["cells"]]
-    assert len(ids) == len(set(ids)) <= 25
-    for cell in notebook["cells"]:
-        assert cell["metadata"] == {}
-        assert cell["cell_type"] == "markdown" or (cell["outputs"], cell["execution_count"]) == ([], None)
-    headings = re.findall(r"^# .+$", "\n".join(cells(name, "markdown").values()), re.M)
-    assert len(headings) == 1 and "".join(notebook["cells"][0]["source"]).startswith(headings[0])
-    text = (
-        json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
-    )  # as Jupyter writes it, so that it stays a small change
-    assert (ROOT / f"notebooks/{name}.ipynb").read_text("utf-8") == text
-
-
 @pytest.mark.parametrize("name", NOTEBOOKS)
 def test_only_public_names_are_used(name):
     tree = ast.parse("\n".join(cells(name, "code").values()))
@@ -174,15 +142,6 @@ def test_it_runs_from_top_to_bottom_and_tells_right_answers_from_wrong_ones(
         plt.close("all")
     assert exercises == [1, 2]
     assert not any(tmp_path.iterdir())
-
-
-def test_all_checks_are_alike():
-    setups = {name: ast.parse(cells(name, "code")["setup"]) for name in NOTEBOOKS}
-    checks = {
-        ast.dump(next(node for node in tree.body if isinstance(node, ast.FunctionDef)))
-        for tree in setups.values()
-    }
-    assert len(checks) == 1
 
 
 @pytest.mark.long

@@ -127,18 +127,6 @@ def rows_of(*theirs):
     return ours, [peers.Row(peer, {}, figures(**values)) for values in theirs]
 
 
-def test_a_peer_that_leads_is_named_with_what_it_costs():
-    smooth = {"mm": 2.0, "mrad": 9.0, "peak acc": 0.5, "over": 5.0}
-    ours, rows = rows_of({"mm": 1.0, "mrad": 0.0}, {"mm": 1.98, "mrad": 0.0}, smooth)
-    verdicts = [peers.judge(row, ours, []) for row in rows]
-    assert [one.ahead for one in verdicts] == [["mm"], [], ["peak acc"]]  # 1.98 is within 2 %
-    behind, ahead, aside = peers.words(ours, verdicts)
-    assert behind == "Our row is as good in every column as numpy DLS."
-    assert ahead.startswith("**numpy DLS is ahead of our row in mm 1 (ours 2)**. ")
-    assert ahead.endswith("lacks mm 1 (ours 2).")
-    assert "with 4.61 times our error and 5 mrad or mm beyond a joint's limit" in aside
-
-
 def test_the_setting_that_leaves_a_peer_fewest_columns_is_found():
     ours, (row,) = rows_of({"mm": 1.0, "mrad": 0.0, "peak acc": 0.5})
     half = {"gain": 5.0}, figures(mm=1.0, mrad=0.0)
@@ -149,36 +137,6 @@ def test_the_setting_that_leaves_a_peer_fewest_columns_is_found():
     verdict = peers.judge(row, ours, [half, near, whole])
     assert verdict.left == [] and verdict.setting == {"gain": 7.0}
     assert list(peers.words(ours, [verdict]))[-1].endswith("With gain 7, rmrc is as good in every column.")
-
-
-def test_the_summary_counts_rows_by_how_they_stand():
-    ours, rows = rows_of({"mm": 1.0, "mrad": 0.0}, {"mm": 2.0, "mrad": 0.0}, {"mm": 0.5, "mrad": 0.0})
-    verdicts = [peers.judge(row, ours, [({"gain": 5.0}, figures(mm=1.0, mrad=0.0))]) for row in rows]
-    table = peers.Table(named("far, UR5e"), [], verdicts, [ours, *rows], ["NEO"])
-    assert list(peers.summary([table]))[-1] == "| far, UR5e | 3 | 1 | 1 | numpy DLS: mm |"
-    ours, (away,) = rows_of({"mm": 5.0, "mrad": 0.0, "peak acc": 0.5})  # 2.5 times our error
-    table = table._replace(rows=[*table.rows, away], verdicts=[*verdicts, peers.judge(away, ours, [])])
-    same, better, others, stops = peers.totals([table])
-    assert (
-        same.startswith("Of the 3 ")
-        and "as good as 1, another single setting of rmrc as 1, and 1 lead" in same
-    )
-    assert better == "**Better than ours** is numpy DLS: mm, in far, UR5e."
-    assert others.startswith("Of the 1 others, our row is as good as 0, ") and "and 1 lead every" in others
-    assert stops == "NEO stops with an error at every setting in far, UR5e, and has no row there."
-
-
-def test_who_takes_longer_for_a_step_is_told_and_who_is_faster():
-    steps = {
-        "rmrc as written": [9.0],
-        peers.OURS: [2.0, 4.0, 9.0],
-        "mink": [80.0],
-        "numpy DLS as written": [1.0],
-    }
-    steps = {name: np.array(values) for name, values in steps.items()}
-    text = peers.speed({"UR5e": steps, "FR3": steps | {"mink": np.array([90.0])}})
-    assert text.startswith("A step of rmrc takes 2.0 to 2.0 µs with kinematics, ") and "of 2 arms; " in text
-    assert text.endswith("mink 80 to 90 µs. Faster than rmrc: numpy DLS as written.")
 
 
 def test_the_page_has_every_case_and_the_counts_of_its_tables():

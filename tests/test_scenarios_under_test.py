@@ -7,11 +7,9 @@ import subprocess
 from xml.etree import ElementTree
 
 import pytest
-import yaml
 
 from project import ROOT
 from rmrc.cli import console
-from rmrc.scenario import load
 
 PAGE = (ROOT / "docs/scenarios_under_test.md").read_text("utf-8")
 
@@ -61,19 +59,6 @@ def test_its_loop_runs_all_and_fails_if_any_does(tmp_path, names, status):
     reported = [line for line in calls if line.startswith("report")]
     assert reported == [f"report ci/{name}/of_its_own.npz --quiet" for name in names if name != "b"]
     assert all(f"--junit ci/{n}.xml --summary ci/{n}.md" in " ".join(calls) for n in names)
-
-
-def test_its_jobs_are_yaml_that_runs_the_loop_and_keeps_what_it_leaves():
-    expect, github, gitlab = map(yaml.safe_load, blocks("yaml"))
-    figures = load(ROOT / "scenarios/approach_singularity.yaml").expect
-    assert expect["expect"].keys() <= figures.keys()
-    steps, job = github["jobs"]["scenarios"]["steps"], gitlab["scenarios"]
-    runs = [step["run"] for step in steps if "run" in step]
-    assert runs[1] == job["script"][1] and runs[1].endswith("ci/scenarios.sh")
-    assert runs[0].split() == job["script"][0].split() and "touch -d" in runs[0]
-    assert steps[2]["with"]["path"] == job["cache"]["paths"][0] == ".venv"
-    assert job["artifacts"]["reports"]["junit"] in PAGE and "ci/*/*.rrd" in job["artifacts"]["paths"]
-    assert steps[-1]["if"] == "failure()" and "ci/*/*.html" in steps[-1]["with"]["path"].split()
 
 
 def test_its_exit_codes_are_those_of_the_program():

@@ -80,17 +80,6 @@ def test_external_links_are_reported_as_broken_only_if_a_server_says_so():
     assert lines[1].startswith("broken: https://x.org/d in docs/a.md: 404")
 
 
-def test_versions_are_listed_with_the_newest_first(tmp_path, monkeypatch):
-    monkeypatch.setattr(site, "SITE", tmp_path)
-    for name in ("v0.9", "main", "v0.10", "v0.10.1"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "searchindex.js").touch()
-    (tmp_path / "v9").mkdir()  # a build that failed
-    assert site.write_versions() == ["main", "v0.10.1", "v0.10", "v0.9"]
-    assert (tmp_path / "index.html").read_text().count("<li>") == 4
-    assert "v0.10.1" in (tmp_path / "versions.js").read_text()
-
-
 def signs(text):
     """Return letters and digits in their order, whatever stands above, below or beside another."""
     return [one for one in unicodedata.normalize("NFKD", text) if one.isalnum() and one not in "ΣΠ"]
@@ -110,41 +99,6 @@ def test_typeset_equations_lose_no_letter_and_no_number(conf):
         shown = html.unescape(re.sub("<[^>]+>", "", typeset.equation(line).replace("<mn>3</mn></mroot>", "")))
         assert signs(shown) == signs(said.replace("qdot", "q")), line
     assert signs("q̇_i² ≤ 2") == ["q", "i", "2", "2"] != signs("q̇² ≤ 2")
-
-
-@pytest.mark.parametrize(
-    ("text", "shown"),
-    [
-        ("σ_i", "<msub><mi>σ</mi><mrow><mi>i</mi></mrow></msub>"),
-        ("a/(b + 1)", "<mfrac><mrow><mi>a</mi></mrow><mrow><mrow><mi>b</mi><mo>+</mo><mn>1</mn></mrow></mrow></mfrac>"),
-        ("f(x)/2", "<mfrac><mrow><mi>f</mi><mrow>"),  # of the value, and not of what is in parentheses
-        ("m/rad", "<mi>m</mi><mo>/</mo><mtext>rad</mtext>"),
-        ("[v; ω]", "<mtable><mtr><mtd><mrow><mi>v</mi></mrow></mtd></mtr><mtr><mtd><mrow><mi>ω</mi></mrow></mtd></mtr></mtable>"),
-        ("√(x²)", "<msqrt><mrow><msup><mi>x</mi><mn>2</mn></msup></mrow></msqrt>"),
-        ("Jᵀ F", "<msup><mi>J</mi><mn>T</mn></msup><mi>F</mi>"),
-        ("q̇", '<mover accent="true"><mi>q</mi><mo>˙</mo></mover>'),
-    ],
-)  # fmt: skip
-def test_the_notation_of_the_theory_is_typeset(conf, text, shown):
-    assert shown in conf["typeset"].typeset(text)
-
-
-def test_the_search_finds_the_rows_of_the_textbook_by_their_labels(conf):
-    titles = conf["findable"].titles
-    assert titles("A25", "Example 5.5, figure and rates") == ["A25", "Example 5.5 (A25)"]
-    assert titles("B17", "Exercise 6.1, fig. 6.2, (i): P") == [
-        "B17",
-        "Exercise 6.1 (B17)",
-        "Figure 6.2 (B17)",
-        "Fig. 6.2 (B17)",
-    ]
-    assert titles("C4", "The families of a PUMA, 5.5") == ["C4"]
-    text = page("Chapter by chapter")
-    rows = re.findall(r"^\| ([A-D]\d+) \| (.*?) \| `", text, re.MULTILINE)
-    assert len(rows) > 100
-    found = {title for row in rows for title in titles(*row)}
-    assert {f"Example 5.{n}" for n in (1, 2, 3, 5, 8)} <= {title.partition(" (")[0] for title in found}
-    assert {f"Exercise 6.{n}" for n in range(1, 7)} <= {title.partition(" (")[0] for title in found}
 
 
 @pytest.mark.browser

@@ -4,13 +4,11 @@ import re
 import runpy
 import shlex
 import shutil
-from pathlib import Path
 
 import pytest
 import yaml
 
 from project import ROOT
-from rmrc.analysis.identify import verdict
 
 PAGE = (ROOT / "docs/from_simulation_to_your_robot.md").read_text("utf-8")
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
@@ -80,21 +78,3 @@ def test_its_python_prints_what_it_says(capsys, monkeypatch):
     (program,) = (text for kind, text in BLOCKS if kind == "python")
     exec(compile(program, "page", "exec"), {})
     assert capsys.readouterr().out.splitlines() == re.findall(r"# (.+)$", program, re.MULTILINE)
-
-
-def test_the_lines_of_joints_that_tell_nothing_are_those_of_the_program():
-    source = " ".join(Path(verdict.__file__).read_text("utf-8").replace('"\n', "").split())
-    rows = re.findall(r"^\| (.+) \| .+ \|$", PAGE.split("| message")[1].split("\n\n")[0], re.MULTILINE)
-    assert len(rows) == 6
-    for row in rows:
-        for piece in re.split(r"…|;", row):
-            text = re.sub(r"^it |^the fit ", "", piece.strip(" %.,"))
-            assert text.partition(",")[0] in source, piece
-
-
-def test_the_page_can_be_found_and_names_every_option(rmrc):
-    for name in ("README.md", "docs/my_robot.md"):
-        assert "from_simulation_to_your_robot.md" in (ROOT / name).read_text("utf-8")
-    code, out, _ = rmrc("identify", "--help")
-    options = set(re.findall(r"--[a-z]+", out)) - {"--help", "--quiet"}
-    assert code == 0 and options and [one for one in options if one not in PAGE] == []

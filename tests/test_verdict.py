@@ -76,16 +76,6 @@ def test_the_search_for_what_is_denied_finds_what_other_columns_deny(column, wha
     assert what not in denied(run.verdict, run) and what in denied(run.verdict, other)
 
 
-def test_the_search_finds_a_singularity_and_a_keeper_that_there_were_not():
-    run = dataclasses.replace(made(3, 20), divergence=None, baseline=None)
-    for name, value in (("status", 1 + 4 + 32), ("damping", 0.1), ("qdot_plain", 5e8), ("qdot_cmd", 1.0)):
-        run.columns[name] = np.full_like(run[name], value)
-    run.columns["status"][-1] = 0
-    assert "damping and the rate limit kept" in run.verdict and denied(run.verdict, run) == []
-    calm = dataclasses.replace(run, columns={**run.columns, "status": 0 * run["status"]})
-    assert {"place", "damping", "the rate limit"} <= set(denied(run.verdict, calm))
-
-
 def test_of_a_run_without_a_tick_it_says_that():
     run = dataclasses.replace(made(3, 20, baseline=False), divergence=None)
     nothing = {name: column[:0] for name, column in run.columns.items()}

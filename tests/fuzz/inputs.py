@@ -203,7 +203,7 @@ def models(rng):
     )  # fmt: skip
     if verb not in ("run", "sweep"):
         return Case((verb, f"../{MODEL}", *options), {MODEL: data})
-    site = next((one.get("name") for one in root.iter("site")), "tip")
+    site = next((element.get("name") for element in root.iter("site")), "tip")
     scenario = (
         f"name: fuzz\narm: {{model: ../{MODEL}, site: {site}}}\ncontrol: {{period: 0.002, limits: {{rate: 3.0}}}}\n"
         "target: {path: [{line: {by: [0.001, 0, 0.001]}}, {hold: {for: 0.005}}]}\n"
@@ -215,7 +215,7 @@ def models(rng):
 def _change(rng, root):
     """Change a value, an attribute or an element of a model."""
     elements = list(root.iter())
-    element = rng.choice([one for one in elements if one.attrib])
+    element = rng.choice([element for element in elements if element.attrib])
     key = rng.choice(sorted(element.attrib))
     parent, child = rng.choice([(parent, child) for parent in elements for child in parent])
     match rng.randrange(-12, 16):
@@ -230,7 +230,7 @@ def _change(rng, root):
         case 6:
             element.set("name", rng.choice(("a.b", "[red]x[/red]", "\x1b[31m", "\x9b31m", "x" * 300, "")))
         case 7 | 8 | 9:
-            element = rng.choice([one for one in elements if one.tag in ATTRIBUTES])
+            element = rng.choice([element for element in elements if element.tag in ATTRIBUTES])
             name, value = rng.choice(list(ATTRIBUTES[element.tag].items()))
             element.set(name, rng.choice((value, rng.choice(NUMBERS))))
         case 10:
@@ -250,10 +250,9 @@ def _add(rng, root):
     """Add an element to the section that it belongs to, or to a body."""
     section, text = rng.choice(ELEMENTS)
     for placeholder, tag in (("JOINT", "joint"), ("OTHER", "joint"), ("BODY", "body")):
-        text = text.replace(
-            placeholder, rng.choice([one.get("name", "none") for one in root.iter(tag)] or ["none"])
-        )
-    places = [one for one in root.iter() if one.tag == section] or [ET.SubElement(root, section)]
+        names = [element.get("name", "none") for element in root.iter(tag)]
+        text = text.replace(placeholder, rng.choice(names or ["none"]))
+    places = [root] if section == "mujoco" else list(root.iter(section)) or [ET.SubElement(root, section)]
     try:
         rng.choice(places).append(ET.fromstring(text))
     except ET.ParseError:  # a name that was changed before
@@ -302,51 +301,38 @@ def _reword(rng, text):
     words = list(re.finditer(r"[^\s,:\[\]{}]+|[,:\[\]{}]", text))
     if words and rng.random() < 0.7:
         start, end = rng.choice(words).span()
-        return (
-            text[:start]
-            + rng.choice((rng.choice(SCALARS), rng.choice(NUMBERS), rng.choice(words)[0], ""))
-            + text[end:]
-        )
-    lines[row : row + 1] = rng.choice(
-        (
-            [],
-            lines[row : row + 1] * 2,
-            [" " + lines[row]],
-            [lines[row].lstrip(" ")],
-            [lines[row], f"x: {rng.choice(SCALARS)}\n"],
-        )
-    )
+        other = rng.choice((rng.choice(SCALARS), rng.choice(NUMBERS), rng.choice(words)[0], ""))
+        return text[:start] + other + text[end:]
+    line = lines[row]
+    changes = ([], [line, line], [f" {line}"], [line.lstrip(" ")], [line, f"x: {rng.choice(SCALARS)}\n"])
+    lines[row : row + 1] = rng.choice(changes)
     return "".join(lines)
 
 
 def options(rng):
     """Return a verb and its declared options, right and wrong, on shipped files or what is none."""
-    verb = rng.choice([one for one in COMMANDS if one not in CLOSED])
+    verb = rng.choice([name for name in COMMANDS if name not in CLOSED])
+    parameters = COMMANDS[verb].params
+    names = {parameter.name for parameter in parameters}
     wrong = rng.random() < 0.5
     argv, files = [verb], {"here/file": b"x", "here/log.csv": _log(rng)}
-    for parameter in COMMANDS[verb].params:
+    for parameter in parameters:
         values = VALUES.get(parameter.name, ("1", "0.1", "7"))
         value = rng.choice(values) if parameter.name in VALUES or not wrong else word(rng)
         if parameter.param_type_name == "argument":
             argv.append(_argument(rng, parameter.name) if not wrong or rng.random() < 0.9 else word(rng))
         elif parameter.name not in (*CLOSED, "help") and rng.random() < 0.25:
             argv += [rng.choice(parameter.opts), *([] if parameter.is_flag else [value])]
-    argv += (
-        FAST
-        if any(parameter.name == "set_" for parameter in COMMANDS[verb].params) and verb != "render"
-        else ()
-    )
-    samples = "1000" if verb == "workspace" else "2"
-    for option, value in (("--threads", "1"), ("--runs", "10"), ("--samples", samples), ("--cells", "10")):
-        if any(option in parameter.opts for parameter in COMMANDS[verb].params) and option not in argv:
-            argv += [option, value]
+    short = {"threads": "1", "runs": "10", "samples": "1000" if verb == "workspace" else "2", "cells": "10"}
+    for name, value in short.items():
+        if name in names and f"--{name}" not in argv:
+            argv += [f"--{name}", value]
+    argv += FAST if "set_" in names and verb != "render" else ()
     if wrong and rng.random() < 0.3:
-        argv.insert(
-            rng.randrange(len(argv) + 1),
-            rng.choice(("--", "--help", "--nonsense", "", "--json", "--=", word(rng))),
-        )
-    typed = (one.replace("\0", "").encode("utf-8", "surrogatepass") for one in argv)
-    argv = tuple(one.decode("utf-8", "surrogateescape") for one in typed)
+        odd = rng.choice(("--", "--help", "--nonsense", "", "--json", "--=", word(rng)))
+        argv.insert(rng.randrange(len(argv) + 1), odd)
+    typed = (text.replace("\0", "").encode("utf-8", "surrogatepass") for text in argv)
+    argv = tuple(data.decode("utf-8", "surrogateescape") for data in typed)
     rare = rng.random()
     encoding = rng.choice(("ascii", "latin-1", "utf-16")) if rare < 0.06 else "utf-8"
     return Case(argv, files, encoding, rng.choice(("1", "0", "20", "200", "x")) if rare > 0.92 else "80")

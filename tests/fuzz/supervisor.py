@@ -1,5 +1,6 @@
 """Hands inputs to worker processes, and sees those that hang or die."""
 
+import contextlib
 import json
 import os
 import select
@@ -14,6 +15,8 @@ from typing import NamedTuple
 TESTS = Path(__file__).resolve().parents[1]
 # Seconds that an input may take, the compiling of its first one included; then Ctrl-C, and seconds to end.
 SECONDS, GRACE = 120.0, 10.0
+# What tells a program that it may draw, or use colors.
+SCREEN = ("DISPLAY", "WAYLAND_DISPLAY", "FORCE_COLOR", "TTY_COMPATIBLE")
 # After so many inputs a worker is replaced, so that what it holds on to is bounded.
 RENEWED = 2000
 
@@ -34,33 +37,31 @@ class Worker:
 
     def __init__(self, folder, module):
         path = os.pathsep.join([str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
-        self.folder = Path(tempfile.mkdtemp(dir=folder))
-        self.count = 0
+        environment = {name: value for name, value in os.environ.items() if name not in SCREEN}
+        self.folder, self.count = Path(tempfile.mkdtemp(dir=folder)), 0
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "fuzz.worker", self.folder, module], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, text=False,
-            env={**os.environ, "PYTHONPATH": path},
+            [sys.executable, "-m", "fuzz.worker", self.folder, module], env={**environment, "PYTHONPATH": path},
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0,
         )  # fmt: skip
 
     def ask(self, name, index, seconds):
         """Return what came of an input; a worker without `process.returncode` can run more."""
         self.count += 1
-        self.process.stdin.write(json.dumps([name, index]).encode() + b"\n")
-        late = not self._answers(seconds)
-        if late:
+        with contextlib.suppress(BrokenPipeError):  # a worker that is dead is seen below
+            self.process.stdin.write(json.dumps([name, index]).encode() + b"\n")
+        if not self._answers(seconds):
             self.process.send_signal(signal.SIGINT)
             if not self._answers(GRACE):
                 self.close()
-                return Answer(
-                    name, index, "", [("hang", f"longer than {seconds} s, and not ended by Ctrl-C")]
-                )
+                return Answer(name, index, "", [("hang", f"{seconds:g} s, and not ended by Ctrl-C")])
         line = self.process.stdout.readline()
         while line and not line.endswith(b"\n"):
             line += self.process.stdout.readline()
-        if not line:
-            self.process.wait()
-            said = Path(f"{self.folder}.stderr").read_text("utf-8", "replace")
-            return Answer(name, index, "", [("death", f"{self.process.returncode}: {said[-300:]}")])
-        return Answer(name, index, *json.loads(line))
+        if line:
+            return Answer(name, index, *json.loads(line))
+        self.process.wait()
+        said = Path(f"{self.folder}.stderr").read_text("utf-8", "replace")
+        return Answer(name, index, "", [("death", f"{self.process.returncode}: {said[-300:]}")])
 
     def _answers(self, seconds):
         return bool(select.select([self.process.stdout], [], [], seconds)[0])

@@ -75,7 +75,7 @@ def _stray(case, outcome):
     for path in sorted(outcome.files):
         parents = {path, *map(str, Path(path).parents)}
         if UNFINISHED.search(path) or not (
-            parents & allowed or any(one.startswith(f"{path}/") for one in allowed)
+            parents & allowed or any(place.startswith(f"{path}/") for place in allowed)
         ):
             yield "file", path
             return
@@ -163,7 +163,7 @@ class Sandbox:
                     error = error or traceback.format_exc()
                 with contextlib.suppress(Exception):
                     stream.detach()
-        self.warned = [f"{one.category.__name__}: {one.message}" for one in seen]
+        self.warned = [f"{warning.category.__name__}: {warning.message}" for warning in seen]
         return code, error
 
 
@@ -174,7 +174,7 @@ def main(folder, module):
         folder: Where to work.
         module: The module whose `main` is the command line.
     """
-    tell = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
+    answers = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
     for number, name in ((1, "stdout"), (2, "stderr")):
         os.dup2(os.open(f"{folder}.{name}", os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND), number)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # but while an input runs
@@ -184,15 +184,11 @@ def main(folder, module):
     resource.setrlimit(resource.RLIMIT_FSIZE, (2**30, 2**30))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     for line in names:
-        case = (
-            inputs.Case(tuple(json.loads(line)[1:]))
-            if module != "rmrc.cli"
-            else inputs.case(*json.loads(line))
-        )
+        name, index = json.loads(line)
+        case = inputs.Case((index,)) if name == "planted" else inputs.case(name, index)
         outcome = sandbox.run(case)
-        print(
-            json.dumps([str(outcome.code), list(judge(case, outcome)), outcome.out, outcome.err]), file=tell
-        )
+        answer = str(outcome.code), list(judge(case, outcome)), outcome.out, outcome.err
+        print(json.dumps(answer), file=answers)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
 import contextlib
 import inspect
-import math
 import os
 import re
 import shutil
@@ -15,16 +14,13 @@ import mujoco
 import numpy as np
 import pytest
 import rerun as rr
-from hypothesis import given
-from hypothesis import strategies as st
 from layouts import last_layout, layouts
 from rerun.chunk import RrdReader
 
 from project import mostly_long
 from rmrc.arm import Shape
-from rmrc.recording import plots, stream, track
+from rmrc.recording import stream, track
 from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT, geometries, ramp
-from rmrc.recording.panels import AROUND, HEIGHT, LEAST, MOST_LANES, Panels, heights
 from rmrc.recording.scene import FORCE_LONGEST, THICKNESS, VELOCITY_SECONDS, Scene, half_axes
 from rmrc.recording.single import Recorder, RecordingError, read_columns
 from rmrc.recording.viewer import repair
@@ -893,39 +889,6 @@ def test_a_run_that_lacks_what_to_look_at_says_so_and_is_recorded_as_without(pla
     assert not any("look at" in one.text for one in planar[0].assumed)  # negative control
 
 
-@pytest.mark.parametrize("steps", [4.7, 6.9, 7.9, 9.3])
-def test_axes_have_three_numbers_where_the_viewer_writes_one_at_each_power_of_ten(steps):
-    """Or at each tenth of that, if so many steps of it fit."""
-    for size in np.geomspace(1e-7, 1e7, 1501):
-        for low, high in ((0.0, plots.rounded(size, steps)), plots.both_ways(size, steps)):
-            assert high >= size
-            decade = 10.0 ** math.floor(math.log10(high) + 1e-9)
-            step = decade if (high - low) / decade <= steps + 1e-9 or high < 2 * decade else np.nan
-            numbers = math.floor(high / step + 1e-9) - math.ceil(low / step - 1e-9) + 1
-            assert numbers >= 3, (size, low, high)
-    for least in np.geomspace(1e-9, 1.0, 50):
-        low, high = plots.decades(least, 2.5)
-        assert 3 <= math.floor(high) - math.ceil(low) + 1 <= 6
-        assert low <= max(math.log10(least), high - 5.2) + 1e-9
-
-
-@given(st.booleans(), st.sampled_from(("", "rates", "error", "pace")), st.integers(1, 12), st.integers(1, 9))
-def test_every_plot_is_high_enough_for_three_numbers_beside_the_strip(has_pace, sight, lines, lanes):
-    """Of a window of 1280 × 720, whatever its legend and its lanes; the strip shows four of these."""
-    found = heights(has_pace, sight, lines, lanes=lanes)
-    assert sum(found.values()) + AROUND * len(found) == pytest.approx(HEIGHT)
-    assert all(found[name] >= least - 1e-9 for name, least in LEAST.items() if name in found)
-    assert found["rates"] >= found["sigma"]
-    assert found["strip"] + AROUND >= 40.0 * min(lanes, MOST_LANES)
-    assert ("pace" in found) == (has_pace and lanes <= 3)  # in a tab otherwise
-    steps = {name: height / plots.NUMBER for name, height in found.items()}
-    for largest in np.geomspace(1e-3, 1e3, 31):
-        low, high = plots.decades(1e-9, largest, steps["sigma"])
-        assert math.floor(high) - math.ceil(low) + 1 >= 3
-        assert high - low <= steps["sigma"] + 1e-9  # a number at each power of ten
-        assert plots.rounded(largest, steps["tabs"]) >= largest
-
-
 def test_sigma_that_leaves_its_plot_is_told_and_marked_where_it_is_least(planar, tmp_path):
     prepared, run = planar[0], rows(planar[1], 0, 200)
     run.columns["sigma"][150, 1] = 3e-9
@@ -983,65 +946,6 @@ def test_the_line_of_numbers_says_what_the_columns_say(planar, tmp_path):
 
 
 # What all plots have in common ------------------------------------------------------------------------
-
-
-@given(st.floats(1e-4, 1e5), st.floats(0.0, 400.0), st.floats(7.0, 60.0))
-def test_times_have_three_numbers_and_legends_stand_beside_the_data(end, legend, numbers):
-    """A window of 1280 points; the viewer writes a time where its step is 60 points at least."""
-    span = plots.Span.of(end, legend, numbers)
-    width = plots.WIDTH - plots.LEFT - numbers
-    assert span.last >= end
-    own = any(width * step / span.last >= 60.0 and span.last / step >= 2.0 for step in plots.STEPS)
-    assert own or len(span.ruler) >= 3
-    if span.ruler:
-        assert span.ruler[0] == 0.0 and 0.75 * end < span.ruler[-1] <= end
-    else:  # not much longer than the run, but for the legend
-        assert span.last <= 1.3 * end * width / max(width - legend, 0.4 * width)
-    assert (span.last - end) / span.last * width >= min(legend, 0.6 * width) - 1e-6
-    for wide in (width, plots.WIDEST * width):  # points for the half of a number at the right
-        step = next((step for step in plots.STEPS if wide * step >= plots.SECOND * span.last), np.inf)
-        beside = (span.last - step * math.floor(span.last / step + 1e-9)) / span.last * wide
-        assert beside >= 15.0 or step > span.last
-
-
-def test_time_zero_is_at_the_same_place_in_every_plot(planar, tmp_path):
-    """The space of its numbers, and what its axis begins earlier for it."""
-    record(tmp_path / "run.rrd", *planar)
-    last, begins = last_layout(tmp_path / "run.rrd"), []
-    for table in last.values():
-        if "TimeAxis:view_range" in table:
-            (span,) = table["TimeAxis:view_range"]
-            begins.append((span["start"], span["end"]))
-    assert len(begins) >= 4
-    assert len({str(end) for _, end in begins}) == 1
-    panels = Panels(planar[0]).all(seen_of(*planar))
-    room = heights(False, "", 2)
-    widths = [panels[name].numbers(room[name]) for name in ("rates", "sigma")]
-    span = plots.Span.of(1.0, 0.0, max(widths))
-    for width in widths:
-        begin = -(span.numbers - width) * span.last / (plots.WIDTH - plots.LEFT - span.numbers)
-        left = plots.LEFT + width  # where its plot begins, of so many points up to `last`
-        assert left - begin / (span.last - begin) * (plots.WIDTH - left) == pytest.approx(
-            plots.LEFT + span.numbers
-        )
-
-
-def seen_of(prepared, run):
-    panels, seen = Panels(prepared), plots.Seen()
-    nothing = {name: np.zeros((len(run), 1)) for name in ("error", "logs")}
-    panels.watch(seen, run, nothing)
-    return seen
-
-
-def test_a_legend_has_room_or_says_less():
-    names = [f"joint{i}" for i in range(7)]
-    many = plots.Curve("columns", "a", names, [0] * 7, spare=["joints"])
-    one = plots.Curve("columns", "b", ["limit"], [0])
-    panel = plots.Panel("x", [many, one])
-    assert panel.fitted(300.0).names == {*names, "limit"}
-    assert panel.fitted(100.0).names == {"joints", "limit"}
-    assert not panel.fitted(30.0).has_legend
-    assert replace(panel, is_key=True).fitted(30.0).has_legend
 
 
 def seen_from(eye, points):

@@ -86,13 +86,6 @@ def test_a_figure_that_no_table_expects_is_shown_all_the_same(form):
     assert re.search(r"novelty\.max[ |]+123\.[23][ |]+kg", form(Scorecard("case", ("a",), figures)))
 
 
-def test_the_search_for_missing_values_finds_a_missing_value():
-    card = distinct(random_card(SIX))
-    text = printed(tables.render(card))
-    figures = {**card.figures, "planted": Figure(1e-5, "m", "")}
-    assert missing(Scorecard("case", SIX, figures), text) == ["planted"]
-
-
 @pytest.mark.parametrize("scale", mostly_long([1e-9, 1e-4, 0.003, 1e6, 1.0, 1e3], 3))
 @pytest.mark.parametrize("joints", [SIX, tuple("abcdefghijkl"), ("shoulder_pan_joint",)])
 @pytest.mark.parametrize("width", [80, 100])
@@ -108,12 +101,6 @@ def test_nothing_is_cut_off_and_no_line_is_too_long(scale, joints, width):
     ) in joints:  # eight numbers, whole; in two tables where they and a long name are too wide for one
         told = [line.split(maxsplit=1)[1] for line in table if line.startswith(f"{joint} ")]
         assert len(re.findall(NUMBER, " ".join(told))) == 8, told
-
-
-def joint_lines(text):
-    """Return the lines of the table of joints, below its rule."""
-    _, _, table = text.partition("\nJoints")
-    return table.partition("──\n")[2].partition("\n ")[0].splitlines()
 
 
 def test_each_number_of_a_joint_stands_below_its_heading():
@@ -135,16 +122,6 @@ def test_each_number_of_a_joint_stands_below_its_heading():
         "| accel. peak rad/s² | torque peak N·m |"
     ) in lines
     assert "| elbow | 1.500 | 0.2500 | 0.7500 | 1.625 | 0.1250 | 0.8750 | 12.50 | 2500 |" in lines
-
-
-def test_joints_of_both_kinds_carry_their_own_unit():
-    text = tables.markdown(random_card(("turn", "slide"), slides=(False, True)))
-    assert "| joint | rate peak | at s | rms |" in text
-    assert "| turn \\[rad\\] |" in text
-    assert "| slide \\[m\\] |" in text
-    text = tables.markdown(random_card(("one", "two"), slides=(True, True)))
-    assert "| joint | rate peak m/s | at s | rms m/s |" in text
-    assert "| accel. peak m/s² | torque peak N |" in text
 
 
 def test_status_has_seconds_and_share_of_the_duration():
@@ -173,14 +150,6 @@ def test_expectations_are_marked_by_words_in_a_terminal():
     assert "ok      ticks: expected above 100, got 200\n" in re.sub(" +\n", "\n", text)
     assert "MISSED  completed: expected 1 within 0, got 0.5, 0.5 too low\n" in re.sub(" +\n", "\n", text)
     assert "Expected" not in printed(tables.render(card))
-
-
-def test_expectations_are_marked_by_words_in_markdown():
-    card = random_card(("a",))
-    text = tables.markdown(card, check(card, OUTCOMES))
-    assert "| ok | ticks: expected above 100, got 200 |" in text
-    assert "| MISSED | completed: expected 1 within 0, got 0.5, 0.5 too low |" in text
-    assert "## Expected" not in tables.markdown(card)
 
 
 def test_without_colors_the_text_is_the_same():
@@ -303,35 +272,3 @@ def test_the_schema_breaks_the_meaning_and_not_a_long_key():
     assert " ".join(" ".join(line[len(row.key) :] for line in lines).split()) == (
         "text, default null a meaning of some words"
     )
-
-
-def test_the_schema_says_type_unit_default_and_meaning():
-    rows = [
-        SchemaRow("task.length", "number > 0", "m", "1.0", "a length"),
-        SchemaRow("name", "text", "", "required", "a name"),
-        SchemaRow("task.weights", "list of numbers", "1", "null", "[red] weights"),
-    ]
-    lines = [line.rstrip() for line in printed(tables.schema(rows)).splitlines()]
-    assert lines == [
-        "task.length   number > 0 [m], default 1.0",
-        "              a length",
-        "name          text, required",
-        "              a name",
-        "task.weights  list of numbers, default null",
-        "              [red] weights",
-    ]
-
-
-def test_the_plain_schema_has_a_line_a_key():
-    rows = [
-        SchemaRow("task.length", "number > 0", "m", "1.0", "a length"),
-        SchemaRow("name", "text", "", "required", "a name"),
-    ]
-    assert tables.schema_text(rows) == (
-        "key          type        unit  default   meaning\n"
-        "task.length  number > 0  m     1.0       a length\n"
-        "name         text              required  a name\n"
-    )
-    lines = tables.schema_text(schema_rows()).splitlines()
-    assert [line.split()[0] for line in lines] == ["key", *(row.key for row in schema_rows())]
-    assert all(line.endswith(row.meaning) for line, row in zip(lines[1:], schema_rows(), strict=True))

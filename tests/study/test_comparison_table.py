@@ -112,29 +112,6 @@ def test_each_number_stands_below_its_heading_and_unit():
     assert lines[7].split() == ["damped", *NUMBERS, "elbow", "-"]
 
 
-def test_markdown_has_a_table_for_each_group_with_the_units_in_a_row_of_their_own():
-    assert markdown([row("a|b", **VALUES, expect={"ticks": Check(above=0)})]).splitlines() == [
-        "| variant | rate peak | command peak | rate rms | accel. peak | torque peak |",
-        "| --- | ---: | ---: | ---: | ---: | ---: |",
-        "|  | rad/s | rad/s | rad/s | rad/s² | of limit |",
-        f"| a\\|b | {' | '.join(NUMBERS[:5])} |",
-        "",
-        "| variant | pos. error along | pos. error across | pos. error at end |",
-        "| --- | ---: | ---: | ---: |",
-        "|  | m | m | m |",
-        f"| a\\|b | {' | '.join(NUMBERS[5:8])} |",
-        "",
-        "| variant | time DAMPED |",
-        "| --- | ---: |",
-        "|  | s |",
-        "| a\\|b | 7.750 |",
-        "",
-        "| variant | flipped | expect |",
-        "| --- | --- | --- |",
-        "| a\\|b | no | met |",
-    ]
-
-
 def test_the_table_has_a_column_for_each_status_that_occurs_in_any_variant_and_for_no_other():
     text = markdown([row("a", **{"status_time.SINGULAR": 0.5}), row("b", **{"status_time.STOPPED": 0.25})])
     assert "| variant | time SINGULAR | time STOPPED |" in text
@@ -142,14 +119,6 @@ def test_the_table_has_a_column_for_each_status_that_occurs_in_any_variant_and_f
     assert "time" not in markdown([row("a"), row("b")])
     every = {f"status_time.{one.name}": 1.0 for one in IN_RUNS}
     assert all(f"time {one.name} |" in markdown([row("a", **every)]) for one in IN_RUNS)
-
-
-def test_torques_without_a_limit_have_no_share():
-    text = markdown(
-        [row("servo", **{"tau.share_of_limit": 0.5}), row("ideal", **{"tau.share_of_limit": math.nan})]
-    )
-    assert "| 0.5000 |" in text.splitlines()[3]
-    assert text.splitlines()[4].endswith("| - |")
 
 
 def test_a_task_with_rotations_has_their_error_and_one_without_positions_no_other():
@@ -203,32 +172,6 @@ def test_what_ended_early_says_so_and_has_no_posture_to_come_back_to():
         r"\na .* -  +-\ndiverged at 0\.612 s\nb .* -  +-\nunfinished\nc .* -  +-\nunfinished$", text
     )
     assert "nan" not in text
-
-
-def test_units_of_arms_with_joints_of_both_kinds_are_both_there():
-    both = run_of(is_slide=(False, True))
-    text = markdown([row("a", both)])
-    assert "| rad/s, m/s | rad/s, m/s | rad/s, m/s | rad/s², m/s² | of limit |" in text
-    lines = printed([row("turning"), row("sliding", both)])
-    assert lines[5].split() == [
-        "variant",
-        "or",
-        "m/s",
-        "or",
-        "m/s",
-        "or",
-        "m/s",
-        "or",
-        "m/s²",
-        "of",
-        "limit",
-        "m",
-        "m",
-        "m",
-        "flipped",
-        "expect",
-    ]
-    assert lines[4].split()[:4] == ["rad/s", "rad/s", "rad/s", "rad/s²"]
 
 
 METHODS = (
