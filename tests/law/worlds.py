@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy.optimize import brentq
 
 from codes import Method, Schedule
+from oracle_inverse import damping
 from records import blank, put, resolve
 from rmrc.scenario.choices import INVERSES, PARAMETERS
 
@@ -135,7 +135,7 @@ def formula(variant, A, t, **parameters):
     elif method == Method.SELECTIVELY_DAMPED:
         gain = gain * selective_shares(A, sigma, c, vt, alive, p["rate_bound"])
     elif method == Method.DAMPED:
-        lam = scheduled(variant.schedule, sigma, c, alive, p)
+        lam = scheduled(variant.schedule, sigma, c, p)
         gain = sigma / np.where(alive, sigma**2 + lam**2, 1.0)
     else:
         assert method == Method.INVERSE, f"no formula for {variant}: write it here, from docs/theory.md"
@@ -148,23 +148,13 @@ def fading(sigma, below, maximum):
     return np.where(sigma < below, (1 - (sigma / below) ** 2) * maximum**2, 0.0)
 
 
-def scheduled(schedule, sigma, c, alive, p):
+def scheduled(schedule, sigma, c, p):
     """Return λ of (12)."""
-    if schedule == Schedule.CONSTANT:
-        return p["damping_maximum"]
-    if schedule == Schedule.ERROR:
-        return p["error_gain"] * p["error"]
-    if schedule == Schedule.SMALLEST_SINGULAR_VALUE:
-        return float(np.sqrt(fading(sigma[-1], p["damping_below"], p["damping_maximum"])))
-    if schedule == Schedule.MANIPULABILITY:
-        return p["damping_maximum"] * max(0.0, 1 - np.prod(sigma) / p["manipulability_below"])
-    assert schedule == Schedule.RATE_BOUND, f"no formula for {schedule}: write it here, from docs/theory.md"
-    s, c, bound = sigma[alive], c[alive], p["rate_bound"]
-    excess = lambda mu: np.linalg.norm(s * c / (s**2 + mu)) - bound  # noqa: E731
-    if len(s) == 0 or excess(0.0) <= 0:
-        return 0.0
-    # φ(μ) ≤ (‖σ c‖/μ)², so that the root lies below ‖σ c‖/b
-    return float(np.sqrt(brentq(excess, 0.0, np.linalg.norm(s * c) / bound, xtol=1e-300, rtol=1e-15)))
+    return damping(
+        schedule.name.lower(), p["damping_maximum"], p["damping_below"], sigma[-1],
+        w=np.prod(sigma), w_below=p["manipulability_below"], error=p["error"], error_gain=p["error_gain"],
+        A=np.diag(sigma), t=c, bound=p["rate_bound"],
+    )  # fmt: skip
 
 
 def selective_shares(A, sigma, c, vt, alive, bound):
