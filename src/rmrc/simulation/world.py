@@ -167,7 +167,7 @@ class World:
             "known_gravcomp": known.qfrc_gravcomp, "known_M": known.M,
             "known_qpos": known.qpos, "known_qvel": known.qvel,
         }  # fmt: skip
-        for name in ENGINE_FIELDS:
+        for name in ENGINE_FIELDS.split():
             array = beside.get(name)
             group[name] = (getattr(data, name) if array is None else array).ctypes.data
         for name in ("nq", "nv", "nu", "nbody", "njnt", "nsite"):
