@@ -388,7 +388,7 @@ def test_a_law_without_an_arm_has_batches_limits_and_words():
         assert_array_equal(alone.step(J[w], twist[w]).qdot_cmd, together[w])
     assert "rate" in alone.command.limited_by or not alone.command.status & Status.RATE_LIMITED
     told = {
-        "J must be (3, 7), got (4, 3, 7); reset(worlds=...) makes a batch": (J, twist),
+        "J must be (3, 7), got (4, 3, 7); reset makes a batch": (J, twist),
         "twist must be (3,), got (6,)": (J[0], np.zeros(6)),
         "J must be numbers, got str": ("J", twist[0]),
         "the Jacobian, or the pose of the site, is not finite, or beyond 1e+10": (J[0] * np.nan, twist[0]),

@@ -24,8 +24,8 @@ from rmrc.law.compiling import Array
 from rmrc.law.record import ROWS, TWIST, capacity, new_worlds
 from rmrc.law.settings import TaskLaw, link, schedule_of
 from rmrc.law.sight import JACOBIAN_ALONE
-from rmrc.law.step import PLACED, RATES, resolve_alone
-from rmrc.law.stepping import SteppedLaw, UnusableInputError, started
+from rmrc.law.step import resolve_alone
+from rmrc.law.stepping import SteppedLaw, as_numbers, started
 from rmrc.law.task import BareJoints, Task
 from rmrc.scenario import ControlSection, ControlSource, LimitsSection, read_controls
 from rmrc.scenario.choices import INVERSES, OBJECTIVES, SCHEDULES, Choice, Choices
@@ -181,52 +181,43 @@ class Law(SteppedLaw):
         Returns:
             Views that the next step overwrites. Unusable input brakes the joints: see `Command.problem`.
         """
-        given = timed = 0
-        try:
-            if dt is not None:
-                given = timed = self._take_time(dt)
+
+        def read() -> int:
             self._take_each("J", J)
+            if q is None and self._needs_q:
+                raise QuestionError("q is needed: position limits or the null space depend on it")
+            bits = self._take_all(q=q, qdot=qdot)
             self._take_each("twist", twist)
-            if q is not None:
-                self._take_each("q", q)
-                given |= PLACED
-            elif self._needs_q:
-                raise UnusableInputError("q is needed: position limits or the null space depend on it")
-            if qdot is not None:
-                self._take_each("qdot", qdot)
-                given |= RATES
             for name, values in (("error", error), ("gradient", gradient), ("qdot0", qdot0), ("M", M)):
                 if values is not None or self._reads[name]:
                     self._take_more(name, values)
-        except UnusableInputError as unusable:
-            is_batch = self._is_single and getattr(J, "ndim", 0) == 3
-            advice = "; reset(worlds=...) makes a batch" if is_batch else ""
-            return self._refuse(f"{unusable}{advice}", timed)
-        return self._finish(TWIST | given)
+            return TWIST | bits
+
+        return self._step(dt, read)
 
     def _take_more(self, name: str, values: ArrayLike | None) -> None:
         """Write an optional argument where the law reads it.
 
         Raises:
-            UnusableInputError: It is missing, not read, or not usable.
+            QuestionError: It is missing, not read, or not usable.
         """
         if not self._reads[name]:
-            raise self._unusable(f"{name} is given, and {_READERS[name]} is not chosen")
+            raise QuestionError(f"{name} is given, and {_READERS[name]} is not chosen")
         if values is None and name == "qdot0":
             values = self.control.nullspace.rates
         if values is None:
-            raise self._unusable(f"{name} is needed: {_READERS[name]} reads it")
+            raise QuestionError(f"{name} is needed: {_READERS[name]} reads it")
         place = self._take(name, values)
         with np.errstate(all="ignore"):  # the law reports results that are not finite
             if name == "M":
                 if self._unit is None:
                     unit = np.trace(place, axis1=1, axis2=2) / self.n
                     if not (np.isfinite(unit) & (unit > 0.0)).all():
-                        raise self._unusable("M is not positive definite, or not finite")
+                        raise QuestionError("M is not positive definite, or not finite")
                     self._unit = unit[:, None, None]
                 place /= self._unit
             elif not np.isfinite(place).all() or (name == "error" and (place < 0.0).any()):
-                raise self._unusable(f"{name} is not finite{', or below 0' if name == 'error' else ''}")
+                raise QuestionError(f"{name} is not finite{', or below 0' if name == 'error' else ''}")
             elif name == "gradient":
                 place *= self.control.nullspace.gain * self._worlds["task"]["joint_scale"][:, : self.n] ** 2
 
@@ -234,10 +225,7 @@ class Law(SteppedLaw):
 def _limits(name: str, given: ArrayLike | None, shape: tuple[int, ...], nothing: Any) -> Array:
     if given is None:
         return np.full(shape, nothing)
-    try:
-        values = np.array(given, np.float64)
-    except (TypeError, ValueError):
-        raise QuestionError(f"{name} must be numbers, got {shortened(repr(given))}") from None
+    values = as_numbers(name, given).copy()
     if values.shape != shape or np.isnan(values).any():
         raise QuestionError(f"{name} must be {shape} and no NaN, got {shortened(str(values.tolist()))}")
     return values

@@ -36,13 +36,12 @@ from rmrc.law.record import POSE, TWIST
 from rmrc.law.settings import TaskLaw, rate_limit
 from rmrc.law.sight import CHAIN_ALONE, look_at
 from rmrc.law.step import FRAME, PLACED, RATES
-from rmrc.law.stepping import SteppedLaw, UnusableInputError, started
+from rmrc.law.stepping import SteppedLaw, started
 from rmrc.law.task import Task, choose
 from rmrc.scenario import ArmSection, ControlSource, TaskSection, read_controls, read_task
 from rmrc.support import shipped
 from rmrc.support.errors import ModelError, ModelWarning, QuestionError
 from rmrc.support.legible import shortened
-from rmrc.support.spatial import exp_rotation
 
 ControlledModel: TypeAlias = "str | os.PathLike[str] | Arm | mujoco.MjModel | mujoco.MjSpec"
 """An MJCF or URDF file, the name of a shipped model, an Arm, or a loaded model."""
@@ -51,11 +50,6 @@ STALE = (
     "the kinematics of data do not belong to its qpos: call mj_fwdPosition, or mj_kinematics, after the last "
     "change"
 )
-# The bits of the parts of a target.
-TARGETS = {"pose": POSE, "twist": TWIST, "q_target": POSITION_TARGET, "qdot_target": RATE_TARGET}
-# A matrix that differs more from that of its quaternion is no rotation.
-SKEWEST = 5e-4
-LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 class Controller(SteppedLaw):
@@ -245,25 +239,26 @@ class Controller(SteppedLaw):
         """Have steps read state and kinematics from MuJoCo's data, one object per world.
 
         Raises:
-            UnusableInputError: The model of the data lacks a part of the arm, their number differs from that
-                of the worlds, or one is no MjData.
+            QuestionError: The model of the data lacks a part of the arm, their number differs from that of
+                the worlds, or one is no MjData.
         """
         self._follow_chain()  # not the data that were read before
         seen: list[Any] = [data] if self._is_single else list(data) if isinstance(data, Sequence) else []
         if len(seen) != len(self._worlds):
             count = len(seen) if isinstance(data, Sequence) else type(data).__name__
             text = f"reset made a batch of {len(self._worlds)}: step_data reads a list of as many"
-            raise UnusableInputError(f"{text} mujoco.MjData, got {count}")
+            raise QuestionError(f"{text} mujoco.MjData, got {count}")
         self._are_fresh, scratch = [], dict[int, mujoco.MjData]()  # one for each model
-        for world, one in zip(self._worlds, seen, strict=True):
-            if not isinstance(one, mujoco.MjData):
-                raise UnusableInputError(f"step_data reads an mujoco.MjData, got {type(one).__name__}")
-            try:
+        try:
+            for world, one in zip(self._worlds, seen, strict=True):
+                if not isinstance(one, mujoco.MjData):
+                    raise QuestionError(f"step_data reads an mujoco.MjData, got {type(one).__name__}")
                 bodies = look_at(world, one, self.arm, self._second)
-            except ModelError as error:
-                raise UnusableInputError(str(error)) from None
-            self._are_fresh.append(Freshness(one, bodies, scratch.get(id(one.model))))
-            scratch[id(one.model)] = self._are_fresh[-1].scratch
+                self._are_fresh.append(Freshness(one, bodies, scratch.get(id(one.model))))
+                scratch[id(one.model)] = self._are_fresh[-1].scratch
+        except (ModelError, QuestionError) as error:
+            self._follow_chain()  # some have been read
+            raise QuestionError(str(error)) from None
         self._data = seen
 
     def _sees(self, data: Any) -> bool:
@@ -313,26 +308,18 @@ class Controller(SteppedLaw):
         Returns:
             Views that the next step overwrites.
         """
-        timed = 0
-        try:
-            if dt is not None:
-                timed = self._take_time(dt)
+
+        def read() -> int:
             if self._data:
                 self._follow_chain()
             if self._unseen:
-                raise UnusableInputError(self._unseen)
-            if q is None:
-                raise self._unusable(f"q must be ({self.arm.n},), got None")
+                raise QuestionError(self._unseen)
             self._take_each("q", q)
-            given = timed | self._take_target(
-                frame, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target
+            return self._take_target(
+                frame, qdot=qdot, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target
             )
-            if qdot is not None:
-                self._take_each("qdot", qdot)
-                given |= RATES
-        except UnusableInputError as unusable:
-            return self._refuse(str(unusable), timed)
-        return self._finish(given)
+
+        return self._step(dt, read)
 
     def step_data(
         self,
@@ -361,71 +348,30 @@ class Controller(SteppedLaw):
         Returns:
             Views that the next step overwrites.
         """
-        timed = 0
-        try:
-            if dt is not None:
-                timed = self._take_time(dt)
+
+        def read() -> int:
             if not self._sees(data):
                 self._look_at(data)
-            given = (
-                timed
-                | RATES
-                | self._take_target(frame, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target)
+            self._refused |= {w: STALE for w, is_fresh in enumerate(self._are_fresh) if not is_fresh()}
+            return RATES | self._take_target(
+                frame, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target
             )
-        except UnusableInputError as unusable:
-            if not self._data:  # some of which may have been read
-                self._follow_chain()
-            return self._refuse(str(unusable), timed)
-        stale = [w for w, is_fresh in enumerate(self._are_fresh) if not is_fresh()]
-        return self._finish(given, stale, STALE)
 
-    def _take_target(self, frame: str, **target: ArrayLike | None) -> int:
-        """Write the target where the law reads it; return its bits.
+        return self._step(dt, read)
+
+    def _take_target(self, frame: str, **arguments: ArrayLike | None) -> int:
+        """Write the target, and other arguments, where the law reads them; return all bits.
 
         Raises:
-            UnusableInputError: A part has another form.
+            QuestionError: A part has another form.
         """
         if not isinstance(frame, str) or frame not in FRAMES:
             text = f"frame must be one of {', '.join(FRAMES)}, got {shortened(repr(frame))}"
-            raise self._unusable(text)
-        given = PLACED
-        for name, values in target.items():
-            if values is not None:
-                self._take_each(name, values)
-                given |= TARGETS[name]
-        if given & (POSE | TWIST) and given & (POSITION_TARGET | RATE_TARGET):
-            raise self._unusable("give pose and twist, or q_target and qdot_target, not both")
-        return given + FRAMES.index(frame) * FRAME
-
-    def _take(self, name: str, values: ArrayLike) -> Array:
-        """Write an argument of a step; a pose may be in any of its forms."""
-        if name != "pose":
-            return super()._take(name, values)
-        got = ""
-        try:
-            numbers = self._numbers(name, values)
-            got = str(numbers.shape)
-            return super()._take(name, numbers if numbers.shape[-1:] == (7,) else _quaternion_pose(numbers))
-        except UnusableInputError as unusable:
-            got = got or str(unusable).partition(", got ")[2]
-            raise self._unusable(f"pose must be (7,), (6,) or (4, 4), got {got}") from None
-
-
-@np.errstate(all="ignore")  # the law reports numbers that are not finite
-def _quaternion_pose(pose: Array) -> Array:
-    """Return poses as [p, quat w x y z], (..., 7), from any of their forms; NaN for what is no rotation."""
-    if pose.shape[-1:] == (6,):
-        return np.concatenate([pose[..., :3], exp_rotation(pose[..., 3:])], axis=-1)
-    if pose.shape[-2:] != (4, 4):
-        return pose
-    poses = np.empty((*pose.shape[:-2], 7))
-    for T, row in zip(pose.reshape(-1, 4, 4), poses.reshape(-1, 7), strict=True):
-        row[:3], R, back = T[:3, 3], T[:3, :3].ravel(), np.empty(9)
-        mujoco.mju_mat2Quat(row[3:], R)
-        mujoco.mju_quat2Mat(back, row[3:])
-        if not np.abs([*(back - R), *(T[3] - LAST_ROW)]).max() <= SKEWEST:
-            row[3:] = np.nan
-    return poses
+            raise QuestionError(text)
+        bits = PLACED | self._take_all(**arguments)
+        if bits & (POSE | TWIST) and bits & (POSITION_TARGET | RATE_TARGET):
+            raise QuestionError("give pose and twist, or q_target and qdot_target, not both")
+        return bits + FRAMES.index(frame) * FRAME
 
 
 def _arm(

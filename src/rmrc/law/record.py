@@ -27,9 +27,9 @@ UNCHANGED = 1.0 / UNLIMITED
 # Methods at addresses, 0 where a world has none: the choices of the law, its parts that few worlds need, the
 # plant, and the stages between law and plant.
 METHODS = (
-    "decompose complete gains damping null_space objective priority policy hold_off limit stops ease remember "
-    "give_way find_best metric weigh turn control second move_joints by_joint sense believe readings obey "
-    "transmission ticks"
+    "decompose complete gains damping null_space objective priority policy hold_off limit stops ease "
+    "remember give_way find_best metric weigh turn control second move_joints by_joint sense believe "
+    "readings obey transmission ticks"
 )
 
 

@@ -10,29 +10,35 @@ from numpy.typing import ArrayLike, NDArray
 
 from rmrc.law.command import Command
 from rmrc.law.compiling import Array
-from rmrc.law.joint_motion import move_joints
+from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET, move_joints
 from rmrc.law.limits import by_joint
 from rmrc.law.periods import TIMED
-from rmrc.law.record import new_worlds, reset
+from rmrc.law.record import POSE, TWIST, new_worlds, reset
 from rmrc.law.settings import TaskLaw, link
 from rmrc.law.sight import CHAIN_ALONE
-from rmrc.law.step import LARGEST, OVERDUE, RATES, REFUSED, STOPPED, step
+from rmrc.law.step import LARGEST, OVERDUE, PLACED, RATES, REFUSED, STOPPED, step
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import shortened
+from rmrc.support.spatial import exp_rotation
 
 # The most periods that are braked when no step came in time: any arm is at rest by then.
 MOST_LATE = 1_000_000
 # The part of a period by which clocks may differ.
 ON_TIME = 1e-6
+# The bits of the arguments of a step.
+BITS = {
+    "q": PLACED, "qdot": RATES, "pose": POSE, "twist": TWIST,
+    "q_target": POSITION_TARGET, "qdot_target": RATE_TARGET,
+}  # fmt: skip
+POSES = "(7,), (6,) or (4, 4)"
+# A matrix that differs more from that of its quaternion is no rotation.
+SKEWEST = 5e-4
+LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 # What `reset` makes anew, with addresses in this process.
 REMADE = {
     "_worlds", "_methods", "_steps", "_places", "_given", "_shadow", "command",
     "_second", "_data", "_are_fresh",
 }  # fmt: skip
-
-
-class UnusableInputError(Exception):
-    """Input that no step can take; its text says why."""
 
 
 class SteppedLaw:
@@ -53,7 +59,7 @@ class SteppedLaw:
         self.joints, self.period, self._clock = tuple(joints), period, clock
         self._watchdog = _checked_time(watchdog)
         self._shadow: _Shadow | None = None
-        self._unusable_rows: dict[int, str] = {}
+        self._refused: dict[int, str] = {}  # worlds whose input is not usable, and why
 
     # Records --------------------------------------------------------------------------------------
 
@@ -124,85 +130,91 @@ class SteppedLaw:
 
     # Steps ----------------------------------------------------------------------------------------
 
-    def _take(self, name: str, values: ArrayLike) -> Array:
+    def _take(self, name: str, values: Any, row: int | None = None) -> Array:
         """Write an argument of a step where the law reads it; return where that is.
 
+        Args:
+            name: Its name.
+            values: Its values.
+            row: The world whose values they are; None: all worlds.
+
         Raises:
-            UnusableInputError: It is not an array of the right shape.
+            QuestionError: It is not an array of the right shape.
         """
         place, shapes = self._places[name]
-        numbers = self._numbers(name, values)
-        if numbers.shape not in shapes:
-            raise self._unusable(f"{name} must be {' or '.join(map(str, shapes))}, got {numbers.shape}")
-        place[...] = numbers
+        if row is not None:
+            place, shapes = place[row : row + 1], shapes[1:]
+        numbers = as_numbers(name, values)
+        is_other = name == "pose" and numbers.shape[-1:] != (7,)
+        taken = _quaternion_pose(numbers) if is_other else numbers
+        if taken.shape not in shapes:
+            forms = POSES if name == "pose" else " or ".join(map(str, shapes))
+            advice = "" if self._is_single else f"; reset made a batch of {len(self._worlds)}"
+            if self._is_single and numbers.shape[1:] == place.shape[1:]:
+                advice = "; reset makes a batch"
+            got = None if values is None else numbers.shape
+            raise QuestionError(f"{name} must be {forms}, got {got}{advice}")
+        place[...] = taken
         return place
 
-    def _take_each(self, name: str, values: ArrayLike) -> None:
+    def _take_each(self, name: str, values: Any) -> None:
         """Write an argument of a step; of a batch, rows that are not usable are refused alone.
 
         Raises:
-            UnusableInputError: No row is usable.
+            QuestionError: No row is usable.
         """
         try:
             self._take(name, values)
-        except UnusableInputError:
-            place, shapes = self._places[name]
-            is_rows = isinstance(values, list | tuple) or (isinstance(values, np.ndarray) and values.ndim > 0)
-            if self._is_single or not is_rows or len(cast(Any, values)) != len(place):
+        except QuestionError:
+            is_rows = isinstance(values, Sequence) or (isinstance(values, np.ndarray) and values.ndim > 0)
+            if self._is_single or not is_rows or len(values) != len(self._worlds):
                 raise
-            unusable = {}
-            for w, row in enumerate(cast(Any, values)):
-                self._places[name] = place[w : w + 1], [place.shape[1:]]
+            refused = {}
+            for w, row in enumerate(values):
                 try:
-                    self._take(name, row)
-                except UnusableInputError as why:
-                    unusable[w] = f"arm {w}: {why}"
-                finally:
-                    self._places[name] = place, shapes
-            if len(unusable) == len(place):
+                    self._take(name, row, w)
+                except QuestionError as why:
+                    refused[w] = f"arm {w}: {why}"
+            if len(refused) == len(self._worlds):
                 raise
-            self._unusable_rows |= unusable
+            self._refused |= refused
 
-    def _numbers(self, name: str, values: ArrayLike) -> Array:
-        """Return values of any array-like type as numbers.
+    def _take_all(self, **arguments: Any) -> int:
+        """Write the arguments that are not None; return their bits.
 
         Raises:
-            UnusableInputError: They are no real numbers.
+            QuestionError: One of them is not usable.
         """
-        if isinstance(values, np.ndarray) and values.dtype.char == "d":
-            return values
-        try:
-            numbers = np.asarray(values)
-            if numbers.dtype.kind != "c":
-                return numbers.astype(np.float64)
-        except Exception:  # any error of an object that is no array
-            raise self._unusable(f"{name} must be numbers, got {type(values).__name__}") from None
-        raise self._unusable(f"{name} must be real, got complex numbers")
+        bits = 0
+        for name, values in arguments.items():
+            if values is not None:
+                self._take_each(name, values)
+                bits |= BITS[name]
+        return bits
 
-    def _unusable(self, text: str) -> UnusableInputError:
-        """Return an error with the number of worlds of a batch."""
-        batch = "" if self._is_single else f"; reset made a batch of {len(self._worlds)}"
-        return UnusableInputError(text + batch)
-
-    def _finish(self, given: int, refused: Sequence[int] = (), why: str = "") -> Command:
-        """Call the law, once the records hold all input.
+    def _step(self, dt: ArrayLike | None, read: Callable[[], int]) -> Command:
+        """Call the law, once the records hold all input; brake where that is not usable.
 
         Args:
-            given: Its bits.
-            refused: Worlds whose input is not usable.
-            why: The reason.
+            dt: Time since the last step; None: one period.
+            read: Writes the other arguments, and returns their bits.
         """
+        given, self._refused = 0, {}
+        try:
+            if dt is not None:
+                self._take("dt", dt)
+                given = TIMED
+            given |= read()
+        except QuestionError as unusable:
+            self.command.refusal, self._refused = str(unusable), {}
+            given |= REFUSED
         if given != self._last_given:
             self._given[:] = self._last_given = given
             if not given & RATES:  # rates of an earlier step are not measurements any more
                 self._worlds["state"]["qdot"] = math.nan
-        if self._unusable_rows:
-            refused = [*refused, *self._unusable_rows]
-            why = "; ".join([*self._unusable_rows.values(), why]).removesuffix("; ")
-            self._unusable_rows = {}
-        if refused:
-            self.command.refusal = why
-            self._given[refused], self._last_given = REFUSED | given & TIMED, -1
+        if self._refused:
+            self.command.refusal = "; ".join(dict.fromkeys(self._refused.values()))
+            self._given[list(self._refused)], self._last_given = REFUSED | given & TIMED, -1
         if self._watchdog is not None:
             self._look_at_the_clock(self._watchdog)
         if not self._steps:
@@ -212,23 +224,6 @@ class SteppedLaw:
         if self._shadow is not None:
             self._shadow.publish()
         return self.command
-
-    def _refuse(self, why: str, timed: int = 0) -> Command:
-        """Brake because the input is not usable; the text says why. TIMED: the time is."""
-        self.command.refusal = why
-        return self._finish(REFUSED | timed)
-
-    def _take_time(self, dt: ArrayLike) -> int:
-        """Write the time since the last step; return TIMED.
-
-        Raises:
-            UnusableInputError: It is not a number.
-        """
-        if isinstance(dt, float):
-            self._places["dt"][0].fill(dt)
-        else:
-            self._take("dt", dt)
-        return TIMED
 
     # Watchdog -------------------------------------------------------------------------------------
 
@@ -349,14 +344,45 @@ def started(q: ArrayLike, n: int, others: str = "") -> Array:
     Raises:
         QuestionError: They have another shape, or are not finite or too large.
     """
-    try:
-        if np.asarray(q).dtype.kind == "c":
-            raise TypeError
-        values = np.array(q, np.float64)
-    except (TypeError, ValueError):
-        raise QuestionError(f"q must be numbers, got {shortened(repr(q))}") from None
+    values = as_numbers("q", q)
     if values.ndim not in (1, 2) or values.shape[-1] != n or not values.size:
         raise QuestionError(f"q must be {others or f'({n},)'} or (w, {n}), got {values.shape}")
     if not (np.abs(values) <= LARGEST).all():
         raise QuestionError(f"q must be finite, within {LARGEST:g}, got {shortened(str(values.tolist()))}")
     return values
+
+
+def as_numbers(name: str, values: Any) -> Array:
+    """Return values of any array-like type as numbers.
+
+    Raises:
+        QuestionError: They are no real numbers.
+    """
+    if isinstance(values, np.ndarray) and values.dtype.char == "d":
+        return values
+    try:
+        numbers = np.asarray(values)
+        if numbers.dtype.kind != "c":
+            return numbers.astype(np.float64)
+    except Exception:  # any error of an object that is no array
+        raise QuestionError(f"{name} must be numbers, got {type(values).__name__}") from None
+    raise QuestionError(f"{name} must be real, got complex numbers")
+
+
+@np.errstate(all="ignore")  # the law reports numbers that are not finite
+def _quaternion_pose(pose: Array) -> Array:
+    """Return poses as [p, quat w x y z], (..., 7), from any of their forms; NaN for what is no rotation."""
+    if pose.shape[-1:] == (6,):
+        return np.concatenate([pose[..., :3], exp_rotation(pose[..., 3:])], axis=-1)
+    if pose.shape[-2:] != (4, 4):
+        return pose
+    import mujoco  # a law without an arm has no poses and does not load it
+
+    poses = np.empty((*pose.shape[:-2], 7))
+    for T, row in zip(pose.reshape(-1, 4, 4), poses.reshape(-1, 7), strict=True):
+        row[:3], R, back = T[:3, 3], T[:3, :3].ravel(), np.empty(9)
+        mujoco.mju_mat2Quat(row[3:], R)
+        mujoco.mju_quat2Mat(back, row[3:])
+        if not np.abs([*(back - R), *(T[3] - LAST_ROW)]).max() <= SKEWEST:
+            row[3:] = np.nan
+    return poses
