@@ -13,7 +13,7 @@ from project import ROOT
 from rmrc.arm import load as load_arm
 from rmrc.law.controller import Controller
 from rmrc.scenario import ControlSection, TaskSection, load
-from rmrc.scenario.choices import DAMPING_BELOW, DAMPING_MAXIMUM, Status
+from rmrc.scenario.choices import DAMPING_BELOW, DAMPING_MAXIMUM, INVERSES, SCHEDULES, Status
 from rmrc.support.errors import ModelError, QuestionError, ScenarioError
 
 PUMA = ROOT / "models/puma560.xml"
@@ -140,15 +140,24 @@ def test_a_period_needs_no_whole_steps_of_mujoco():
 
 def test_the_defaults_of_one_inverse_are_those_of_a_scenario():
     defaults, inverse = inspect.signature(rmrc.resolve_rates).parameters, ControlSection().inverse
+    assert (defaults["method"].default, defaults["schedule"].default) == (
+        inverse.method,
+        inverse.damping.schedule,
+    )
+    J, t = np.diag([1.5, 0.2, 0.004]), np.array([1.0, -2.0, 3.0])
     homes = {
-        "method": inverse.method, "schedule": inverse.damping.schedule, "damping_maximum": DAMPING_MAXIMUM.null,
-        "damping_below": DAMPING_BELOW.null, "manipulability_below": inverse.damping.manipulability_below,
-        "error_gain": inverse.damping.error_gain, "tolerance": inverse.tolerance, "cutoff": inverse.cutoff,
+        "damping_maximum": DAMPING_MAXIMUM.null, "damping_below": DAMPING_BELOW.null,
+        "damping_manipulability_below": inverse.damping.manipulability_below,
+        "damping_error_gain": inverse.damping.error_gain, "tolerance": inverse.tolerance, "cutoff": inverse.cutoff,
         "gamma": inverse.gamma, "rate_bound": inverse.rate_bound,
     }  # fmt: skip
-    assert {name: defaults[name].default for name in homes} == homes
-    given = {name for name, one in defaults.items() if one.default is not inspect.Parameter.empty}
-    assert given == {*homes, "error"}
+    for method, schedule in [
+        *((name, "constant") for name in INVERSES.names),
+        *(("damped", name) for name in SCHEDULES.names),
+    ]:
+        chosen = {"method": method, "schedule": schedule, "error": 0.5}
+        want = rmrc.resolve_rates(J, t, **chosen, **homes)
+        assert_array_equal(rmrc.resolve_rates(J, t, **chosen), want)
 
 
 def test_without_a_task_it_is_what_the_arm_can_do():

@@ -10,6 +10,7 @@ from worlds import (
     NAMES,
     ROUNDING,
     SHAPES,
+    SHORT,
     VARIANT,
     VARIANTS,
     Variant,
@@ -498,9 +499,9 @@ def test_the_notebook_gives_what_the_law_gives(name):
         "tolerance": 0.01, "cutoff": 0.02, "gamma": 0.2, "rate_bound": 0.7, "damping_maximum": 0.05,
         "damping_below": 0.25, "manipulability_below": 0.1, "error_gain": 0.6, "error": 0.3,
     }  # fmt: skip
-    got = resolve_rates(
-        J, t, variant.method.name.lower(), schedule=variant.schedule.name.lower(), **parameters
-    )
+    long = {short: name for name, short in SHORT.items()}
+    keys = {long.get(name, name): value for name, value in parameters.items()}
+    got = resolve_rates(J, t, variant.method.name.lower(), schedule=variant.schedule.name.lower(), **keys)
     assert_allclose(
         got, formula(variant, J, t, **parameters)[0], rtol=0, atol=1e-10 * max(1, np.abs(got).max())
     )

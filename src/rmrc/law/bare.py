@@ -256,36 +256,20 @@ def resolve_rates(
     method: str = INVERSES.default,
     *,
     schedule: str = SCHEDULES.default,
-    damping_maximum: float = 0.1,
-    damping_below: float = 0.3,
-    manipulability_below: float = 0.3,
-    error_gain: float = 1.0,
     error: float = 0.0,
-    tolerance: float = 1e-6,
-    cutoff: float = 0.01,
-    gamma: float = 0.1,
-    rate_bound: float = 2.0,
-    **others: float,
+    **parameters: float,
 ) -> Array:
     """Return the joint rates of one inverse for one twist: the law for a notebook.
-
-    The defaults are those of a scenario.
 
     Args:
         J: Jacobian of the task, (m, n), m <= 6.
         twist: Commanded task velocity, (m,).
         method: One of the inverses; `inverse` needs a square J.
         schedule: The damping schedule of `damped`.
-        damping_maximum: λ_max, in the units of σ.
-        damping_below: ε, below which `smallest_singular_value` and the method `filtered` damp.
-        manipulability_below: w₀, below which `manipulability` damps.
-        error_gain: λ of the schedule `error` for an error of 1.
-        error: Norm of the task error, for that schedule.
-        tolerance: `pseudoinverse` drops σ_i <= tolerance · σ_1.
-        cutoff: `truncated` drops σ_i <= cutoff.
-        gamma: γ; `jparse` fades directions with σ_i < γ σ_1.
-        rate_bound: Largest joint rate of `selectively_damped`, largest norm of the schedule `rate_bound`.
-        others: Other parameters, by their key below `control.inverse`, with `_` for the dots.
+        error: Norm of the task error, for the schedule `error`.
+        parameters: Parameters by their key below `control.inverse`, with `_` for the dots, as in
+            `damping_maximum=0.2`. The others are those of a scenario, with λ_max = 0.1 and ε = 0.3, which fit
+            links of a metre.
 
     Returns:
         Joint rates, (n,).
@@ -304,13 +288,8 @@ def resolve_rates(
         raise ValueError(f"J must be (m, n) with m <= {ROWS} and twist (m,), got {J.shape}, {twist.shape}")
     if not (np.isfinite(J).all() and np.isfinite(twist).all()):
         raise ValueError("J and twist must be finite")
-    numbers = {
-        "damping_maximum": damping_maximum, "damping_below": damping_below,
-        "damping_manipulability_below": manipulability_below, "damping_error_gain": error_gain,
-        "tolerance": tolerance, "cutoff": cutoff, "gamma": gamma, "rate_bound": rate_bound, **others,
-    }  # fmt: skip
     (m, n), thread = J.shape, threading.get_ident()  # each thread has its own records
-    worlds, resolve = _inverse(thread, m, n, method, schedule, *numbers.items())
+    worlds, resolve = _inverse(thread, m, n, method, schedule, *parameters.items())
     worlds["state"]["J"][0, :m, :n], worlds["scratch"]["twist_cmd"][0, :m] = J, twist
     worlds["scratch"]["error"], worlds["first"]["age"] = error, 0
     resolve(worlds.ctypes.data)

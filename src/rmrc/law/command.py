@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law import step
+from rmrc.law.record import copied
 from rmrc.law.step import LARGEST
 from rmrc.scenario.choices import Status
 
@@ -68,8 +69,7 @@ class Command:
 
     def copy(self) -> "Command":
         """Return a copy that no step overwrites."""
-        worlds = self._worlds.view(np.uint8).copy()  # as bytes: numpy copies a record field by field
-        return Command(worlds.view(self._worlds.dtype), self._joints, self._is_single, self.refusal)
+        return Command(copied(self._worlds), self._joints, self._is_single, self.refusal)
 
     damping = _number("first", "damping", "Damping λ, in the units of σ.")
     path_rate = _number(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.compiling import Array, Method, Record, compiled
-from rmrc.law.kinematics import place_axis, turned
+from rmrc.law.kinematics import place_axis, turn_of, turned
 from rmrc.law.metric import factor
 from rmrc.law.svd import dot
 
@@ -83,9 +83,9 @@ def place_body(world: Record, a: int) -> None:
     """
     links = world.links
     z, o, p, half, h, m = (
-        links.axis[a], links.anchor[a], links.point[a], links.half_turned, links.turned_moment, links.mass[a],
+        links.axis[a], links.anchor[a], links.frame[a], links.half_turned, links.turned_moment, links.mass[a],
     )  # fmt: skip
-    turn = (links.turn[a, 0], links.turn[a, 1], links.turn[a, 2], links.turn[a, 3])
+    turn = turn_of(links.frame[a])
     body, screw, turns, advance = links.body[a], links.screw[a], links.turns[a], links.advance[a]
     h[0], h[1], h[2] = turned(turn, links.moment[a])
     for c in range(3):

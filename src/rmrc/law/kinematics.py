@@ -73,18 +73,17 @@ def gather(world: Record, columns: Array, J: Array) -> None:
 
 @compiled
 def place_axis(tree: Record, a: int, b: int, q: Array) -> None:
-    """Write an axis, a point on it, and the turn and the point behind it, at joint positions q (n,).
+    """Write an axis, a point on it, and the pose behind it, at joint positions q (n,).
 
     Args:
         tree: The chain, or the links of an inertia.
         a: The axis, which moves with its leader in a ratio.
-        b: The axis before it, whose turn and point are known, or -1.
+        b: The axis before it, whose pose is known, or -1.
         q: Joint positions, (n,).
     """
-    turn, x, y, z = (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+    frame, turn, x, y, z = tree.frame[a], (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
     if b >= 0:
-        turn = (tree.turn[b, 0], tree.turn[b, 1], tree.turn[b, 2], tree.turn[b, 3])
-        x, y, z = tree.point[b, 0], tree.point[b, 1], tree.point[b, 2]
+        turn, x, y, z = turn_of(tree.frame[b]), tree.frame[b, 0], tree.frame[b, 1], tree.frame[b, 2]
     dx, dy, dz = turned(turn, tree.step_0[a])
     x, y, z = x + dx, y + dy, z + dz
     ax, ay, az = turned(turn, tree.axis_0[a])
@@ -92,11 +91,11 @@ def place_axis(tree: Record, a: int, b: int, q: Array) -> None:
     tree.anchor[a, 0], tree.anchor[a, 1], tree.anchor[a, 2] = x, y, z
     moved = tree.ratio[a] * q[tree.leader[a]]
     way = tree.advance[a] * moved
-    tree.point[a, 0], tree.point[a, 1], tree.point[a, 2] = x + way * ax, y + way * ay, z + way * az
+    frame[0], frame[1], frame[2] = x + way * ax, y + way * ay, z + way * az
     if tree.turns[a] != 0.0:
         c, s = math.cos(0.5 * moved), math.sin(0.5 * moved)
         turn = quat_product((c, s * ax, s * ay, s * az), turn)
-    tree.turn[a, 0], tree.turn[a, 1], tree.turn[a, 2], tree.turn[a, 3] = turn
+    frame[3], frame[4], frame[5], frame[6] = turn
 
 
 @compiled
@@ -113,33 +112,36 @@ def follow_chain(world: Record, q: Array) -> None:
     chain = world.chain
     for a in range(chain.axes):
         place_axis(chain, a, a - 1, q)
-    place_tip(chain, chain.axes - 1, chain.tip_step, chain.tip_quat, world.state.pose)
-
-
-@compiled
-def place_tip(chain: Record, a: int, step: Array, quat: Array, pose: Array) -> None:
-    """Write the pose of a site behind an axis, from its place there with all joints at 0."""
-    turn = (chain.turn[a, 0], chain.turn[a, 1], chain.turn[a, 2], chain.turn[a, 3])
-    dx, dy, dz = turned(turn, step)
-    pose[0], pose[1], pose[2] = chain.point[a, 0] + dx, chain.point[a, 1] + dy, chain.point[a, 2] + dz
-    pose[3], pose[4], pose[5], pose[6] = quat_product(turn, (quat[0], quat[1], quat[2], quat[3]))
+    carry(chain.frame[chain.axes - 1], chain.tip, world.state.pose)
 
 
 @compiled
 def follow_second(world: Record) -> None:
     """Write pose and Jacobian of the second task's site, at the q of the last `follow_chain`."""
     second = world.second
-    place_tip(world.chain, second.last_axis, second.tip_step, second.tip_quat, second.pose)
+    carry(world.chain.frame[second.last_axis], second.tip, second.pose)
     second_jacobian(world)
 
 
 @compiled
 def carry(frame: Array, pose: Array, carried: Array) -> None:
-    """Write a pose of a frame, (7,), along world axes, (7,), which may be the same array."""
-    turn = (frame[3], frame[4], frame[5], frame[6])
+    """Write a pose of a frame, (7,), along world axes, (7,); any of them may be the same array."""
+    turn = turn_of(frame)
     x, y, z = turned(turn, pose)
     carried[0], carried[1], carried[2] = frame[0] + x, frame[1] + y, frame[2] + z
-    carried[3], carried[4], carried[5], carried[6] = quat_product(turn, (pose[3], pose[4], pose[5], pose[6]))
+    carried[3], carried[4], carried[5], carried[6] = quat_product(turn, turn_of(pose))
+
+
+@compiled
+def turn_of(pose: Array) -> Quaternion:
+    """Return the orientation of a pose, (7,)."""
+    return (pose[3], pose[4], pose[5], pose[6])
+
+
+@compiled
+def turn_back(pose: Array) -> Quaternion:
+    """Return the rotation of world vectors into the axes of a pose, (7,): its orientation, conjugated."""
+    return (pose[3], -pose[4], -pose[5], -pose[6])
 
 
 @compiled
@@ -174,9 +176,7 @@ def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
     """
     for i in range(3):
         error[i] = pose_ref[i] - pose[i]
-    w, x, y, z = quat_product(
-        (pose_ref[3], pose_ref[4], pose_ref[5], pose_ref[6]), (pose[3], -pose[4], -pose[5], -pose[6])
-    )
+    w, x, y, z = quat_product(turn_of(pose_ref), turn_back(pose))
     sine, shorter = math.sqrt(x * x + y * y + z * z), -1.0 if w < 0.0 else 1.0  # the shorter way round
     factor = 2.0 * shorter if sine == 0.0 else 2.0 * shorter * math.atan2(sine, abs(w)) / sine
     error[3], error[4], error[5] = factor * x, factor * y, factor * z
@@ -203,8 +203,7 @@ def frame_turn(frame: int, base: Array, pose: Array) -> Quaternion:
         base: Pose of the base, (7,).
         pose: Pose of the site, (7,).
     """
-    axes = pose if frame == SITE else base
-    return (axes[3], -axes[4], -axes[5], -axes[6])
+    return turn_back(pose if frame == SITE else base)
 
 
 @compiled
@@ -257,23 +256,16 @@ def _free_axis(free: int, pose: Array, pose_ref: Array, error: Array) -> None:
 
     With q = (w, u + t k), u normal to the axis k, the turn is (w, t k)/c and the tilt (c, (w u − t u × k)/c).
     """
-    w, x, y, z = quat_product(
-        (pose[3], -pose[4], -pose[5], -pose[6]), (pose_ref[3], pose_ref[4], pose_ref[5], pose_ref[6])
-    )
+    w, x, y, z = quat_product(turn_back(pose), turn_of(pose_ref))
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
-    # k is the third of three axes in cyclic order
-    if free == 2:
-        a, b, t = x, y, z
-    elif free == 0:
-        a, b, t = y, z, x
-    else:
-        a, b, t = z, x, y
+    first, second = (free + 1) % 3, (free + 2) % 3  # k is the third of three axes in cyclic order
+    vector = (x, y, z)
+    a, b, t = vector[first], vector[second], vector[free]
     c = math.sqrt(w * w + t * t)
     if c > 0.0:  # otherwise the axis points the other way, and every turn about it is equally good
         a, b = (w * a - t * b) / c, (w * b + t * a) / c
     sine = math.sqrt(a * a + b * b)
     factor = 2.0 if sine == 0.0 else 2.0 * math.atan2(sine, c) / sine
-    first = (free + 1) % 3
-    error[3 + first], error[3 + (first + 1) % 3] = factor * a, factor * b
+    error[3 + first], error[3 + second] = factor * a, factor * b
     error[3 + free] = 2.0 * math.atan2(t, w)

@@ -263,16 +263,11 @@ def scale(world: Record) -> None:
 
 
 @Method
-def clamp(world: Record) -> None:
-    """Bring each rate within its own bounds: the tip leaves its direction. It serves for comparison."""
-    begin(world)
-    confine(world, world.tick.qdot_cmd)
-    world.bounds.eased = EACH
-
-
-@Method
 def by_joint(world: Record) -> None:
-    """Do the same for a motion of the joints themselves, scaled to their rate limits unless these clamp."""
+    """Bring each rate within its own bounds; unless these clamp, first scale to the rate limits.
+
+    It is for a motion of the joints themselves.
+    """
     begin(world)
     rates, limits, factor = world.tick.qdot_cmd, world.limits, 1.0
     for j in range(world.n if world.law.limits_on_excess != CLAMP else 0):
@@ -282,6 +277,10 @@ def by_joint(world: Record) -> None:
         rates[j] *= factor
     confine(world, rates)
     world.bounds.eased = EACH
+
+
+# The tip leaves its direction: it serves for comparison.
+clamp = by_joint
 
 
 @Method

@@ -2,12 +2,11 @@
 
 import math
 
-from rmrc.law.compiling import Array, Method, Record, call, compiled
+from rmrc.law.compiling import Method, Record, call
 from rmrc.law.gradient import sigma_gradient
 from rmrc.law.kinematics import way_to
-from rmrc.law.metric import INERTIA, backward, times_transposed, weigh_wish
-from rmrc.law.priority import second_task
-from rmrc.law.svd import dot
+from rmrc.law.metric import INERTIA, scale_joints, unscale_joints, weigh_wish
+from rmrc.law.priority import leave_first, second_task
 
 
 @Method
@@ -67,47 +66,24 @@ def rates(world: Record) -> None:
 
 @Method
 def move_in_null_space(world: Record) -> None:
-    """Add to the rates the objective's rates without their part in the task."""
-    call(world.methods.objective, world)
-    add_projected(world, world.scratch.qdot0, world.tick.qdot_cmd)
-
-
-@compiled
-def add_projected(world: Record, qdot0: Array, rates: Array) -> None:
-    """Add N qdot0 = S_q (I − Σ_{i<r} v_i v_iᵀ) S_q⁻¹ qdot0 to the rates, and leave it in qdot0.
+    """Add N qdot0 = S_q (I − Σ_{i<r} v_i v_iᵀ) S_q⁻¹ qdot0 of the objective to the rates; leave it in qdot0.
 
     J N qdot0 = 0. r is the rank of the task almost everywhere, which was found before the run. The projector
     removes as many directions at a singularity as elsewhere: N changes continuously, and the objective does
     not get a direction that becomes singular, whatever the inverse does to it.
     """
-    links = world.links
-    n, scale = world.n, world.task.joint_scale
-    for j in range(n):
-        qdot0[j] /= scale[j]
-    if world.law.inverse_metric == INERTIA:
-        times_transposed(links.root, qdot0, n)
-        remove_task(world, qdot0)
-        backward(links.root, qdot0, n)
-    else:
-        remove_task(world, qdot0)
-    for j in range(n):
-        qdot0[j] *= scale[j]
-        rates[j] += qdot0[j]
-
-
-@compiled
-def remove_task(world: Record, rates: Array) -> None:
-    """Remove the task's directions from scaled rates: (I − Σ_{i<r} v_i v_iᵀ) rates."""
-    first = world.first
-    for i in range(world.rank):
-        along = dot(first.v[i], rates, world.n)
-        for j in range(world.n):
-            rates[j] -= along * first.v[i, j]
+    qdot0 = world.scratch.qdot0
+    call(world.methods.objective, world)
+    unscale_joints(world, qdot0)
+    leave_first(world, qdot0)
+    scale_joints(world, qdot0)
+    for j in range(world.n):
+        world.tick.qdot_cmd[j] += qdot0[j]
 
 
 @Method
 def secondary(world: Record) -> None:
-    """Write the rates that a second task asks for; `add_projected` passes the part that the first allows.
+    """Write the rates that a second task asks for, of which the first one allows a part.
 
     P = I − Σ v_i v_iᵀ. Where both tasks are possible but not together, A_2 P loses rank: an algorithmic
     singularity. Its smallest singular value is recorded whatever the priority.

@@ -56,14 +56,23 @@ def scale_second(world: Record) -> float:
 
 
 @compiled
-def leave_first(world: Record) -> None:
-    """Replace A_2 by A_2 P: remove the first task's directions from each row."""
-    rest, first = world.rest, world.first
-    for r in range(world.second.m):
-        for i in range(world.rank):
-            along = dot(first.v[i], rest.matrix[r], world.n)
-            for j in range(world.n):
-                rest.matrix[r, j] -= along * first.v[i, j]
+def leave_first(world: Record, values: Array) -> None:
+    """Remove the first task's directions from coordinates: (I − Σ_{i<r} v_i v_iᵀ) values, (n,)."""
+    first = world.first
+    for i in range(world.rank):
+        along = dot(first.v[i], values, world.n)
+        for j in range(world.n):
+            values[j] -= along * first.v[i, j]
+
+
+@compiled
+def decompose_remaining(world: Record) -> None:
+    """Replace A_2 by A_2 P, without the first task's directions, and decompose it."""
+    rest, m = world.rest, world.second.m
+    for r in range(m):
+        leave_first(world, rest.matrix[r])
+    decompose_afresh(world, m)
+    world.tick.secondary_sigma = rest.sigma[min(m, world.n) - 1]
 
 
 @compiled
@@ -88,18 +97,14 @@ def classical(world: Record) -> None:
     unscale_joints(world, shape)
     for i in range(m):
         rest.task[i] -= dot(rest.matrix[i], shape, n)
-    leave_first(world)
-    decompose_afresh(world, m)
-    tick.secondary_sigma = rest.sigma[min(m, n) - 1]
+    decompose_remaining(world)
     solve_second(world, size, world.scratch.qdot0)
 
 
 @Method
 def robust(world: Record) -> None:
     """Write S_q A_2* t_2: the second task alone, which needs no inverse of A_2 P [Chiaverini97]."""
-    n, m, size = world.n, world.second.m, scale_second(world)
-    decompose_afresh(world, m)
+    size = scale_second(world)
+    decompose_afresh(world, world.second.m)
     solve_second(world, size, world.scratch.qdot0)
-    leave_first(world)
-    decompose_afresh(world, m)
-    world.tick.secondary_sigma = world.rest.sigma[min(m, n) - 1]
+    decompose_remaining(world)

@@ -61,18 +61,18 @@ TASK_ROWS = "iR: row fR: row_scale i: frame free f: feedback "
 
 # Axes outward: the joint that moves each and its ratio; 1 if it turns, its way along itself per radian, or 1
 # if it slides; its direction and the step to it with all joints at 0; then their directions, points on them,
-# and the turn and the point behind them.
-AXES = "iJ: leader fJ: ratio turns advance fJ3: axis_0 step_0 axis anchor point fJ4: turn "
+# and the pose behind them, which is the identity with all joints at 0.
+AXES = "iJ: leader fJ: ratio turns advance fJ3: axis_0 step_0 axis anchor fJ7: frame "
 
 GROUPS = {
     # S_q, the joints for which a whole turn changes nothing, and the pose of the base
     "task": TASK_ROWS + "fJ: joint_scale iJ: comes_round f7: base f: feedforward",
     # a second task: its site, the axes that move it, and its target, also in the base; where it is for the
     # law, and its true error
-    "second": TASK_ROWS + "i: m site last_axis iJ: moves f7: pose_ref in_base f3: tip_step f4: tip_quat "
-    "f7: pose fRJ: J columns f6: error f: true_error",
+    "second": TASK_ROWS + "i: m site last_axis iJ: moves f7: pose_ref in_base tip pose "
+    "fRJ: J columns f6: error f: true_error",
     # the contributions of the axes to the twist of the site, and their rates
-    "chain": AXES + "i: axes f3: tip_step f4: tip_quat fRJ: columns fJ: rate",
+    "chain": AXES + "i: axes f7: tip fRJ: columns fJ: rate",
     # moving masses: the link before each, and its inertia about its joint; at their places: screws, and the
     # inertia that each carries; the scaled joint inertia and its Cholesky factor
     "links": AXES + "i: count iJ: parent fJ: mass armature scale fJ3: moment fJ33: inertia "
@@ -111,7 +111,7 @@ GROUPS = {
     "f7: pose pose_ref f6: twist_ref pose_error u_min i: status",
     # of a step outside a run: the source of kinematics, its parts, the periods without a step, the time since
     # the last one and the period, and refusals
-    "input": "i: sites is_beside given refused late f24: site_quat f23: site_step f: called dt period "
+    "input": "i: sites is_beside given refused late f27: site_place f: called dt period "
     # the positions that servos take, and the position limits of the joints meanwhile; TORQUE_LIMITED where an
     # actuator is at its limit; memory: the integral of the commands, the joints on their way back, the change
     # before
@@ -133,7 +133,7 @@ GROUPS = {
     "f2J: swinging",
     # of MuJoCo: addresses of its model and data, of functions, and of fields of the data; their sizes
     "engine": f"i: {ENGINE_FIELDS} model data begin advance step substeps known_model known_data "
-    "nq nv nu nbody njnt nsite "
+    "nq nv nu nbody "
     # of the arm in it: ids of its joints and site, addresses of its degrees of freedom, controls and forces
     "iJ: joint qpos_at dof ctrl_at force_at i: site_id base i2: body site_at "
     "i: followers iJ: follows follower_qpos follower_dof fJ: follower_ratio follower_offset "

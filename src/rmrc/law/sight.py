@@ -5,14 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rmrc.law.compiling import Array, Record, at, compiled
-from rmrc.law.kinematics import (
-    follow_chain,
-    follow_second,
-    geometric_jacobian,
-    quat_product,
-    second_jacobian,
-    turned,
-)
+from rmrc.law.kinematics import carry, follow_chain, follow_second, geometric_jacobian, second_jacobian
 from rmrc.scenario.choices import Status
 
 if TYPE_CHECKING:
@@ -47,7 +40,7 @@ def look_at(world: np.void, data: Any, arm: "Arm", second: "SecondTask | None") 
     is_beside = any(place.site < 0 for place in there.places)
     for i, place in enumerate(there.places):
         engine["site_at"][i] = place.body if is_beside else place.site
-        input_["site_quat"][i], input_["site_step"][i] = place.quat, place.position
+        input_["site_place"][i] = [*place.position, *place.quat]
     input_["sites"], input_["is_beside"] = len(there.places), is_beside
     engine["qpos_at"][: arm.n] = model.jnt_qposadr[there.joint]
     engine["dof"][: arm.n] = model.jnt_dofadr[there.joint]
@@ -62,9 +55,8 @@ def look_at(world: np.void, data: Any, arm: "Arm", second: "SecondTask | None") 
     places |= {"xpos": data.xpos, "xquat": data.xquat}
     for name in ("qpos", "qvel", "qfrc_actuator", *places, "xanchor", "xaxis"):
         engine[name] = places.get(name, getattr(data, name)).ctypes.data
-    for name in ("nq", "nv", "njnt", "nbody"):
+    for name in ("nq", "nv"):
         engine[name] = getattr(model, name)
-    engine["nsite"] = model.nbody if is_beside else model.nsite
     return [*(place.body for place in there.places), *model.jnt_bodyid[there.axis]]
 
 
@@ -127,39 +119,35 @@ def look(world: Record) -> None:
 
 
 @compiled
+def read(address: int, item: int, values: Array, first: int, size: int) -> None:
+    """Read an item of so many numbers, of an array of MuJoCo's data, into some values, from the first on."""
+    numbers = at(address + 8 * item * size, size)
+    for c in range(size):
+        values[first + c] = numbers[c]
+
+
+@compiled
 def read_axes(world: Record) -> None:
     """Read the axes of the chain and points on them from MuJoCo, so that nothing is differentiated."""
     engine, chain = world.engine, world.chain
-    anchors, axes = at(engine.xanchor, 3 * engine.njnt), at(engine.xaxis, 3 * engine.njnt)
     for a in range(chain.axes):
-        first = 3 * engine.joint[a]
-        for i in range(3):
-            chain.axis[a, i], chain.anchor[a, i] = axes[first + i], anchors[first + i]
+        read(engine.xaxis, engine.joint[a], chain.axis[a], 0, 3)
+        read(engine.xanchor, engine.joint[a], chain.anchor[a], 0, 3)
 
 
 @compiled
 def read_base(world: Record) -> None:
     """Read the pose of the base, which other joints or a mocap body may move."""
     engine, base = world.engine, world.task.base
-    places, turns = at(engine.xpos, 3 * engine.nbody), at(engine.xquat, 4 * engine.nbody)
-    for c in range(3):
-        base[c] = places[3 * engine.base + c]
-    for c in range(4):
-        base[3 + c] = turns[4 * engine.base + c]
+    read(engine.xpos, engine.base, base, 0, 3)
+    read(engine.xquat, engine.base, base, 3, 4)
 
 
 @compiled
 def read_site(world: Record, i: int, pose: Array) -> None:
     """Write the pose of a site; where the model lacks it, by its place in the body that is read instead."""
-    engine, input_ = world.engine, world.input
-    number, places = engine.site_at[i], at(engine.site_xpos, 3 * engine.nsite)
-    turns, quat = at(engine.site_xquat, 4 * engine.nsite), input_.site_quat[i]
-    for c in range(3):
-        pose[c] = places[3 * number + c]
-    for c in range(4):
-        pose[3 + c] = turns[4 * number + c]
-    if input_.is_beside:
-        turn = (pose[3], pose[4], pose[5], pose[6])
-        x, y, z = turned(turn, input_.site_step[i])
-        pose[0], pose[1], pose[2] = pose[0] + x, pose[1] + y, pose[2] + z
-        pose[3], pose[4], pose[5], pose[6] = quat_product(turn, (quat[0], quat[1], quat[2], quat[3]))
+    engine = world.engine
+    read(engine.site_xpos, engine.site_at[i], pose, 0, 3)
+    read(engine.site_xquat, engine.site_at[i], pose, 3, 4)
+    if world.input.is_beside:
+        carry(pose, world.input.site_place[i], pose)

@@ -12,7 +12,7 @@ import math
 from rmrc.law.compiling import Array, Method, Record, call, compiled
 from rmrc.law.jerk import keep_change
 from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET, brake_blindly, is_outside
-from rmrc.law.kinematics import BASE, SITE, carry, turn_twist
+from rmrc.law.kinematics import BASE, SITE, carry, turn_of, turn_twist
 from rmrc.law.law import resolve
 from rmrc.law.metric import INERTIA, factor
 from rmrc.law.periods import TIMED, begin_tick, is_time, set_tick
@@ -198,7 +198,7 @@ def turn_to_world(world: Record, frame: Array) -> None:
     if given & POSE:
         carry(frame, tick.pose_ref, tick.pose_ref)
     if given & TWIST:
-        turn_twist((frame[3], frame[4], frame[5], frame[6]), tick.twist_ref)
+        turn_twist(turn_of(frame), tick.twist_ref)
 
 
 @compiled

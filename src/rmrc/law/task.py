@@ -225,7 +225,7 @@ class Task:
         chain["leader"][:axes], chain["ratio"][:axes] = geometry.leader, geometry.ratio
         chain["turns"][:axes], chain["advance"][:axes] = ~slides, np.where(slides, 1.0, geometry.pitch)
         chain["axis_0"][:axes], chain["step_0"][:axes] = geometry.axis, geometry.step
-        chain["tip_step"], chain["tip_quat"] = geometry.tip_step, geometry.tip_quat
+        chain["tip"] = [*geometry.tip_step, *geometry.tip_quat]
 
 
 def _sampled(arm: "Arm", frame: Frame) -> tuple[Array, Array]:
@@ -283,7 +283,7 @@ class SecondTask:
         second["frame"], second["free"] = self._view.codes
         second["site"], second["pose_ref"], second["in_base"] = self._id, self._pose, self._in_base
         second["moves"][: len(self._moves)] = self._moves
-        second["last_axis"], second["tip_step"], second["tip_quat"] = self._by_chain
+        second["last_axis"], second["tip"][:3], second["tip"][3:] = self._by_chain
         second["feedback"] = self._feedback
 
 

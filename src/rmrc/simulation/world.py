@@ -170,7 +170,7 @@ class World:
         for name in ENGINE_FIELDS.split():
             array = beside.get(name)
             group[name] = (getattr(data, name) if array is None else array).ctypes.data
-        for name in ("nq", "nv", "nu", "nbody", "njnt", "nsite"):
+        for name in ("nq", "nv", "nu", "nbody"):
             group[name] = getattr(model, name)
         n, axes, followers = arm.n, len(wiring.axis), len(arm.followers)
         has_drives = bool((wiring.actuator >= 0).all())  # the ideal plant needs none
