@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.plants.servo import RateServos
-from rmrc.plants.torque import Motors
+from rmrc.plants.servo import rate_servo
+from rmrc.plants.torque import motor
 from rmrc.support.errors import ModelError
 from screws import screw_chain
 from wording import says
@@ -53,19 +53,19 @@ def test_one_joint_can_be_left_out(tmp_path):
 
 
 def test_adapted_model_has_one_unclamped_actuator_a_joint_and_keeps_the_others(cart):
-    for drive in (RateServos(), Motors()):
+    for drive in (rate_servo, motor):
         model = cart.adapted(drive, 0.002, gravity_compensation=True)
         names = [model.actuator(i).name for i in range(model.nu)]
         assert sorted(names) == ["grip", "rate:rail", "rate:swing"]
         wiring = cart.wire(model)
         assert not model.actuator_ctrllimited[wiring.actuator].any()
         assert_allclose(model.actuator_forcerange[wiring.actuator], [[-10, 10], [-3, 3]])
-        if isinstance(drive, RateServos):
+        if drive is rate_servo:
             assert_allclose(model.actuator_gainprm[wiring.actuator, 0], 1.0)  # each world sets its own
             assert_allclose(model.actuator_biasprm[wiring.actuator, 2], -1.0)
         assert model.opt.timestep == 0.002
         assert_allclose(model.body_gravcomp, [0, 1, 1, 1])
-    bare = cart.adapted(Motors(), 0.002, gravity_compensation=False)
+    bare = cart.adapted(motor, 0.002, gravity_compensation=False)
     assert_allclose(bare.body_gravcomp, 0)
     still = cart.adapted(None, 0.002, gravity_compensation=True)
     assert [still.actuator(i).name for i in range(still.nu)] == ["grip"]

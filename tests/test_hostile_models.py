@@ -12,7 +12,7 @@ from project import ROOT
 from rmrc import arm as arms
 from rmrc.arm import numbers
 from rmrc.arm.bounds import bounded_memory
-from rmrc.plants.servo import RateServos
+from rmrc.plants.servo import rate_servo
 from rmrc.support.errors import ModelError, ModelWarning
 from wording import says
 
@@ -337,7 +337,7 @@ def test_a_model_that_no_plant_can_be_made_of_is_one_line(monkeypatch):
         mujoco.MjSpec, "compile", lambda _: (_ for _ in ()).throw(ValueError("Error:\nof MuJoCo"))
     )
     with pytest.raises(ModelError) as caught:
-        arm.adapted(RateServos(), 0.001, True)
+        arm.adapted(rate_servo, 0.001, True)
     assert str(caught.value) == f"{arm.path}: Error: of MuJoCo"
 
 

@@ -17,7 +17,7 @@ from rmrc.analysis.inspect.inspection import inspect
 from rmrc.analysis.subject import subject
 from rmrc.arm.inventory import other_joints
 from rmrc.arm.others import Others
-from rmrc.plants.servo import RateServos
+from rmrc.plants.servo import rate_servo
 from rmrc.recording.scene import Scene
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
@@ -248,9 +248,9 @@ def test_more_locked_bodies_than_can_be_kept_apart_are_refused_with_the_way_out(
     <replicate count="500" offset="0.5 0 0"><body pos="1 0 0"><joint/><geom size=".1"/></body></replicate></worldbody></mujoco>""")
     arm = arms.load(path, "tip")
     with pytest.raises(ModelError, match=r"model.xml: has 500 joints to lock, .* use arm.others: free"):
-        arm.adapted(RateServos(), TIMESTEP, gravity_compensation=True)
+        arm.adapted(rate_servo, TIMESTEP, gravity_compensation=True)
     free = arm.at(arm.configuration("home"), frees_others=True)
-    assert free.adapted(RateServos(), TIMESTEP, gravity_compensation=True).nexclude == 0
+    assert free.adapted(rate_servo, TIMESTEP, gravity_compensation=True).nexclude == 0
 
 
 def test_an_arm_that_runs_into_a_locked_thing_is_stopped_as_by_the_world(tmp_path):
@@ -449,7 +449,7 @@ def test_what_a_default_says_of_actuators_is_not_said_of_those_that_are_added(tm
 
 def test_every_field_of_an_added_actuator_is_set():
     arm = arms.load(MODELS / "hostile_default.xml", "hand", LINKS)
-    model = arm.adapted(RateServos(), TIMESTEP, gravity_compensation=True)
+    model = arm.adapted(rate_servo, TIMESTEP, gravity_compensation=True)
     plain = mujoco.MjSpec()
     body = plain.worldbody.add_body()
     body.add_geom(size=[0.1, 0, 0])
@@ -499,7 +499,7 @@ def test_a_sensor_of_an_actuator_that_is_replaced_does_not_stop_a_plant(tmp_path
     ).write_text("""<mujoco><worldbody><body name="hand"><joint name="j"/><geom size=".1"/></body>
       </worldbody><actuator><motor name="m" joint="j"/></actuator>
       <sensor><actuatorfrc actuator="m"/><jointpos joint="j"/></sensor></mujoco>""")
-    adapted = arms.load(tmp_path / "model.xml").adapted(RateServos(), TIMESTEP, gravity_compensation=True)
+    adapted = arms.load(tmp_path / "model.xml").adapted(rate_servo, TIMESTEP, gravity_compensation=True)
     assert adapted.nsensor == 1 and adapted.nu == 1
 
 

@@ -17,8 +17,8 @@ from rmrc.arm.wiring import soft_bodies
 
 Array = NDArray[np.float64]
 
-# Makes an actuator the one of a joint, given by its position in the arm; equal ones do the same.
-Drive: TypeAlias = Callable[[mujoco.MjsActuator, int], None]
+# Makes an actuator the one of a joint.
+Drive: TypeAlias = Callable[[mujoco.MjsActuator], None]
 # The author's own actuators.
 Own: TypeAlias = Literal["own"]
 
@@ -165,12 +165,12 @@ class Adaptations:
             spec.delete(element)  # chosen before, as ids change with every deletion
         if drive is None:
             return
-        for j, (joint, limit) in enumerate(zip(self.joints, self.torque_limit, strict=True)):
+        for joint, limit in zip(self.joints, self.torque_limit, strict=True):
             actuator = spec.add_actuator(
                 name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
             )
             reset(actuator)
-            drive(actuator, j)
+            drive(actuator)
             if np.isfinite(limit):
                 actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
                 actuator.forcerange = [-limit, limit]

@@ -28,7 +28,7 @@ UNCHANGED = 1.0 / UNLIMITED
 # plant, and the stages between law and plant.
 METHODS = (
     "decompose complete gains damping null_space objective priority policy hold_off limit stops ease "
-    "remember give_way find_best metric weigh turn control second move_joints by_joint sense believe "
+    "remember give_way find_best metric weigh turn control move_joints by_joint sense believe "
     "readings obey transmission ticks"
 )
 
@@ -42,11 +42,12 @@ def capacity(n: int) -> int:
     return max(CAPACITY, 1 << (n - 1).bit_length())
 
 
-# Fields of MjData that compiled code reads or writes, by their names in MuJoCo.
+# Fields of MjData that compiled code reads or writes, by their names in MuJoCo; `known_` are those of the arm
+# that a plant knows.
 ENGINE_FIELDS = (
     "qpos qvel act ctrl xfrc_applied xpos xquat site_xpos site_xquat xanchor xaxis actuator_force "
     "qfrc_actuator qfrc_gravcomp qfrc_spring actuator_moment moment_rowadr moment_rownnz moment_colind "
-    "warning_info warning_count known_bias known_passive known_gravcomp known_M known_qpos known_qvel"
+    "known_qfrc_bias known_qfrc_passive known_qfrc_gravcomp known_M known_qpos known_qvel"
 )
 
 # The groups of the record. A word with a colon gives the type of the names behind it: f for numbers or i for
@@ -69,7 +70,7 @@ GROUPS = {
     "task": TASK_ROWS + "fJ: joint_scale iJ: comes_round f7: base f: feedforward",
     # a second task: its site, the axes that move it, and its target, also in the base; where it is for the
     # law, and its true error
-    "second": TASK_ROWS + "i: m site last_axis iJ: moves f7: pose_ref in_base tip pose "
+    "second": TASK_ROWS + "i: m last_axis iJ: moves f7: pose_ref in_base tip pose "
     "fRJ: J columns f6: error f: true_error",
     # the contributions of the axes to the twist of the site, and their rates
     "chain": AXES + "i: axes f7: tip fRJ: columns fJ: rate",
@@ -118,8 +119,8 @@ GROUPS = {
     "fJ: q_target qdot_target f2J: servo range i: has_servos saturated fJ: q_cmd returning change_before",
     # actuators: gains, bandwidth, the external wrench and its lever, joints whose tau lacks gravity
     # compensation
-    "plant": "f6: true_error wrench f3: lever fJ: qdot_sent kv gravity_apart qddot sent_before f: bandwidth "
-    "i: substeps clamped "
+    "plant": "f6: true_error wrench f3: lever fJ: qdot_sent kv gravity_apart qddot sent_before torque "
+    "inertia f: bandwidth i: substeps clamped "
     # resistance that they compensate: damping of q̇, q̇|q̇|, q̇³; dry friction up to a loss, its inertia and
     # decay
     "iJ: resists fJ3: damping fJ: friction_loss friction_inertia friction_decay i: carries_springs "
@@ -133,15 +134,15 @@ GROUPS = {
     "f2J: swinging",
     # of MuJoCo: addresses of its model and data, of functions, and of fields of the data; their sizes
     "engine": f"i: {ENGINE_FIELDS} model data begin advance step substeps known_model known_data "
-    "nq nv nu nbody "
-    # of the arm in it: ids of its joints and site, addresses of its degrees of freedom, controls and forces
-    "iJ: joint qpos_at dof ctrl_at force_at i: site_id base i2: body site_at "
+    "nq nv nu nbody warning_info warning_count "
+    # of the arm in it: ids of its joints and sites, addresses of its degrees of freedom, controls and forces
+    "iJ: joint qpos_at dof ctrl_at force_at i: body base i2: site_at "
     "i: followers iJ: follows follower_qpos follower_dof fJ: follower_ratio follower_offset "
     # of the run: the next tick, the end of this piece and of the run, the path, rows of columns and of
     # positions, past ticks, the drives of the model, and a function that is called after the law
     "i: next last ticks path_ticks diverged diverged_joint reference record record_size columns sources "
     "width rows positions past past_rows chance drives drive_count freedoms masses mass_count mass_size "
-    "mass_factors free free_count free_damping room watch",
+    "free_count room watch",
 }
 
 

@@ -1,4 +1,4 @@
-"""Where a step outside a run finds the arm: in MuJoCo's data, or by the arm's own chain."""
+"""Where a step finds the arm: in MuJoCo's data, or by the arm's own chain."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -55,7 +55,7 @@ def look_at(world: np.void, data: Any, arm: "Arm", second: "SecondTask | None") 
     places |= {"xpos": data.xpos, "xquat": data.xquat}
     for name in ("qpos", "qvel", "qfrc_actuator", *places, "xanchor", "xaxis"):
         engine[name] = places.get(name, getattr(data, name)).ctypes.data
-    for name in ("nq", "nv"):
+    for name in ("nq", "nv", "nu", "nbody"):
         engine[name] = getattr(model, name)
     return [*(place.body for place in there.places), *model.jnt_bodyid[there.axis]]
 
@@ -63,17 +63,24 @@ def look_at(world: np.void, data: Any, arm: "Arm", second: "SecondTask | None") 
 @compiled
 def read_state(world: Record) -> None:
     """Read positions and rates of the joints from MuJoCo's data, and the actuators at their limits."""
-    engine, state, input_ = world.engine, world.state, world.input
+    input_ = world.input
     input_.saturated = 0
     if input_.sites <= 0:
         return
-    qpos, qvel = at(engine.qpos, engine.nq), at(engine.qvel, engine.nv)
-    for j in range(world.n):
-        state.q[j], state.qdot[j] = qpos[engine.qpos_at[j]], qvel[engine.dof[j]]
+    read_joints(world)
     read_forces(world)
     for j in range(world.n):
         if is_at_torque_limit(world, j):
             input_.saturated = TORQUE_LIMITED
+
+
+@compiled
+def read_joints(world: Record) -> None:
+    """Read positions and rates of the joints."""
+    engine, state = world.engine, world.state
+    qpos, qvel = at(engine.qpos, engine.nq), at(engine.qvel, engine.nv)
+    for j in range(world.n):
+        state.q[j], state.qdot[j] = qpos[engine.qpos_at[j]], qvel[engine.dof[j]]
 
 
 @compiled
@@ -102,14 +109,15 @@ def is_held(world: Record, j: int, rate: float) -> bool:
 @compiled
 def look(world: Record) -> None:
     """Write poses and Jacobians, from the arm's own chain or from MuJoCo's data."""
-    second, state, sites = world.second, world.state, world.input.sites
+    second, state, engine, sites = world.second, world.state, world.engine, world.input.sites
     if sites == CHAIN_ALONE:
         follow_chain(world, state.q)
         geometric_jacobian(world)
         if second.m > 0:
             follow_second(world)
     elif sites > 0:
-        read_base(world)
+        if engine.base >= 0:
+            read_base(world)
         read_axes(world)
         read_site(world, 0, state.pose)
         geometric_jacobian(world)

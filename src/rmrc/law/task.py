@@ -261,8 +261,7 @@ class SecondTask:
         self.site, self._feedback = section.site or arm.site, section.feedback
         self._rows = np.array([AXES.index(axis) for axis in section.axes])
         self._row_scale = 1.0 / np.where(self._rows < 3, first.length, 1.0)
-        # `Arm.adapted` adds actuators only, so a site keeps its number
-        self._id, self._moves = arm.model.site(self.site).id, arm.moves(self.site)
+        self._moves = arm.moves(self.site)
         self._by_chain = arm.behind(self.site)
         self._view = view(arm, section.frame, self._rows)
         self._pose = arm.pose(start, self.site)
@@ -277,11 +276,11 @@ class SecondTask:
         self._in_base = pose_product(pose_inverse(base), self._pose)
 
     def write(self, world: np.void) -> None:
-        """Write its rows, its site and its target into a world's record."""
+        """Write its rows and its target into a world's record."""
         second, m = world["second"], len(self._rows)
         second["m"], second["row"][:m], second["row_scale"][:m] = m, self._rows, self._row_scale
         second["frame"], second["free"] = self._view.codes
-        second["site"], second["pose_ref"], second["in_base"] = self._id, self._pose, self._in_base
+        second["pose_ref"], second["in_base"] = self._pose, self._in_base
         second["moves"][: len(self._moves)] = self._moves
         second["last_axis"], second["tip"][:3], second["tip"][3:] = self._by_chain
         second["feedback"] = self._feedback

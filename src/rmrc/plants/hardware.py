@@ -59,7 +59,9 @@ class Hardware:
     @property
     def methods(self) -> Mapping[str, Method]:
         """The methods that a tick calls, by their fields in a world's record."""
-        methods = {"sense": self.plant.sense, "obey": self.plant.obey}
+        methods = {"obey": self.plant.obey}
+        if self.plant.sense is not None:
+            methods["sense"] = self.plant.sense
         if self.is_misled:
             methods["readings"] = readings
         if not self.is_direct:

@@ -8,16 +8,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm import DriveKind, Own, Wiring
+from rmrc.arm import DriveKind, Wiring
 from rmrc.arm.drives import terms_of
 from rmrc.law.compiling import Array, Method, Record, at, carray, compiled, pointer
 from rmrc.law.metric import backward, forward
 from rmrc.law.sight import read_forces
-from rmrc.plants.fields import ctrl_of, qpos_of, qvel_of
+from rmrc.plants.fields import ctrl_of
 from rmrc.plants.physics import Physical
 from rmrc.plants.plant import Assumed
 from rmrc.plants.servo import Servo
-from rmrc.plants.torque import choose_acceleration, mass_entries, refresh_known
+from rmrc.plants.torque import FREEDOM, choose_acceleration, find_torques, write_dynamics
 from rmrc.scenario.choices import Status
 from rmrc.support.legible import listed
 
@@ -34,18 +34,11 @@ _DRIVE = np.dtype([
     ("scale", float), ("offset", float), ("stiffness", float), ("lower", float), ("upper", float),
     ("act_lower", float), ("act_upper", float),
 ])  # fmt: skip
-# A degree of freedom: its joint of the arm or -1, its speed at unit rate of that joint, and whether the
-# actuators compensate its gravity.
-_FREEDOM = np.dtype([("joint", np.int64), ("ratio", float), ("is_balanced", np.int64)])
 
 
 @Method
-def read_joints(world: Record) -> None:
-    """Read q, qdot, and tau of the last step: the forces of all actuators at the joints."""
-    engine, tick, qpos, qvel = world.engine, world.tick, qpos_of(world), qvel_of(world)
-    for j in range(world.n):
-        tick.q[j] = qpos[engine.qpos_at[j]]
-        tick.qdot[j] = qvel[engine.dof[j]]
+def read_all_forces(world: Record) -> None:
+    """Read tau of the last step: the forces of all actuators at the joints."""
     read_forces(world)
 
 
@@ -84,16 +77,15 @@ def drive_actuators(world: Record) -> None:
     """Set the controls of the model's actuators. The status is of the last controls.
 
     A position servo gets the integral of the rates, which stops at the end of its range; other servos get the
-    rates. The forces of motors give tau = M qddot + bias − passive [Luh80], less the gravity compensation by
-    the actuators. Joints that are not the arm's are assumed at rest.
+    rates. The forces of motors give the torques of the torque plant.
     """
     engine, plant, n, count = world.engine, world.plant, world.n, world.engine.drive_count
     choose_acceleration(world)
     world.tick.status |= plant.clamped
     plant.clamped = 0
     drives = carray(pointer(engine.drives), (count,), _DRIVE)
-    freedoms = carray(pointer(engine.freedoms), (engine.nv,), _FREEDOM)
-    R = carray(pointer(engine.room), (count, n), np.float64)
+    freedoms = carray(pointer(engine.freedoms), (engine.nv,), FREEDOM)
+    R = carray(pointer(engine.room), (count, n + 1), np.float64)
     motors = 0
     for d in range(count):
         if drives[d].kind == MOTOR:
@@ -102,7 +94,7 @@ def drive_actuators(world: Record) -> None:
         else:
             tell_servo(world, drives[d], freedoms, R[motors])
     if motors > 0:
-        tell_motors(world, drives, freedoms, R, motors)
+        tell_motors(world, drives, R, motors)
 
 
 @compiled
@@ -127,52 +119,32 @@ def tell_servo(world: Record, drive: Record, freedoms: Record, moments: Array) -
 
 
 @compiled
-def tell_motors(world: Record, drives: Record, freedoms: Record, R: Array, motors: int) -> None:
-    """Set the controls of motors, whose moments are the rows of R, (motors, n)."""
-    engine, plant, n, ctrl = world.engine, world.plant, world.n, ctrl_of(world)
-    first = 8 * engine.drive_count * n
-    N = carray(pointer(engine.room + first), (n, n), np.float64)
-    tau = at(engine.room + first + 8 * n * n, n)
-    force = at(engine.room + first + 8 * (n * n + n), engine.drive_count)
-    refresh_known(world)
-    bias, passive = at(engine.known_bias, engine.nv), at(engine.known_passive, engine.nv)
-    balanced, mass = at(engine.known_gravcomp, engine.nv), at(engine.known_M, engine.mass_size)
-    entries = carray(pointer(engine.masses), (engine.mass_count, 4), np.int64)
-    factors = at(engine.mass_factors, engine.mass_count)
-    for j in range(n):
-        tau[j] = 0.0
-    for dof in range(engine.nv):
-        freedom = freedoms[dof]
-        if freedom.joint >= 0:
-            load = bias[dof] - passive[dof] - (balanced[dof] if freedom.is_balanced else 0.0)
-            tau[freedom.joint] += freedom.ratio * load
-    for e in range(engine.mass_count):
-        i, j, inertia = entries[e, 0], entries[e, 1], factors[e] * mass[entries[e, 2]]
-        tau[i] += inertia * plant.qddot[j]
-        if i != j:  # only the lower triangle is stored
-            tau[j] += inertia * plant.qddot[i]
-    share_out(tau, R, motors, n, N, force)
+def tell_motors(world: Record, drives: Record, R: Array, motors: int) -> None:
+    """Set the controls of motors, whose moments are the rows of R, (motors, n + 1)."""
+    n, ctrl, first = world.n, ctrl_of(world), 8 * R.size
+    find_torques(world)
+    N = carray(pointer(world.engine.room + first), (n, n), np.float64)
+    share_out(world.plant.torque, R, motors, n, N)
     chosen = 0
-    for d in range(engine.drive_count):
+    for d in range(world.engine.drive_count):
         if drives[d].kind == MOTOR:
-            control = drives[d].scale * force[chosen] + drives[d].offset
+            control = drives[d].scale * R[chosen, n] + drives[d].offset
             ctrl[drives[d].ctrl] = within(world, drives[d], control, 0)
             chosen += 1
 
 
 @compiled
-def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) -> None:
+def share_out(tau: Array, R: Array, count: int, n: int, N: Array) -> None:
     """Write the smallest forces f that give the joints torques τ: Rᵀ f = τ, so f = R (Rᵀ R)⁻¹ τ.
 
     Joints without an actuator get none: the diagonal of the Cholesky factor is infinite there.
 
     Args:
         tau: Torques, (n,); overwritten.
-        R: Moments, (d, n).
+        R: Moments, and the forces, written, (d, n + 1).
         count: Number of actuators.
         n: Number of joints.
         N: Scratch, (n, n).
-        force: Forces, (d,), written.
     """
     for i in range(n):
         for j in range(i + 1):
@@ -189,9 +161,9 @@ def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) 
     forward(N, tau, n)
     backward(N, tau, n)
     for d in range(count):
-        force[d] = 0.0
+        R[d, n] = 0.0
         for j in range(n):
-            force[d] += R[d, j] * tau[j]
+            R[d, n] += R[d, j] * tau[j]
 
 
 class Model(Physical):
@@ -204,17 +176,12 @@ class Model(Physical):
     """
 
     name, drives = "model", ("actuators", "")
-    sense, obey = read_joints, drive_actuators
+    sense, obey, drive = read_all_forces, drive_actuators, "own"
 
     @property
     def usual_timestep(self) -> float:
         """The model's own step [s]."""
         return float(self.arm.model.opt.timestep)
-
-    @property
-    def gravity_apart(self) -> Array:
-        """0 for joints whose gravity the actuators compensate: their forces include it."""
-        return np.where(self.arm.model.jnt_actgravcomp[self.arm.wiring.joint], 0.0, 1.0)
 
     @property
     def carries_springs(self) -> NDArray[np.bool_]:
@@ -223,34 +190,27 @@ class Model(Physical):
         served = frozenset().union(*(others.pulled(i) for i, kind in kinds.items() if kind != MOTOR))
         return ~np.isin(self.arm.wiring.joint, list(served))
 
-    @property
-    def drive(self) -> Own:
-        """The model's own actuators."""
-        return "own"
-
-    def assumed(self) -> Iterator[Assumed]:
-        """Yield a timestep and gravity compensation that differ from the model's, and idle actuators."""
+    def assumed_drives(self) -> Iterator[Assumed]:
+        """Yield idle actuators."""
         drives = self.arm.drives
-        yield from self.assumed_steps()
-        yield from self.assumed_timestep()
-        yield from self.assumed_compensation()
         if drives.idle:
             yield Assumed(f"actuators of the arm keep their controls: {drives.named(drives.idle)}", True)
 
     def wire(self, world: np.void, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> list[Any]:
-        """Write the tables of actuators and masses too, and let the actuators hold the arm at the start."""
+        """Write the tables of actuators and dynamics too, and let the actuators hold the arm at the start.
+
+        The forces of actuators that compensate gravity include it.
+        """
         engine, drives, n = world["engine"], self.arm.drives, self.arm.n
-        table, freedoms = _drives(model, drives.kinds), _freedoms(model, *drives.joint_of)
-        masses, factors = mass_entries(model, wiring, self.arm, np.empty(0, np.int64))
-        room = np.zeros(len(table) * (n + 1) + n * n + n)
-        tables = {
-            "drives": table, "freedoms": freedoms, "masses": masses, "mass_factors": factors, "room": room
-        }  # fmt: skip
-        for name, array in tables.items():
-            engine[name] = array.ctypes.data
-        engine["drive_count"], engine["mass_count"] = len(table), len(masses)
+        table = _drives(model, drives.kinds)
+        room = np.zeros(len(table) * (n + 1) + n * n)
+        engine["drives"], engine["room"], engine["drive_count"] = (
+            table.ctypes.data, room.ctypes.data, len(table)
+        )  # fmt: skip
+        world["plant"]["gravity_apart"][:n] = model.jnt_actgravcomp[wiring.joint] == 0
+        freedoms, masses = write_dynamics(engine, model, self.arm, [])
         _settle(model, data, table, freedoms, drives.moments(data))
-        return [*super().wire(world, model, wiring, data), *tables.values()]
+        return [*super().wire(world, model, wiring, data), table, room, freedoms, masses]
 
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield joints that no actuator of the model moves, and features that such plants lack."""
@@ -280,15 +240,6 @@ def _drives(model: mujoco.MjModel, kinds: dict[int, DriveKind]) -> NDArray[np.vo
     return table
 
 
-def _freedoms(model: mujoco.MjModel, joint: NDArray[np.int64], ratio: Array) -> NDArray[np.void]:
-    """Return the degrees of freedom of a model for compiled code, (nv,)."""
-    table = np.zeros(model.nv, _FREEDOM)
-    table["joint"], table["ratio"] = -1, 0.0
-    table["joint"][: len(joint)], table["ratio"][: len(ratio)] = joint, ratio
-    table["is_balanced"] = model.jnt_actgravcomp[model.dof_jntid]
-    return table
-
-
 def _settle(
     model: mujoco.MjModel, data: mujoco.MjData, drives: NDArray[np.void], freedoms: NDArray[np.void], R: Array
 ) -> None:
@@ -302,9 +253,9 @@ def _settle(
     np.add.at(tau, freedoms["joint"][of_arm], (freedoms["ratio"] * load)[of_arm])
     R[np.abs(R) <= _NO_MOMENT * np.abs(R).max(axis=1, initial=0.0, keepdims=True)] = 0.0
     R[drives["kind"] == RATE] = 0.0
-    force = np.zeros(len(drives))
-    share_out(tau, R, len(drives), len(tau), np.zeros((len(tau), len(tau))), force)
-    for drive, pull in zip(drives, force, strict=True):
+    R = np.column_stack([R, np.zeros(len(R))])
+    share_out(tau, R, len(drives), len(tau), np.zeros((len(tau), len(tau))))
+    for drive, pull in zip(drives, R[:, -1], strict=True):
         kind, length = drive["kind"], data.actuator_length[drive["output"]]
         control = drive["offset"]
         if kind == MOTOR:

@@ -1,20 +1,18 @@
 """The common part of plants that MuJoCo steps: gravity, a payload, a wrench, and the actuators' sensors."""
 
 import math
-from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
 
-from rmrc.arm import Drive, Own, Wiring
+from rmrc.arm import Wiring
 from rmrc.arm.adapting import UNSAID
 from rmrc.arm.differences import loaded_fields, rubbed_fields
 from rmrc.arm.inventory import actuators
 from rmrc.law.compiling import Array, Method, Record, at, compiled
 from rmrc.law.kinematics import turned
-from rmrc.plants.fields import qpos_of, qvel_of
 from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.resistance import write_resistance
 from rmrc.scenario.sections import TIMESTEP
@@ -41,13 +39,10 @@ _LEFT_OUT = {
 
 @Method
 def read_drives(world: Record) -> None:
-    """Read q, qdot, and tau of the last step."""
-    engine, tick, qpos, qvel = world.engine, world.tick, qpos_of(world), qvel_of(world)
-    force = at(engine.actuator_force, engine.nu)
+    """Read tau of the last step: the forces of the actuators."""
+    engine, force = world.engine, at(world.engine.actuator_force, world.engine.nu)
     for j in range(world.n):
-        tick.q[j] = qpos[engine.qpos_at[j]]
-        tick.qdot[j] = qvel[engine.dof[j]]
-        tick.tau[j] = force[engine.force_at[j]]
+        world.tick.tau[j] = force[engine.force_at[j]]
 
 
 @compiled
@@ -58,7 +53,7 @@ def push(world: Record) -> None:
     """
     plant, pose = world.plant, world.tick.pose
     applied, f = at(world.engine.xfrc_applied, 6 * world.engine.nbody), plant.wrench
-    column = 6 * world.engine.body[0]
+    column = 6 * world.engine.body
     rx, ry, rz = turned((pose[3], pose[4], pose[5], pose[6]), plant.lever)
     for i in range(6):
         applied[column + i] = f[i]
@@ -73,11 +68,7 @@ class Physical(Plant):
     sense = read_drives
     begins = "mj_step1"
     drives: ClassVar[tuple[str, str]]  # their name in messages, and the kind of the actuators
-
-    @property
-    @abstractmethod
-    def drive(self) -> Drive | Own:
-        """The actuators of the model that worlds share."""
+    drive: ClassVar[Any]  # a Drive or Own: the actuators of the model that worlds share
 
     @property
     def usual_timestep(self) -> float:
@@ -105,30 +96,15 @@ class Physical(Plant):
         return self.section.bandwidth or min(BANDWIDTH, 1.0 / self.period)
 
     @property
-    def is_loaded(self) -> bool:
-        """Whether there is a payload."""
-        return self.section.payload > 0.0
-
-    @property
-    def rubs(self) -> bool:
-        """Whether there is friction that no compensation includes."""
-        friction = self.section.friction
-        return bool(np.any(friction.coulomb) or np.any(friction.viscous))
-
-    @property
     def knows_all(self) -> bool:
         """Whether the arm is the one that computed torque assumes."""
-        return not (self.is_loaded or self.rubs or self.section.stretch)
-
-    @property
-    def gravity_apart(self) -> Array:
-        """1 for joints whose `tau` excludes gravity compensation, 0 for those where it is included, (n,)."""
-        return np.ones(self.arm.n)
+        return not (self.section.payload or self.rubs or self.section.stretch)
 
     def model(self) -> mujoco.MjModel:
         """Return the model with the plant's actuators: see `Arm.adapted`."""
-        compensated = self.section.is_compensated
-        return self.arm.adapted(self.drive, self.timestep, compensated, loaded=self.is_loaded)
+        section = self.section
+        loaded = section.payload > 0.0
+        return self.arm.adapted(self.drive, self.timestep, section.is_compensated, loaded=loaded)
 
     def difference(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
         """Return lengths, gravity, payload and friction of this world."""
@@ -143,9 +119,9 @@ class Physical(Plant):
         return fields if gravity is None else fields | {"opt.gravity": np.array(gravity)}
 
     def write(self, world: np.void) -> None:
-        """Write the wrench, limits and bandwidth, and whose gravity the actuators do not compensate."""
+        """Write the wrench, limits and bandwidth; `tau` is without gravity compensation."""
         n, plant = self.arm.n, world["plant"]
-        plant["wrench"], plant["gravity_apart"][:n] = self.section.wrench, self.gravity_apart
+        plant["wrench"], plant["gravity_apart"][:n] = self.section.wrench, 1.0
         plant["substeps"], world["limits"]["torque"][:n] = self.substeps, self.arm.torque_limit
         plant["bandwidth"] = self.bandwidth
 
@@ -157,20 +133,12 @@ class Physical(Plant):
         offset = model.site_pos[wiring.site] - model.body_ipos[wiring.body]
         mujoco.mju_rotVecQuat(lever, offset, inverse)
         world["plant"]["lever"] = lever * self.stretch.get(model.body(wiring.body).name, 1.0)
-        write_resistance(world["plant"], model, wiring, self.arm, self.compensates)
+        write_resistance(world["plant"], model, wiring, self.arm, self.section.friction_compensation)
         return []
 
     def assumed(self) -> Iterator[Assumed]:
-        """Yield actuators that it replaces, and options and gravity that differ from the model's."""
-        for kind, names in self._replaced().items():
-            text = f"{self.drives[0]} take the place of {kind} actuators: {listed(names)}"
-            yield Assumed(text, kind != self.drives[1])
-        yield from self.assumed_steps()
-        yield from self.assumed_timestep(_UNSAID_TIMESTEP)
-        yield from self.assumed_compensation()
-
-    def assumed_steps(self) -> Iterator[Assumed]:
-        """Yield an integrator, and a stiffness of the followers' equalities, that differ from the model's."""
+        """Yield actuators, options, stiffness of equalities, and gravity that differ from the model's."""
+        yield from self.assumed_drives()
         used, written = self.model(), self.arm.model
         steps, own = (_INTEGRATORS[model.opt.integrator] for model in (used, written))
         if steps != own:
@@ -180,32 +148,23 @@ class Physical(Plant):
         if stiffened.any():
             text = "equalities of followers as stiff as the timestep bears, instead of the model's"
             yield Assumed(text, bool((softness[stiffened] != UNSAID).any()))
-
-    def assumed_timestep(self, unsaid: float | None = None) -> Iterator[Assumed]:
-        """Yield a step that is not the model's, or that is chosen to divide the control period.
-
-        Args:
-            unsaid: The step of a model whose author chose none; None: the author chose any.
-        """
-        step, own = self.timestep, float(self.arm.model.opt.timestep)
+        step, author = self.timestep, float(written.opt.timestep)
         is_chosen = self.section.timestep is None and step != self.usual_timestep
-        if step != own or is_chosen:
-            instead = f" instead of the model's {own:g} s" if step != own else ""
+        if step != author or is_chosen:
+            instead = f" instead of the model's {author:g} s" if step != author else ""
             why = f", to divide the control period of {self.period:g} s" if is_chosen else ""
-            yield Assumed(f"timestep {step:g} s{instead}{why}", is_chosen or own != unsaid)
-
-    def assumed_compensation(self) -> Iterator[Assumed]:
-        """Yield gravity compensation, if the model does not have it."""
+            is_otherwise = is_chosen or self.drive == "own" or author != _UNSAID_TIMESTEP
+            yield Assumed(f"timestep {step:g} s{instead}{why}", is_otherwise)
         if self.section.is_compensated and not self.arm.is_balanced:
             yield Assumed("gravity compensation of the arm, which the model does not have", False)
 
-    def _replaced(self) -> dict[str, list[str]]:
-        """Return names of the model's actuators that it replaces, by their kind."""
-        found = dict[str, list[str]]()
-        for one in actuators(self.arm):
-            if one.is_replaced:
-                found.setdefault(one.kind, []).append(one.name)
-        return found
+    def assumed_drives(self) -> Iterator[Assumed]:
+        """Yield the model's actuators that it replaces, by their kind."""
+        replaced = [each for each in actuators(self.arm) if each.is_replaced]
+        for kind in dict.fromkeys(each.kind for each in replaced):
+            names = listed(each.name for each in replaced if each.kind == kind)
+            text = f"{self.drives[0]} take the place of {kind} actuators: {names}"
+            yield Assumed(text, kind != self.drives[1])
 
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield friction that an option of the model disables."""

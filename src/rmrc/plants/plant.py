@@ -1,8 +1,9 @@
 """The interface of plants: how they turn commanded rates into motion, and which parts of MuJoCo they use.
 
 A plant is declared in `rmrc.scenario.choices.PLANTS`, implemented by the module of its name here, and listed
-in `rmrc.plants.hardware`. The module has two methods, which a tick calls before and after the law, and a
-class of `Plant`, with one object per world. New fields of a world's record stand in its group `plant`.
+in `rmrc.plants.hardware`. The module has a class of `Plant`, with one object per world, and a method that a
+tick calls after the law; another one, before it, may read forces. New fields of a world's record stand in its
+group `plant`.
 """
 
 import copy
@@ -42,14 +43,13 @@ class Plant(ABC):
         arm: The arm that it moves.
         period: Control period [s].
         name: Its declared name.
-        sense: Writes `tick.q`, `tick.qdot` and `tick.tau`, from MuJoCo's state and the forces of the last
-            step.
+        sense: Writes `tick.tau`, from the forces of the last step; None: there are none.
         obey: Has MuJoCo obey `plant.qdot_sent`.
         begins: MuJoCo's function that computes all input of `sense` and of the law from a new state.
     """
 
     name: ClassVar[str]
-    sense: ClassVar[Method]
+    sense: ClassVar[Method | None] = None
     obey: ClassVar[Method]
     begins: ClassVar[str]
 
@@ -69,9 +69,10 @@ class Plant(ABC):
         return PLANTS[self.name].physics
 
     @property
-    def compensates(self) -> bool:
-        """Whether its actuators compensate damping and dry friction of the joints."""
-        return False
+    def rubs(self) -> bool:
+        """Whether there is friction that the model lacks, which no compensation includes."""
+        friction = self.section.friction
+        return bool(np.any(friction.coulomb) or np.any(friction.viscous))
 
     @property
     def carries_springs(self) -> NDArray[np.bool_]:

@@ -1,7 +1,5 @@
 """The servo plant: a rate servo on each joint, in MuJoCo's physics."""
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -40,26 +38,16 @@ def carry_springs(world: Record, ctrl: Array) -> None:
         ctrl[engine.ctrl_at[j]] -= engine.follower_ratio[f] * spring[engine.follower_dof[f]] / kv[j]
 
 
-@dataclass(frozen=True)
-class RateServos:
-    """A rate servo on each joint: torque = gain · (commanded rate − rate), with a gain of each world."""
-
-    def __call__(self, actuator: mujoco.MjsActuator, joint: int) -> None:
-        """Make an actuator the servo of a joint."""
-        del joint
-        actuator.set_to_velocity(kv=1.0)
+def rate_servo(actuator: mujoco.MjsActuator) -> None:
+    """Make an actuator a rate servo: torque = gain · (commanded rate − rate), with a gain of each world."""
+    actuator.set_to_velocity(kv=1.0)
 
 
 class Servo(Physical):
     """Servos that take rates."""
 
     name, drives = "servo", ("rate servos", "velocity")
-    obey = tell_servos
-
-    @property
-    def compensates(self) -> bool:
-        """Whether their commands include the damping and dry friction of the joints."""
-        return self.section.friction_compensation
+    obey, drive = tell_servos, staticmethod(rate_servo)
 
     @property
     def carries_springs(self) -> NDArray[np.bool_]:
@@ -76,11 +64,6 @@ class Servo(Physical):
         """
         kv, arm = self.section.kv, self.arm
         return arm.inertia / self.timestep + arm.damping if kv is None else np.full(arm.n, kv)
-
-    @property
-    def drive(self) -> RateServos:
-        """Servos of the model that worlds with different gains share."""
-        return RateServos()
 
     def write(self, world: np.void) -> None:
         """Write the wrench and the gains."""

@@ -1,6 +1,5 @@
 """The torque plant: computed torque, which compensates the arm's own dynamics, in MuJoCo's physics."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -8,11 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Wiring
-from rmrc.law.compiling import Array, Method, Record, at, call, carray, compiled, pointer
+from rmrc.law.compiling import Method, Record, at, call, carray, compiled, pointer
 from rmrc.law.metric import backward, factor, forward
 from rmrc.plants.fields import ctrl_of
 from rmrc.plants.physics import Physical, push
 from rmrc.plants.resistance import friction_at
+
+# A degree of freedom: its joint of the arm, or -1, and its speed at unit rate of that joint; those that give
+# way are numbered after the joints. Then whether its actuators compensate its gravity, and its damping as an
+# inertia.
+FREEDOM = np.dtype([("joint", np.int64), ("ratio", float), ("is_balanced", np.int64), ("damping", float)])
+# An entry of M, whose lower triangle is stored: the joints that it couples, its place, and the product of
+# their ratios.
+ENTRY = np.dtype([("row", np.int64), ("column", np.int64), ("place", np.int64), ("factor", float)])
 
 
 @compiled
@@ -42,66 +49,70 @@ def refresh_known(world: Record) -> None:
     call(engine.begin, engine.known_model, engine.known_data)
 
 
-@Method
-def computed_torque(world: Record) -> None:
-    """Set tau = Fᵀ (M F qddot + bias − passive) [Luh80], plus the torque of damping and dry friction.
+@compiled
+def find_torques(world: Record) -> None:
+    """Write tau = Fᵀ (M F qddot + bias − passive) [Luh80] and the inertia that each joint moves alone.
 
-    F moves the followers of each joint along; without any, it is 1. Free degrees of freedom give way,
-    M_uu qddot_u = passive_u − bias_u − M_ua qddot, which the arm feels as M_au qddot_u [Spong94]. All others
-    of the model are assumed at rest.
-
-    Each row of the table `masses` is an entry of M, whose lower triangle is stored, between two joints that
-    move with the arm: which of its joints moves each, its index, and whether it is the inertia of one of the
-    arm's; free degrees of freedom are numbered after the joints. `mass_factors` are the products of the
-    ratios.
+    F moves the followers of each joint along; without any, it is 1. The actuators give their own gravity
+    compensation. All other joints of the model are assumed at rest.
     """
-    engine, plant, n, ctrl = world.engine, world.plant, world.n, ctrl_of(world)
-    choose_acceleration(world)
+    engine, plant, n = world.engine, world.plant, world.n
     refresh_known(world)
-    bias, passive = at(engine.known_bias, engine.nv), at(engine.known_passive, engine.nv)
-    mass = at(engine.known_M, engine.mass_size)
-    entries = carray(pointer(engine.masses), (engine.mass_count, 4), np.int64)
-    factors = at(engine.mass_factors, engine.mass_count)
+    bias, passive = at(engine.known_qfrc_bias, engine.nv), at(engine.known_qfrc_passive, engine.nv)
+    balanced, mass = at(engine.known_qfrc_gravcomp, engine.nv), at(engine.known_M, engine.mass_size)
+    freedoms = carray(pointer(engine.freedoms), (engine.nv,), FREEDOM)
+    entries = carray(pointer(engine.masses), (engine.mass_count,), ENTRY)
     for j in range(n):
-        ctrl[engine.ctrl_at[j]] = bias[engine.dof[j]] - passive[engine.dof[j]]
-    for f in range(engine.followers):
-        dof = engine.follower_dof[f]
-        ctrl[engine.ctrl_at[engine.follows[f]]] += engine.follower_ratio[f] * (bias[dof] - passive[dof])
+        plant.torque[j] = plant.inertia[j] = 0.0
+    for dof in range(engine.nv):
+        freedom = freedoms[dof]
+        if 0 <= freedom.joint < n:
+            load = bias[dof] - passive[dof] - (balanced[dof] if freedom.is_balanced else 0.0)
+            plant.torque[freedom.joint] += freedom.ratio * load
     for e in range(engine.mass_count):
-        i, j = entries[e, 0], entries[e, 1]
-        inertia = factors[e] * mass[entries[e, 2]]
+        i, j, inertia = entries[e].row, entries[e].column, entries[e].factor * mass[entries[e].place]
         if max(i, j) >= n:
             continue
-        ctrl[engine.ctrl_at[i]] += inertia * plant.qddot[j]
-        if i != j:
-            ctrl[engine.ctrl_at[j]] += inertia * plant.qddot[i]
-        elif plant.resists[i] and entries[e, 3]:
-            if engine.followers > 0:
-                inertia = _carried(i, mass, entries, factors)
-            ctrl[engine.ctrl_at[i]] += _resisted(world, i, inertia)
+        plant.torque[i] += inertia * plant.qddot[j]
+        if i != j:  # only the lower triangle is stored
+            plant.torque[j] += inertia * plant.qddot[i]
+        else:
+            plant.inertia[i] += inertia
+
+
+@Method
+def computed_torque(world: Record) -> None:
+    """Command tau, plus the torque of damping and dry friction."""
+    engine, plant, ctrl = world.engine, world.plant, ctrl_of(world)
+    choose_acceleration(world)
+    find_torques(world)
     if engine.free_count > 0:
-        give_way(world, ctrl, passive, bias, mass, entries, factors)
+        give_way(world)
+    for j in range(world.n):
+        ctrl[engine.ctrl_at[j]] = plant.torque[j]
+        if plant.resists[j]:
+            ctrl[engine.ctrl_at[j]] += _resisted(world, j, plant.inertia[j])
 
 
 @compiled
-def give_way(
-    world: Record,
-    ctrl: Array,
-    passive: Array,
-    bias: Array,
-    mass: Array,
-    entries: NDArray[np.int64],
-    factors: Array,
-) -> None:
-    """Add to the controls the effect of free degrees of freedom on the arm; see `computed_torque`."""
-    engine, n, count = world.engine, world.n, world.engine.free_count
-    free = carray(pointer(engine.free), (count,), np.int64)
-    damping = at(engine.free_damping, count)
+def give_way(world: Record) -> None:
+    """Add to tau the effect of free degrees of freedom on the arm.
+
+    They give way, M_uu qddot_u = passive_u − bias_u − M_ua qddot, which the arm feels as M_au qddot_u
+    [Spong94].
+    """
+    engine, plant, n, count = world.engine, world.plant, world.n, world.engine.free_count
+    bias, passive = at(engine.known_qfrc_bias, engine.nv), at(engine.known_qfrc_passive, engine.nv)
+    mass = at(engine.known_M, engine.mass_size)
+    freedoms = carray(pointer(engine.freedoms), (engine.nv,), FREEDOM)
+    entries = carray(pointer(engine.masses), (engine.mass_count,), ENTRY)
     inertias, coupling, answer = np.zeros((count, count)), np.zeros((count, n)), np.zeros(count)
-    for u in range(count):
-        inertias[u, u], answer[u] = damping[u], passive[free[u]] - bias[free[u]]
-    for e in range(entries.shape[0]):
-        i, j, inertia = entries[e, 0], entries[e, 1], factors[e] * mass[entries[e, 2]]
+    for dof in range(engine.nv):
+        u = freedoms[dof].joint - n
+        if u >= 0:
+            inertias[u, u], answer[u] = freedoms[dof].damping, passive[dof] - bias[dof]
+    for e in range(engine.mass_count):
+        i, j, inertia = entries[e].row, entries[e].column, entries[e].factor * mass[entries[e].place]
         if min(i, j) >= n:
             inertias[i - n, j - n] += inertia
             inertias[j - n, i - n] = inertias[i - n, j - n]
@@ -109,23 +120,13 @@ def give_way(
             coupling[max(i, j) - n, min(i, j)] += inertia
     for u in range(count):
         for j in range(n):
-            answer[u] -= coupling[u, j] * world.plant.qddot[j]
+            answer[u] -= coupling[u, j] * plant.qddot[j]
     factor(inertias, count)
     forward(inertias, answer, count)
     backward(inertias, answer, count)
     for j in range(n):
         for u in range(count):
-            ctrl[engine.ctrl_at[j]] += coupling[u, j] * answer[u]
-
-
-@compiled
-def _carried(j: int, mass: Array, entries: NDArray[np.int64], factors: Array) -> Any:
-    """Return the inertia of everything that joint j alone moves."""
-    inertia = 0.0
-    for e in range(entries.shape[0]):
-        if entries[e, 0] == j and entries[e, 1] == j:
-            inertia += factors[e] * mass[entries[e, 2]]
-    return inertia
+            plant.torque[j] += coupling[u, j] * answer[u]
 
 
 @compiled
@@ -145,14 +146,9 @@ def _resisted(world: Record, j: int, inertia: float) -> Any:
     return added * wanted + friction_at(world, j, (1.0 + added / inertia) * wanted, world.state.qdot[j])
 
 
-@dataclass(frozen=True)
-class Motors:
-    """A motor on each joint: it gives the commanded torque."""
-
-    def __call__(self, actuator: mujoco.MjsActuator, joint: int) -> None:
-        """Make an actuator the motor of a joint."""
-        del joint
-        actuator.set_to_motor()
+def motor(actuator: mujoco.MjsActuator) -> None:
+    """Make an actuator a motor: it gives the commanded torque."""
+    actuator.set_to_motor()
 
 
 class Torque(Physical):
@@ -164,53 +160,48 @@ class Torque(Physical):
     """
 
     name, drives = "torque", ("motors", "motor")
-    obey = computed_torque
-
-    @property
-    def compensates(self) -> bool:
-        """Whether tau includes damping and dry friction of the joints at the wanted acceleration."""
-        return self.section.friction_compensation
-
-    @property
-    def drive(self) -> Motors:
-        """A motor for each joint."""
-        return Motors()
+    obey, drive = computed_torque, staticmethod(motor)
 
     def wire(self, world: np.void, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> list[Any]:
-        """Write the tables of masses and of free degrees of freedom as well."""
-        engine, free = world["engine"], _free(model, wiring, self.arm)
-        entries, factors = mass_entries(model, wiring, self.arm, free)
-        damping = model.opt.timestep * model.dof_damping[free]
-        tables = [entries, factors, free, damping]
-        for name, table in zip(("masses", "mass_factors", "free", "free_damping"), tables, strict=True):
-            engine[name] = table.ctypes.data
-        engine["mass_count"], engine["free_count"] = len(entries), len(free)
-        return [*super().wire(world, model, wiring, data), *tables]
+        """Write the tables of the dynamics as well, with the joints that `arm.others: free` frees."""
+        arm, free = self.arm, list[int]()
+        if arm.frees_others:
+            in_tree = model.body_rootid[model.dof_bodyid] == model.body_rootid[wiring.body]
+            free = np.flatnonzero(in_tree & np.isin(model.dof_jntid, list(arm.others.locked))).tolist()
+        return [
+            *super().wire(world, model, wiring, data), *write_dynamics(world["engine"], model, arm, free)
+        ]  # fmt: skip
 
 
-def _free(model: mujoco.MjModel, wiring: Wiring, arm: Arm) -> NDArray[np.int64]:
-    """Return the degrees of freedom of the arm's tree that `arm.others: free` frees, (u,)."""
-    if not arm.frees_others:
-        return np.empty(0, np.int64)
-    in_tree = model.body_rootid[model.dof_bodyid] == model.body_rootid[wiring.body]
-    return np.flatnonzero(in_tree & np.isin(model.dof_jntid, list(arm.others.locked)))
+def write_dynamics(
+    engine: np.void, model: mujoco.MjModel, arm: Arm, free: list[int]
+) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Write the tables of the dynamics of an arm into the group `engine` of a world's record.
 
+    Args:
+        engine: The group.
+        model: The model of the world.
+        arm: The arm.
+        free: Degrees of freedom that give way.
 
-def mass_entries(
-    model: mujoco.MjModel, wiring: Wiring, arm: Arm, free: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return mass_entries (e, 4) and mass_factors (e,) for `computed_torque`."""
-    moved = {int(dof): (j, 1.0) for j, dof in enumerate([*wiring.dof, *free])}
-    for dof, one in zip(wiring.follower_dof, arm.followers, strict=True):
-        moved[int(dof)] = one.leader, one.ratio
-    own, entries, factors = set(wiring.dof.tolist()), [], []
-    for row, (i, ratio) in moved.items():
-        for e in range(model.M_rowadr[row], model.M_rowadr[row] + model.M_rownnz[row]):
-            column = int(model.M_colind[e])
-            if column in moved:
-                j, other = moved[column]
-                # of two joints that move as one, only the lower triangle is stored
-                twice = 2.0 if i == j and row != column else 1.0
-                entries.append((i, j, e, row == column and row in own))
-                factors.append(twice * ratio * other)
-    return np.array(entries, np.int64), np.array(factors)
+    Returns:
+        The tables: degrees of freedom, (nv,), and entries of the inertia.
+    """
+    freedoms, entries = np.zeros(model.nv, FREEDOM), []
+    freedoms["joint"], freedoms["ratio"] = arm.drives.joint_of
+    freedoms["joint"][free], freedoms["ratio"][free] = arm.n + np.arange(len(free)), 1.0
+    freedoms["is_balanced"] = model.jnt_actgravcomp[model.dof_jntid]
+    freedoms["damping"] = model.opt.timestep * model.dof_damping
+    joint, ratio, columns = freedoms["joint"].tolist(), freedoms["ratio"].tolist(), model.M_colind.tolist()
+    for row in np.flatnonzero(freedoms["joint"] >= 0).tolist():
+        first, count = int(model.M_rowadr[row]), int(model.M_rownnz[row])
+        for place, column in enumerate(columns[first : first + count], first):
+            i, j = joint[row], joint[column]
+            # of two joints that move as one, only the lower triangle is stored
+            twice = 2.0 if i == j and row != column else 1.0
+            if j >= 0:
+                entries.append((i, j, place, twice * ratio[row] * ratio[column]))
+    masses = np.array(entries, ENTRY)
+    engine["freedoms"], engine["masses"] = freedoms.ctypes.data, masses.ctypes.data
+    engine["mass_count"], engine["free_count"] = len(masses), len(free)
+    return freedoms, masses

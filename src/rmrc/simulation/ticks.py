@@ -4,16 +4,10 @@ import math
 
 import numpy as np
 
-from rmrc.law.compiling import Array, Method, Record, at, call, carray, compiled, pointer
-from rmrc.law.kinematics import (
-    follow_chain,
-    follow_second,
-    framed_error,
-    geometric_jacobian,
-    second_jacobian,
-)
+from rmrc.law.compiling import Method, Record, at, call, carray, compiled, pointer
+from rmrc.law.kinematics import follow_chain, follow_second, framed_error, geometric_jacobian
 from rmrc.law.priority import second_error
-from rmrc.law.sight import TORQUE_LIMITED, is_at_torque_limit, read_axes, read_base
+from rmrc.law.sight import TORQUE_LIMITED, is_at_torque_limit, look, read_joints
 from rmrc.law.svd import dot
 from rmrc.plants.engine import BAD_FIRST, BAD_LAST
 from rmrc.plants.fields import qpos_of
@@ -52,7 +46,6 @@ def ticks(model: int, data: int, number: int, world: Record) -> None:  # noqa: A
 def do_tick(world: Record) -> bool:
     """Control the arm for one tick; return False where its state or its command is not finite."""
     engine, tick, methods = world.engine, world.tick, world.methods
-    call(methods.sense, world)
     follow_path(world)
     sense(world)
     if methods.believe != 0:
@@ -102,39 +95,21 @@ def follow_path(world: Record) -> None:
 
 @compiled
 def sense(world: Record) -> None:
-    """Write joints, site and Jacobian as MuJoCo has them: what the law takes the arm to do."""
+    """Write joints, forces, sites and Jacobians as MuJoCo has them: what the law takes the arm to do."""
     engine, state, tick = world.engine, world.state, world.tick
+    read_joints(world)
     for j in range(world.n):
-        state.q[j] = tick.q_believed[j] = tick.q[j]
-        state.qdot[j] = tick.qdot[j]
-    read_pose(world, engine.site_id, tick.pose)
-    read_pose(world, engine.site_id, state.pose)
+        tick.q[j], tick.q_believed[j], tick.qdot[j] = state.q[j], state.q[j], state.qdot[j]
+    if world.methods.sense != 0:
+        call(world.methods.sense, world)
+    look(world)
+    for i in range(POSE):
+        tick.pose[i] = state.pose[i]
     if engine.positions != 0:  # those of all joints of the model are kept
         qpos, row = at(engine.qpos, engine.nq), engine.next % engine.rows
         positions = at(engine.positions + 8 * engine.nq * row, engine.nq)
         for i in range(engine.nq):
             positions[i] = qpos[i]
-    if engine.base >= 0:  # it moves, and a frame is its
-        read_base(world)
-    read_axes(world)
-    geometric_jacobian(world)
-    if world.methods.second != 0:
-        call(world.methods.second, world)
-
-
-@compiled
-def read_pose(world: Record, site: int, pose: Array) -> None:
-    """Write the pose of a site as MuJoCo has it, (7,)."""
-    positions, turns = at(world.engine.site_xpos + 24 * site, 3), at(world.engine.site_xquat + 32 * site, 4)
-    for i in range(7):
-        pose[i] = positions[i] if i < 3 else turns[i - 3]
-
-
-@Method
-def measure_second(world: Record) -> None:
-    """Write pose and Jacobian of the second task's site as MuJoCo has them."""
-    read_pose(world, world.second.site, world.second.pose)
-    second_jacobian(world)
 
 
 @Method

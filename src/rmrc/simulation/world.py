@@ -15,6 +15,7 @@ from rmrc.arm.differences import set_fields
 from rmrc.law.compiling import Method, missing_nothing, uninterrupted
 from rmrc.law.record import ENGINE_FIELDS, capacity, new_worlds
 from rmrc.law.settings import LATE, link
+from rmrc.law.sight import look_at
 from rmrc.plants import engine
 from rmrc.plants.contacts import Contacts, can_touch
 from rmrc.plants.plant import Plant
@@ -22,7 +23,7 @@ from rmrc.results.columns import COLUMNS, Divergence, widths
 from rmrc.simulation.footprint import has_others
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.reference import BLOCK
-from rmrc.simulation.ticks import believe, measure_second, ticks
+from rmrc.simulation.ticks import believe, ticks
 
 Array = NDArray[np.float64]
 
@@ -73,12 +74,8 @@ def compile_for(prepared: Prepared) -> None:
 
 def _methods(prepared: Prepared) -> Mapping[str, Method]:
     """Return all methods that a world calls, by their fields in its record."""
-    methods = {"ticks": ticks, **prepared.law.methods, **prepared.hardware.methods}
-    if prepared.law.second is not None:
-        methods["second"] = measure_second
-    if prepared.hardware.is_misled:
-        methods["believe"] = believe
-    return methods
+    misled = {"believe": believe} if prepared.hardware.is_misled else {}
+    return {"ticks": ticks, **prepared.law.methods, **prepared.hardware.methods, **misled}
 
 
 class World:
@@ -161,25 +158,19 @@ class World:
         ):  # fmt: skip
             group[name] = engine.address(function)
         group["substeps"] = plant.substeps
-        beside = {
-            "warning_count": data.warning.number, "warning_info": data.warning.lastinfo,
-            "known_bias": known.qfrc_bias, "known_passive": known.qfrc_passive,
-            "known_gravcomp": known.qfrc_gravcomp, "known_M": known.M,
-            "known_qpos": known.qpos, "known_qvel": known.qvel,
-        }  # fmt: skip
         for name in ENGINE_FIELDS.split():
-            array = beside.get(name)
-            group[name] = (getattr(data, name) if array is None else array).ctypes.data
-        for name in ("nq", "nv", "nu", "nbody"):
-            group[name] = getattr(model, name)
-        n, axes, followers = arm.n, len(wiring.axis), len(arm.followers)
+            source = known if name.startswith("known_") else data
+            group[name] = getattr(source, name.removeprefix("known_")).ctypes.data
+        group["warning_count"] = data.warning.number.ctypes.data
+        group["warning_info"] = data.warning.lastinfo.ctypes.data
+        look_at(self._record, data, arm, self.prepared.law.second)
+        n, followers = arm.n, len(arm.followers)
         has_drives = bool((wiring.actuator >= 0).all())  # the ideal plant needs none
-        group["joint"][:axes], group["qpos_at"][:n], group["dof"][:n] = wiring.axis, wiring.qpos, wiring.dof
         group["ctrl_at"][:n] = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
         group["force_at"][:n] = model.actuator_outadr[wiring.actuator] if has_drives else -1
-        group["site_id"], group["body"][0] = wiring.site, wiring.body
-        group["base"] = -1 if arm.is_fixed[arm.base] else wiring.base
-        group["followers"], group["mass_size"] = followers, data.M.size
+        group["followers"], group["mass_size"], group["body"] = followers, data.M.size, wiring.body
+        if arm.is_fixed[arm.base]:
+            group["base"] = -1
         group["follows"][:followers] = [follower.leader for follower in arm.followers]
         group["follower_ratio"][:followers] = [follower.ratio for follower in arm.followers]
         group["follower_offset"][:followers] = [follower.offset for follower in arm.followers]
