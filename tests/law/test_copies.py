@@ -70,6 +70,16 @@ def test_a_batch_a_second_task_and_a_watchdog_are_copied(way):
 
 
 @pytest.mark.parametrize("way", WAYS)
+def test_an_unusable_row_is_that_of_one_call_and_one_controller(way):
+    one, q = moving()[0], np.tile(HOME, (2, 1))
+    one.reset(q)
+    other = WAYS[way](one)
+    assert one.step([HOME, None]).problem[1].startswith("arm 1: q must be (3,)")
+    assert other.step(q).problem == ["", ""]
+    assert all(text.startswith("twist must be") for text in one.step([HOME, None], twist=[1.0]).problem)
+
+
+@pytest.mark.parametrize("way", WAYS)
 def test_a_copy_reads_the_data_that_it_is_given(way):
     data, other_data = mujoco.MjData(ARM.model), mujoco.MjData(ARM.model)
     one, twist = moving()[0], [0.1, 0.2, 0, 0, 0, 0]
