@@ -145,3 +145,15 @@ def test_a_scene_that_is_not_the_arms_own_model_is_read_by_names():
             call(data.qpos)
         with pytest.raises(ModelError, match=r"the model of the data lacks a part of .*ur5e"):
             call(mujoco.MjData(plain("stanford")))
+
+
+@pytest.mark.parametrize("kind", ["ball", "slide"])
+def test_a_joint_of_another_type_is_not_that_of_the_arm(kind):
+    text = f'<mujoco><worldbody><body><joint name="a" type="{kind}"/><geom size=".1"/><site name="tip" pos="1 0 0"/></body></worldbody></mujoco>'
+    c = Controller(mujoco.MjModel.from_xml_string(text.replace(kind, "hinge")), "tip")
+    data = mujoco.MjData(mujoco.MjModel.from_xml_string(text))
+    mujoco.mj_fwdPosition(data.model, data)
+    out = c.step_data(data, twist=[0, 0.1, 0, 0, 0, 0])
+    assert out.status & Status.INVALID_INPUT and 'joint "a" is of another type' in out.problem
+    with pytest.raises(ModelError, match="of another type"):
+        c.reset(data)

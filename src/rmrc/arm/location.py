@@ -89,6 +89,9 @@ def locate(
     Raises:
         KeyError: The model lacks a joint, or the body of a site.
     """
+    for name in (*joints, *axes):
+        if model.joint(name).type[0] != home.joint(name).type[0]:
+            raise KeyError(f'its joint "{name}" is of another type')
     joint = [model.joint(name).id for name in joints]
     known = {model.site(i).name for i in range(model.nsite)}
     places = []
