@@ -33,8 +33,8 @@ EXIT_TERMINATED, EXIT_HUNG_UP = 143, 129
 
 # The widest table needs this many columns; a pipe has no width.
 PIPE_WIDTH = 100
-# Below about a dozen columns rich does not terminate, and a table is unreadable.
-LEAST_WIDTH = 20
+# Below some 28 columns rich goes round in circles where a column is not wrapped, and a table is unreadable.
+LEAST_WIDTH = 40
 
 
 class _Screen(Console):
