@@ -133,6 +133,14 @@ def test_it_keeps_its_path_as_the_ideal_arm_does_on_every_plant(write, about):
         assert np.abs(run["qdot"] - ideal["qdot"]).max() < 0.05
 
 
+def test_a_hand_may_have_more_followers_than_the_arm_has_joints(write):
+    hand = "".join(FINGER.replace('"finger"', f'"finger{i}"') for i in range(9))
+    rules = "".join(FOLLOWS.replace('"finger"', f'"finger{i}"').replace("0.02", f"0.0{i}") for i in range(9))
+    prepared, run = ran(write(**ARMS["desktop"], hand=hand, finger=rules), "ideal")
+    assert len(prepared.arm.followers) == 11 and run["slip"].max() < 1e-12
+    assert gap(prepared.arm.model, run["qpos"]).max() < 1e-12
+
+
 def plain(prepared, run, integrator, solref, impedance):
     """Return qpos, (T, nq), of the author's model with servos that gets the commands of a run.
 

@@ -66,10 +66,16 @@ def compile_for(prepared: Prepared) -> None:
     Args:
         prepared: The scenario.
     """
-    joints = capacity(max(prepared.arm.n, len(prepared.arm.axis_names)))
+    joints = capacity(_room(prepared))
     for field, method in _methods(prepared).items():
         if field not in LATE:
             method.address(joints)
+
+
+def _room(prepared: Prepared) -> int:
+    """Return how many joints the record of a world holds: those of the arm, its chain, or its followers."""
+    arm = prepared.arm
+    return max(arm.n, len(arm.axis_names), len(arm.followers))
 
 
 def _methods(prepared: Prepared) -> Mapping[str, Method]:
@@ -101,7 +107,7 @@ class World:
         wiring = arm.wire(base)
         self._spares = [_spares.take(base, plant.difference(base, wiring))]
         self._data = self._spares[0][2]
-        self._records = new_worlds(1, arm.n, len(arm.axis_names))
+        self._records = new_worlds(1, arm.n, _room(prepared))
         world = self._record = self._records[0]
         prepared.law.write(world)
         hardware.write(world)
