@@ -75,6 +75,11 @@ FAULTS = {
     "motion-contact": {"extra": ball(0.001)},
     "torque-saturated": {"actuator": SOUND["actuator"].replace("-200 200", "-.01 .01")},
     "spring-load": {"third": 'axis="0 1 0" range="-2.5 2.5" stiffness="5"'},
+    "follower-slip": {
+        "extra": '<body pos="3 3 3"><joint name="d" axis="0 1 0"/><geom size=".1" pos=".5 0 0"/></body>',
+        "home": "0.1 0.3 1.2 1.2",
+        "contact": '<equality><joint joint1="d" joint2="c" solref=".1 1"/></equality>' + SOUND["contact"],
+    },
     "range-missing": {"first": 'axis="0 0 1" range="-3 3" limited="false"'},
     "no-home": {"home": ""},
     "frame": {"more": '<site name="other"/>'},
@@ -83,7 +88,7 @@ FAULTS = {
     "joint-other": {"extra": '<body name="thing" pos="3 3 3"><freejoint name="float"/><geom size=".1"/></body>'},
 }  # fmt: skip
 # What is found in a second of motion, most of the time of a check; the others are found without.
-MOVED = {"diverged", "motion-contact", "torque-saturated", "spring-load"}
+MOVED = {"diverged", "motion-contact", "torque-saturated", "spring-load", "follower-slip"}
 ALWAYS = {"acceleration-limit", "actuator-replaced", "axes"}
 
 

@@ -4,6 +4,8 @@ from collections.abc import Collection, Iterator
 
 from rmrc.results.scorecard import Scorecard
 
+SLIP_CURE = "write no solref and solimp there, or stiffer ones"
+
 
 def told(card: Scorecard, expected: Collection[str]) -> Iterator[str]:
     """Yield duration and start of contacts and of actuators at their limit, and duration and size of slips.
@@ -27,7 +29,7 @@ def told(card: Scorecard, expected: Collection[str]) -> Iterator[str]:
         slip, time = card["slip.max"].value, card["slip.max_time"].value
         yield (
             f"{card.name}: SLIPPED for {seconds:.3g} s, a follower {slip:.3g} rad or m off its equality at "
-            f"{time:.4g} s; write no solref and solimp there, or stiffer ones"
+            f"{time:.4g} s; {SLIP_CURE}"
         )
 
 

@@ -13,6 +13,7 @@ from rmrc.analysis.inspect.directions import SLOW
 from rmrc.analysis.new.scaling import ASSUMED_RATE
 from rmrc.arm.inventory import Contact
 from rmrc.arm.notes import code_of
+from rmrc.results.loads import SLIP_CURE
 from rmrc.support.legible import listed
 
 Level = Literal["error", "warning", "note"]
@@ -42,6 +43,10 @@ CODES: dict[str, tuple[Level, str]] = {
     "motion-contact": ("warning", "bodies touched during one second of motion"),
     "torque-saturated": ("warning", "an actuator saturated during one second of motion"),
     "spring-load": ("warning", "a plant does not compensate for the spring of a joint"),
+    "follower-slip": (
+        "warning",
+        "a joint that follows another left its equality during one second of motion",
+    ),
     "mujoco-warning": ("warning", "MuJoCo issued a warning during one second of motion"),
     "range-missing": ("note", "a joint has no range"),
     "acceleration-limit": ("note", "MJCF cannot express acceleration limits"),
@@ -224,6 +229,9 @@ def _moving(facts: Facts) -> _Findings:
         if motion.springs:
             way = "take the servo or torque plant, which compensate them, or drive these joints by motors"
             yield "spring-load", f"on the {motion.plant} plant {motion.springs}", way
+        if motion.scorecard and motion.scorecard["status_time.SLIPPED"].value:
+            off = f"{how}: a follower was {motion.scorecard['slip.max'].value:.3g} rad or m off its equality"
+            yield "follower-slip", off, SLIP_CURE
         if motion.contacts:
             yield "motion-contact", f"{how}: {_pairs(motion.contacts)}", "set arm.start, or exclude the pair"
         share = float(motion.scorecard["tau.share_of_limit"].value) if motion.scorecard else 0.0
