@@ -38,6 +38,8 @@ def instead(text: str, unit: str) -> str:
     ': write 0.25, in m/s; only an angle may have a unit, deg or rad'
     >>> instead("90 deg/s", "m/s")
     ': it is 1.570796 rad/s, and the key is in m/s'
+    >>> instead("7 ms", "s")  # a period takes Hz
+    ': write 0.007, in s'
     >>> instead("pi/2", "rad")
     ': write 90 deg'
     """
@@ -48,10 +50,11 @@ def instead(text: str, unit: str) -> str:
     wanted = unit.split(" or ")
     if of == "rad" and "rad" in wanted:
         return f": write {_short(math.degrees(value))} deg"
-    if of == "1/s" and "s" in wanted and value:
+    if of == "1/s" and "s" in wanted and value > 0.0:
         return f": write {_short(1.0 / value)}, the period in s"
     if of == "" or of in wanted:
-        where = f", in {of}; only an angle may have a unit, deg or rad" if of not in ("", "1") else ""
+        where = f", in {of}" if of not in ("", "1") else ""
+        where += "; only an angle may have a unit, deg or rad" if where and of != "s" else ""
         return f": write {_short(value)}{where}"
     return f": it is {_short(value)} {of}, and the key is {f'in {unit}' if unit else 'a plain number'}"
 
