@@ -250,3 +250,40 @@ def test_controls_need_servos():
     c = controller(arm('<position joint="a" kp="9"/><motor joint="b"/>'))
     with pytest.raises(ModelError, match='the actuator of joint "b" is no position or rate servo'):
         c.controls()
+
+
+STRONG = '<position joint="a" kp="900" kv="60"/>'
+
+
+@pytest.mark.parametrize(
+    ("drive", "holds"),
+    [
+        ('<position joint="b" kp="500" kv="30" forcerange="-30 .3"/>', False),
+        ('<position joint="b" gear="-2" kp="125" kv="8" forcerange="-.15 15"/>', False),
+        (
+            '<position joint="b" kp="500" kv="30" forcerange="-.3 30"/>',
+            True,
+        ),  # the side that bears the weight
+        ('<position joint="b" kp="500"/><velocity joint="b" kv="30" forcerange="-.3 .3"/>', False),  # damps
+        ('<position joint="b" kp="500" forcerange="-.3 .3"/><velocity joint="b" kv="30"/>', True),
+    ],
+)
+def test_the_force_that_counts_is_that_of_the_servo_towards_the_command(drive, holds):
+    """Joint b bears 0.5 kg · g · 0.15 m · cos 0.7 = 0.56 N·m at the start, and 0.65 N·m at the goal."""
+    model = arm(STRONG + drive, -9.81, "0 1 0")
+    c, data = controller(model, (0.3, -1.0)), mujoco.MjData(model)
+    data.qpos[:2] = [0.3, -1.0]
+    goal = c.arm.pose([0.9, -1.4])
+    for _ in range(1500):
+        mujoco.mj_fwdPosition(model, data)
+        out = c.step_data(data, pose=goal)
+        data.ctrl[0], data.ctrl[1] = out.q_cmd * [1.0, -2.0 if "gear" in drive else 1.0]
+        mujoco.mj_step(model, data)
+    assert (np.linalg.norm(out.pose_error[:3]) > 0.02) == holds
+
+
+def test_a_servo_that_takes_no_rate_one_way_is_named_with_a_remedy_that_helps():
+    model = arm(OTHER + '<velocity joint="b" kv="30" ctrlrange="0 1"/>')
+    with pytest.warns(ModelWarning, match="b 0 of 2 rad/s; widen the ranges"):
+        c = controller(model)
+    assert c.step(c.command.q_cmd.copy(), qdot_target=[0.0, 1.0]).limited_by == {"rate": ("b",)}

@@ -145,6 +145,9 @@ def test_a_scene_that_is_not_the_arms_own_model_is_read_by_names():
             call(data.qpos)
         with pytest.raises(ModelError, match=r"the model of the data lacks a part of .*ur5e"):
             call(mujoco.MjData(plain("stanford")))
+    for bad in ([[1], [2, 3]], 6 * ["a"], np.full(6, np.nan)):
+        with pytest.raises(QuestionError, match=r"q must be (numbers|finite)"):
+            c.arm.pose(bad)
 
 
 @pytest.mark.parametrize("kind", ["ball", "slide"])

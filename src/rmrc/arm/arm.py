@@ -26,7 +26,7 @@ from rmrc.arm.shapes import Shape, visible
 from rmrc.arm.wiring import SLIDE, Wiring, find_chain, joint_name, joints_above, wire
 from rmrc.support.brief import brief
 from rmrc.support.errors import ModelError, QuestionError, did_you_mean
-from rmrc.support.legible import listed
+from rmrc.support.legible import listed, shortened
 from rmrc.support.spatial import matrix_to_quat
 
 Array = NDArray[np.float64]
@@ -300,7 +300,7 @@ class Arm:
 
         Raises:
             ModelError: There is no such keyframe, or the data lack a joint of the arm.
-            QuestionError: An array has another shape.
+            QuestionError: It is no array of finite numbers of these shapes.
         """
         if isinstance(start, str):
             if start not in self.keyframes and start != "home":
@@ -317,12 +317,18 @@ class Arm:
             self.located(start.model)  # or refuse
             for joint in range(self.model.njnt):
                 copy_joint(start, self.model, joint, qpos)
-        elif np.shape(start) == qpos.shape:
-            qpos[:] = start
-        elif np.shape(start) == (self.n,):
-            self._place(qpos, start)
-        else:
-            raise QuestionError(f"q must be {self.forms}, got {np.shape(start)}")
+            return qpos
+        try:
+            values = np.array(start, np.float64)
+        except (TypeError, ValueError):
+            raise QuestionError(f"q must be numbers, got {shortened(repr(start))}") from None
+        if values.shape not in (qpos.shape, (self.n,)):
+            raise QuestionError(f"q must be {self.forms}, got {values.shape}")
+        if not np.isfinite(values).all():
+            raise QuestionError(f"q must be finite, got {shortened(str(values.tolist()))}")
+        if values.shape == qpos.shape:
+            return values
+        self._place(qpos, values)
         return qpos
 
     @property

@@ -1,6 +1,7 @@
 """Limits of a model's joints: position, rate and torque."""
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -82,18 +83,54 @@ def rate_limit(model: mujoco.MjModel, joint: int) -> float:
     return float(min(limits, default=np.inf))
 
 
+def force_range(model: mujoco.MjModel, i: int) -> Array:
+    """Return the least and largest force of an actuator, (2,), which a motor's control also limits."""
+    limited, gain = model.actuator_forcelimited[i], model.actuator_gainprm[i, 0]
+    ends = np.array(model.actuator_forcerange[i] if limited else [-np.inf, np.inf])
+    # the force of a damper, whose gain is not constant, depends on its speed
+    is_motor = model.actuator_biastype[i] == NO_BIAS and model.actuator_gaintype[i] == FIXED_GAIN
+    if is_motor and model.actuator_ctrllimited[i]:
+        least, most = np.sort(model.actuator_ctrlrange[i] * gain)
+        ends = np.array([max(ends[0], least), min(ends[1], most)])
+    return ends
+
+
 def torque_limit(model: mujoco.MjModel, joint: int) -> float:
     """The tightest of the joint's and its actuators' force ranges, and of a motor's control range."""
     limits = [np.inf]
     if model.jnt_actfrclimited[joint]:
         limits.append(np.abs(model.jnt_actfrcrange[joint]).min())
-    for i in _actuators(model, joint):
-        gear = abs(model.actuator_gear[i, 0])
-        if model.actuator_forcelimited[i]:
-            limits.append(np.abs(model.actuator_forcerange[i]).min() * gear)
-        # the force of a damper, whose gain is not constant, depends on its speed
-        is_motor = model.actuator_biastype[i] == NO_BIAS and model.actuator_gaintype[i] == FIXED_GAIN
-        if is_motor and model.actuator_ctrllimited[i]:
-            gain = abs(model.actuator_gainprm[i, 0])
-            limits.append(np.abs(model.actuator_ctrlrange[i]).min() * gain * gear)
+    actuators = _actuators(model, joint)
+    limits += [np.abs(force_range(model, i)).min() * abs(model.actuator_gear[i, 0]) for i in actuators]
     return float(min(limits))
+
+
+class Forces(NamedTuple):
+    """What joints can get: from the actuator that takes the command of each, and from all its actuators.
+
+    Attributes:
+        output: Place of that actuator in `actuator_force`, (n,); -1 without one.
+        gear: Its gear, (n,).
+        force: Its least and largest force, (2, n).
+        torque: Least and largest torque of all actuators of a joint, (2, n).
+    """
+
+    output: NDArray[np.int64]
+    gear: Array
+    force: Array
+    torque: Array
+
+
+def forces(model: mujoco.MjModel, joints: Sequence[int]) -> Forces:
+    """Return what can be given to some joints; a position servo takes the command before other actuators."""
+    n = len(joints)
+    none, all_ = np.full(n, -1), np.tile([[-np.inf], [np.inf]], n)
+    result = Forces(none, np.ones(n), all_, all_.copy())
+    for j, joint in enumerate(joints):
+        if model.jnt_actfrclimited[joint]:
+            result.torque[:, j] = model.jnt_actfrcrange[joint]
+        if actuators := _actuators(model, joint):
+            i = max(actuators, key=lambda i: (model.actuator_biasprm[i, 1] < 0.0, i))
+            result.output[j], result.gear[j] = model.actuator_outadr[i], model.actuator_gear[i, 0]
+            result.force[:, j] = force_range(model, i)
+    return result

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.arm.limits import Forces, forces
 from rmrc.arm.wiring import base_of
 
 if TYPE_CHECKING:
@@ -41,12 +42,14 @@ class Location(NamedTuple):
         axis: Ids of the joints on the axes of its chain, ℓ of them.
         base: Id of its base.
         places: Places of its sites.
+        forces: What its actuators there can give.
     """
 
     joint: list[int]
     axis: list[int]
     base: int
     places: tuple[Place, ...]
+    forces: Forces
 
     def pose(self, data: mujoco.MjData) -> Array:
         """Return the pose of the first site, (7,), by the kinematics of MuJoCo's data."""
@@ -102,7 +105,7 @@ def locate(
             body = model.body(home.body(body).name).id
         places.append(Place(site.id if name in known else -1, body, site.pos, site.quat))
     axis = [model.joint(name).id for name in axes]
-    return Location(joint, axis, base_of(model, joint[0]), tuple(places))
+    return Location(joint, axis, base_of(model, joint[0]), tuple(places), forces(model, joint))
 
 
 def moved(data: mujoco.MjData) -> mujoco.MjData:

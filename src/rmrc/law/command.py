@@ -119,7 +119,7 @@ class Command:
         accelerating = Status.ACCELERATION_LIMITED | Status.ACCELERATION_EXCEEDED
         jerking = Status.JERK_LIMITED | Status.JERK_EXCEEDED
         shares = {  # the share of each limit that each joint uses
-            "rate": (Status.RATE_LIMITED, np.abs(rate) / limit),
+            "rate": (Status.RATE_LIMITED, np.divide(np.abs(rate), limit, out=np.ones(n), where=limit > 0.0)),
             "acceleration": (accelerating, np.abs(change) / limits["change"][:n]),
             "jerk": (jerking, np.maximum(jerk, np.abs(memory["lag"][:n]) > 0.0)),
             "position": (Status.POSITION_LIMITED, stopping),

@@ -117,10 +117,13 @@ def slow_servos(limit: NDArray[np.float64], arm: "Arm") -> str:
     if not len(slow):
         return ""
     each = listed(f"{arm.joints[j]} {most[j]:.4g} of {limit[j]:.4g} {arm.units[j]}/s" for j in slow.tolist())
-    values = ", ".join(f"{rate:.4g}" for rate in np.minimum(most, limit))
+    values = np.minimum(most, limit)
+    is_limit = (np.isfinite(values) & (values > 0.0)).all()
+    key = (
+        f"write control.limits.rate: [{', '.join(f'{rate:.4g}' for rate in values)}], or " if is_limit else ""
+    )
     return (
-        f"by their ctrlrange, rate servos take less than the limits of the law: {each}; "
-        f"write control.limits.rate: [{values}], or widen the ranges"
+        f"by their ctrlrange, rate servos take less than the limits of the law: {each}; {key}widen the ranges"
     )
 
 

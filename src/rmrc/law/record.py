@@ -114,9 +114,10 @@ GROUPS = {
     # the last one and the period, and refusals
     "input": "i: sites is_beside given refused late f27: site_place f: called dt period "
     # the positions that servos take, and the position limits of the joints meanwhile; TORQUE_LIMITED where an
-    # actuator is at its limit; memory: the integral of the commands, the joints on their way back, the change
-    # before
-    "fJ: q_target qdot_target f2J: servo range i: has_servos saturated fJ: q_cmd returning change_before",
+    # actuator is at its limit; gears, and the ranges of the forces of actuators and of torques; memory: the
+    # integral of the commands, the joints on their way back, the change before
+    "fJ: q_target qdot_target f2J: servo range i: has_servos saturated fJ: gear f2J: force torque "
+    "fJ: q_cmd returning change_before",
     # actuators: gains, bandwidth, the external wrench and its lever, joints whose tau lacks gravity
     # compensation
     "plant": "f6: true_error wrench f3: lever fJ: qdot_sent kv gravity_apart qddot sent_before torque "

@@ -44,6 +44,8 @@ def look_at(world: np.void, data: Any, arm: "Arm", second: "SecondTask | None") 
     input_["sites"], input_["is_beside"] = len(there.places), is_beside
     engine["qpos_at"][: arm.n] = model.jnt_qposadr[there.joint]
     engine["dof"][: arm.n] = model.jnt_dofadr[there.joint]
+    engine["force_at"][: arm.n], input_["gear"][: arm.n], ends = *there.forces[:2], there.forces[2:]
+    input_["force"][:, : arm.n], input_["torque"][:, : arm.n] = ends
     engine["joint"][: len(there.axis)], engine["base"] = there.axis, there.base
     sites = (data.xpos, data.xquat) if is_beside else (data.site_xpos, data.site_xquat)
     places = dict(zip(("site_xpos", "site_xquat"), sites, strict=True))
@@ -53,7 +55,7 @@ def look_at(world: np.void, data: Any, arm: "Arm", second: "SecondTask | None") 
         engine["follows"][i], engine["follower_ratio"][i] = follower.leader, follower.ratio
         engine["follower_dof"][i] = model.joint(follower.name).dofadr[0]
     places |= {"xpos": data.xpos, "xquat": data.xquat}
-    for name in ("qpos", "qvel", "qfrc_actuator", *places, "xanchor", "xaxis"):
+    for name in ("qpos", "qvel", "qfrc_actuator", "actuator_force", *places, "xanchor", "xaxis"):
         engine[name] = places.get(name, getattr(data, name)).ctypes.data
     for name in ("nq", "nv", "nu", "nbody"):
         engine[name] = getattr(model, name)
@@ -101,9 +103,23 @@ def is_at_torque_limit(world: Record, j: int) -> bool:
 
 @compiled
 def is_held(world: Record, j: int, rate: float) -> bool:
-    """Return whether MuJoCo's data show that the actuators of a joint cannot give more towards a rate."""
-    is_saturated = world.input.saturated != 0
-    return bool(is_saturated and world.tick.tau[j] * rate > 0.0 and is_at_torque_limit(world, j))
+    """Return whether MuJoCo's data show that the actuator of a joint cannot give more towards a rate."""
+    engine, input_ = world.engine, world.input
+    if input_.saturated == 0:
+        return False
+    if is_at_end(world.tick.tau[j], input_.torque[0, j], input_.torque[1, j], rate):
+        return True
+    k = engine.force_at[j]
+    if k < 0:
+        return False
+    force = at(engine.actuator_force, k + 1)[k]
+    return is_at_end(force, input_.force[0, j], input_.force[1, j], input_.gear[j] * rate)
+
+
+@compiled
+def is_at_end(force: float, least: float, most: float, rate: float) -> bool:
+    """Return whether a force is at the end of its range towards a rate."""
+    return bool((rate > 0.0 and force >= AT_LIMIT * most) or (rate < 0.0 and force <= AT_LIMIT * least))
 
 
 @compiled
