@@ -246,6 +246,23 @@ def test_a_command_does_not_run_away_from_an_arm_that_its_actuator_cannot_lift(f
     assert not out.status & (Status.TORQUE_LIMITED | Status.STUCK)
 
 
+@pytest.mark.parametrize(
+    "drive",
+    [
+        '<position joint="b" kp="300"/><velocity joint="b" kv="30"/>',  # the rate servo stays at 0 and damps
+        '<position joint="b" kp="300" kv="30"/><motor joint="b" gear=".1"/>',
+        '<position tendon="one" kp="1200" kv="120"/>',
+    ],
+)
+def test_a_command_goes_to_the_position_servo_of_a_joint_whatever_is_beside_it(drive):
+    model = arm(OTHER + drive)
+    c, data = controller(model), mujoco.MjData(model)
+    data.qpos[:2] = c.command.q_cmd
+    assert c.actuators.tolist() == [0, 1]
+    stepped(c, data, 2.0, c.arm.pose([0.5, 1.2]))
+    assert_allclose(data.qpos[:2], [0.5, 1.2], atol=1e-3)
+
+
 def test_controls_need_servos():
     c = controller(arm('<position joint="a" kp="9"/><motor joint="b"/>'))
     with pytest.raises(ModelError, match='the actuator of joint "b" is no position or rate servo'):

@@ -145,11 +145,18 @@ class Controller(SteppedLaw):
         Raises:
             ModelError: A joint has no actuator of its own.
         """
-        ids = self.arm.wiring.actuator
+        return np.asarray(self.arm.model.actuator_ctrladr[self._actuator_ids], np.int64)
+
+    @cached_property
+    def _actuator_ids(self) -> NDArray[np.int64]:
+        """Ids of the actuators that take the commands, (n,): position before rate servos, before others."""
+        ids = self.arm.wiring.actuator.copy()
+        for i, servo in sorted(self.arm.servos.items(), key=lambda each: each[1].command, reverse=True):
+            ids[servo.joint] = i
         if (ids < 0).any():
             without = ", ".join(f'"{name}"' for name, one in zip(self.joints, ids, strict=True) if one < 0)
             raise ModelError(f"{self.arm.path}: no actuator drives joint {without}")
-        return np.asarray(self.arm.model.actuator_ctrladr[ids], np.int64)
+        return ids
 
     def controls(self, command: Command | None = None) -> Array:
         """Return the controls of `actuators` for a command, (n,) or (w, n): positions or rates, geared.
@@ -168,9 +175,8 @@ class Controller(SteppedLaw):
     @cached_property
     def _servos(self) -> tuple[NDArray[np.bool_], Array, Array]:
         """Return whether each of the actuators takes positions, and its slope and offset, (n,) each."""
-        self.actuators  # noqa: B018 - or refuse
         servos = list[Servo]()
-        for name, i in zip(self.joints, self.arm.wiring.actuator, strict=True):
+        for name, i in zip(self.joints, self._actuator_ids, strict=True):
             if int(i) not in self.arm.servos:
                 raise ModelError(
                     f'{self.arm.path}: the actuator of joint "{name}" is no position or rate servo; compute '
