@@ -12,7 +12,7 @@ import math
 from rmrc.law.compiling import Array, Method, Record, call, compiled
 from rmrc.law.inverses import SCHEDULED, damped_gain, push_fading
 from rmrc.law.metric import INERTIA, take_along, weigh_faded, weigh_free
-from rmrc.law.svd import RANK_FLOOR, ROUNDING, combine, decompose_afresh, dot, project
+from rmrc.law.svd import RANK_FLOOR, ROUNDING, clear, combine, copy, decompose_afresh, dot, project
 from rmrc.scenario.choices import SCHEDULES
 
 FOLLOWS_ARM = SCHEDULES.codes(lambda one: one.follows == "arm")
@@ -163,8 +163,7 @@ def settle(world: Record, share: float) -> None:
         bounds.task[r] = share * first.task[r]
     if world.methods.give_way != 0:
         call(world.methods.give_way, world)
-        for j in range(world.n):
-            world.tick.qdot_cmd[j] = bounds.best[j]
+        copy(bounds.best, world.tick.qdot_cmd, world.n)
 
 
 @compiled
@@ -172,11 +171,9 @@ def best_within(world: Record, task: Array, damping: float) -> None:
     """Replace the rates by the best for a task, (m,), and a λ, within the bounds `lower` and `upper`."""
     bounds = world.bounds
     bounds.goes_on, bounds.damping = False, damping
-    for r in range(world.m):
-        bounds.task[r] = task[r]
+    copy(task, bounds.task, world.m)
     call(world.methods.find_best, world)
-    for j in range(world.n):
-        world.tick.qdot_cmd[j] = bounds.best[j]
+    copy(bounds.best, world.tick.qdot_cmd, world.n)
 
 
 @Method
@@ -323,8 +320,7 @@ def largest_share(world: Record) -> float:
         call(world.methods.find_best, world)
         missing2, size2 = dot(bounds.missing, bounds.missing, m), dot(bounds.magnitude, bounds.magnitude, m)
         if missing2 <= ROUNDING * ROUNDING * size2:
-            for j in range(world.n):
-                world.tick.qdot_cmd[j] = bounds.best[j]
+            copy(bounds.best, world.tick.qdot_cmd, world.n)
             return share
         along = dot(bounds.missing, bounds.direction, m)
         share = share - missing2 / along if along > 0.0 else -1.0
@@ -343,10 +339,8 @@ def saturate(world: Record) -> float:
     """
     scratch, bounds, rates = world.scratch, world.bounds, world.tick.qdot_cmd
     n, best = world.n, -1.0
-    for j in range(n):
-        bounds.held[j] = 0.0
-    for r in range(world.m):
-        bounds.task[r] = 0.0
+    clear(bounds.held, n)
+    clear(bounds.task, world.m)
     for _ in range(max(0, n - world.m) + 1):  # until fewer joints are free than the task has rows
         if not share_rates(world):
             break

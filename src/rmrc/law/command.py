@@ -109,7 +109,7 @@ class Command:
         limits, memory, bounds, input_ = world["limits"], world["memory"], world["bounds"], world["input"]
         rate, change, q = world["tick"]["qdot_cmd"][:n], memory["change"][:n], world["state"]["q"][:n]
         upper, lower, limit = bounds["stop_upper"][:n], bounds["stop_lower"][:n], limits["rate"][:n]
-        least, most = limits["position"][:, :n]
+        least, most = input_["range"][:, :n]
         room = np.maximum(np.where(rate > 0.0, most - q, q - least), 0.0)
         slack = 1e-9 * np.abs(rate)
         at_stop = ((rate >= upper - slack) & (upper < limit)) | ((rate <= lower + slack) & (lower > -limit))

@@ -1,32 +1,21 @@
 """The numbers of a law that come from its arm where nobody gives them: see `rmrc.arm.proportions`."""
 
-from typing import NamedTuple
-
 from rmrc.arm.proportions import damping_below, damping_maximum
 from rmrc.law.task import Task
 from rmrc.scenario import ControlSection
 from rmrc.scenario.choices import DAMPING_BELOW, read_by
 
 
-class Fitted(NamedTuple):
-    """A law with all its numbers.
-
-    Attributes:
-        control: The control section; none of its numbers is left to the arm.
-        assumed: Those that came from the arm and matter, in a line; "" if there are none.
-    """
-
-    control: ControlSection
-    assumed: str
-
-
-def fitted(control: ControlSection, task: Task, length: float | None) -> Fitted:
+def fitted(control: ControlSection, task: Task, length: float | None) -> tuple[ControlSection, str]:
     """Return a control section with the numbers that fit the arm where it has none.
 
     Args:
         control: The control section.
         task: The task, with its length.
         length: The length as it was given [m]; None if the task has that of its arm.
+
+    Returns:
+        The section, and those numbers that came from the arm and matter, in a line; "" if there are none.
     """
     texts = [f"length {task.length:g} m"] if length is None and task.length != 1.0 else []
     inverse, damping, why = control.inverse, control.inverse.damping, ""
@@ -42,4 +31,4 @@ def fitted(control: ControlSection, task: Task, length: float | None) -> Fitted:
         texts.append(f"damping {', '.join(f'{name} {numbers[name]:g}' for name in new)}{why}")
     inverse = inverse.model_copy(update={"damping": damping.model_copy(update=numbers)})
     assumed = f"from the arm: {', '.join(texts)}" if texts else ""
-    return Fitted(control.model_copy(update={"inverse": inverse}), assumed)
+    return control.model_copy(update={"inverse": inverse}), assumed

@@ -4,6 +4,7 @@ from rmrc.law.compiling import Array, Record, compiled
 from rmrc.law.inertia import add_energy_gradient
 from rmrc.law.kinematics import SITE
 from rmrc.law.metric import INERTIA, backward, scale_joints
+from rmrc.law.svd import clear, copy
 
 
 @compiled
@@ -23,8 +24,7 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
         i: Index of the singular value.
         gradient: Written, (n,) [1/rad or 1/m].
     """
-    for j in range(world.n):
-        world.scratch.shape[j] = world.first.v[i, j]
+    copy(world.first.v[i], world.scratch.shape, world.n)
     scale_joints(world, world.scratch.shape)
     is_alone = world.chain.axes == world.n
     gradient_of(world, i, world.state.J if is_alone else world.chain.columns, gradient)
@@ -36,8 +36,7 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
 def add_metric_gradient(world: Record, i: int, gradient: Array) -> None:
     """Add the change of σ_i that the change of the joint inertia causes: −σ_i ∂T/∂q at the rates of v_i."""
     shape, first = world.scratch.shape, world.first
-    for j in range(world.n):
-        shape[j] = first.v[i, j]
+    copy(first.v[i], shape, world.n)
     backward(world.links.root, shape, world.n)
     for j in range(world.n):
         shape[j] *= world.links.scale[j]
@@ -49,16 +48,14 @@ def gradient_of(world: Record, i: int, J: Array, gradient: Array) -> None:
     """Write the gradient for `sigma_gradient` from the contributions of the axes, (6, ℓ)."""
     n, turns = world.chain.axes, world.task.frame == SITE
     task, wrench = world.task, world.scratch.wrench
-    for c in range(6):
-        wrench[c] = 0.0
+    clear(wrench, 6)
     for r in range(world.m):
         wrench[task.row[r]] = task.row_scale[r] * world.first.u[i, r]
     fx, fy, fz, mx, my, mz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
     for a in range(n):
         leader = world.chain.leader[a]
         world.chain.rate[a] = world.chain.ratio[a] * world.scratch.shape[leader]
-    for j in range(world.n):
-        gradient[j] = 0.0
+    clear(gradient, world.n)
     for j in range(n):
         ax = ay = az = bx = by = bz = 0.0
         for l in range(n):  # noqa: E741  the index of the slopes (15) of docs/theory.md

@@ -104,13 +104,12 @@ def follow_joints(world: Record) -> None:
 @compiled
 def come_back(world: Record) -> None:
     """Write the rates that bring joints back into range while the others come to rest."""
-    limits, state, scratch, tick = world.limits, world.state, world.scratch, world.tick
+    limits, state, tick, ends = world.limits, world.state, world.tick, world.input.range
     tick.path_rate = 0.0
     tick.status |= POSITION_LIMITED | STOPPED
     for j in range(world.n):
         lower, upper, last = limits.position[0, j], limits.position[1, j], world.memory.qdot_cmd[j]
         inside, change, wish = min(MARGIN, 0.5 * (upper - lower)), limits.braking[j] * world.period, 0.0
-        scratch.part_a[j], scratch.part_b[j] = lower, upper
         if world.input.returning[j] != 0.0:
             goal = min(max(state.q[j], lower + inside), upper - inside)
             wish = approach_rate(world, j, goal - state.q[j], RETURN_GAIN)
@@ -120,7 +119,7 @@ def come_back(world: Record) -> None:
         tick.qdot_cmd[j] = wish if limits.is_eased else min(max(wish, last - change), last + change)
     limit_joints(world)
     for j in range(world.n):
-        limits.position[0, j], limits.position[1, j] = scratch.part_a[j], scratch.part_b[j]
+        limits.position[0, j], limits.position[1, j] = ends[0, j], ends[1, j]
 
 
 @compiled

@@ -18,7 +18,7 @@ from rmrc.law.limits import limit
 from rmrc.law.metric import INERTIA, backward, scale_joints
 from rmrc.law.record import POSE
 from rmrc.law.sight import is_held
-from rmrc.law.svd import RANK_FLOOR, combine, dot, product, project
+from rmrc.law.svd import RANK_FLOOR, clear, combine, copy, dot, product, project
 from rmrc.scenario.choices import Status
 
 # Flags become plain integers in compiled code.
@@ -60,8 +60,7 @@ def aim(world: Record) -> None:
     """Write the commanded twist along the axes of the task's frame; turn J into that frame."""
     task, state, scratch, tick = world.task, world.state, world.scratch, world.tick
     pose_error(state.pose, tick.pose_ref, tick.pose_error)
-    for i in range(6):
-        scratch.twist_ref[i] = tick.twist_ref[i]
+    copy(tick.twist_ref, scratch.twist_ref, 6)
     if world.methods.turn != 0:
         call(world.methods.turn, world)
     feedforward, squares = task.feedforward * world.memory.pace, 0.0
@@ -101,8 +100,7 @@ def resolve(world: Record) -> None:
     combine(first.gain, first.asked, first.v, world.k, world.n, tick.qdot_cmd)
     scale_joints(world, tick.qdot_cmd)
     tick.secondary_error = tick.secondary_sigma = math.nan
-    for j in range(world.n):
-        scratch.qdot0[j] = 0.0
+    clear(scratch.qdot0, world.n)
     if methods.null_space != 0:
         call(methods.null_space, world)
     tick.path_rate = 1.0
@@ -161,12 +159,10 @@ def record_measures(world: Record) -> None:
     last = world.k - 1
     tick.manipulability = product(first.sigma, world.k)
     tick.condition = first.sigma[0] / first.sigma[last] if first.sigma[last] > 0.0 else math.inf
-    for i in range(6):
-        tick.u_min[i] = 0.0
+    clear(tick.u_min, 6)
     for i in range(world.m):
         tick.u_min[world.task.row[i]] = first.u[last, i]
-    for j in range(world.n):
-        tick.v_min[j] = first.v[last, j]
+    copy(first.v[last], tick.v_min, world.n)
     if world.law.inverse_metric == INERTIA:  # in coordinates of the joints, with length 1
         backward(world.links.root, tick.v_min, world.n)
         size = math.sqrt(dot(tick.v_min, tick.v_min, world.n))

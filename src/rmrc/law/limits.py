@@ -8,7 +8,7 @@ from rmrc.law.braking import brake, brake_gently
 from rmrc.law.compiling import Array, Method, Record, call, compiled
 from rmrc.law.inverses import SCHEDULED
 from rmrc.law.jerk import ease, foresee, is_within_jerk, look_back
-from rmrc.law.svd import ROUNDING
+from rmrc.law.svd import ROUNDING, copy
 from rmrc.scenario.choices import LIMITS, Status
 
 # A limit counts as broken beyond this relative slack and rounding. Rounding of rates adds up, twice, while a
@@ -244,8 +244,7 @@ def hold_farthest(world: Record, lower: Array, upper: Array) -> bool:
 def begin(world: Record) -> None:
     """Find the bounds and the limits whose bounds the rates exceed."""
     find_bounds(world)
-    for j in range(world.n):
-        world.bounds.drift[j] = world.scratch.qdot0[j]
+    copy(world.scratch.qdot0, world.bounds.drift, world.n)
     world.bounds.acting = exceeded(world, world.tick.qdot_cmd)
     world.bounds.eased = TOGETHER
 
@@ -338,16 +337,14 @@ def reverse_priority(world: Record) -> None:
     begin(world)
     bounds, rates, part_b = world.bounds, world.tick.qdot_cmd, world.scratch.part_b
     bounds.damping = world.first.damping if world.law.inverse_method in SCHEDULED else 0.0
-    for r in range(world.m):
-        bounds.task[r] = world.first.task[r]
+    copy(world.first.task, bounds.task, world.m)
     for j in range(world.n):
         bounds.held[j], bounds.fade[j], part_b[j] = 0.0, 1.0, rates[j]
     while hold_farthest(world, bounds.stop_lower, bounds.stop_upper) or hold_farthest(
         world, bounds.lower, bounds.upper
     ):
         resolve_free(world)
-    for j in range(world.n):
-        rates[j] = part_b[j]
+    copy(part_b, rates, world.n)
     confine(world, rates)
     bounds.acting |= held_by(world)
 

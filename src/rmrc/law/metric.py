@@ -9,7 +9,7 @@ Rates over W_q^-½ · L are called scaled. The columns of A = S_x J W_q^-½ L ar
 import math
 
 from rmrc.law.compiling import Array, Method, Record, compiled
-from rmrc.law.svd import dot
+from rmrc.law.svd import copy, dot
 from rmrc.scenario.choices import METRICS
 
 INERTIA = METRICS.code("inertia")
@@ -60,8 +60,7 @@ def times_transposed(root: Array, values: Array, n: int) -> None:
 def weigh_columns(root: Array, A: Array, m: int, n: int, B: Array) -> None:
     """Write B = A R⁻ᵀ, (m, n); B may be A."""
     for r in range(m):
-        for j in range(n):
-            B[r, j] = A[r, j]
+        copy(A[r], B[r], n)
         forward(root, B[r], n)
 
 

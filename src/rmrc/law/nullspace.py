@@ -7,6 +7,7 @@ from rmrc.law.gradient import sigma_gradient
 from rmrc.law.kinematics import way_to
 from rmrc.law.metric import INERTIA, scale_joints, unscale_joints, weigh_wish
 from rmrc.law.priority import leave_first, second_task
+from rmrc.law.svd import clear, copy
 
 
 @Method
@@ -39,8 +40,7 @@ def manipulability(world: Record) -> None:
     """Write gain · S_q² ∇w [Yoshikawa85], with ∇w = Σ_i (Π_{l≠i} σ_l) ∇σ_i, which needs no division by σ."""
     task, law, scratch = world.task, world.law, world.scratch
     n, sigma, qdot0 = world.n, world.first.sigma, scratch.qdot0
-    for j in range(n):
-        qdot0[j] = 0.0
+    clear(qdot0, n)
     for i in range(world.k):
         others = 1.0
         for p in range(world.k):
@@ -60,8 +60,7 @@ def manipulability(world: Record) -> None:
 @Method
 def rates(world: Record) -> None:
     """Write the rates that the user gives."""
-    for j in range(world.n):
-        world.scratch.qdot0[j] = world.law.nullspace_rates[j]
+    copy(world.law.nullspace_rates, world.scratch.qdot0, world.n)
 
 
 @Method

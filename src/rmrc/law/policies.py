@@ -6,7 +6,7 @@ from rmrc.law.compiling import Array, Method, Record, compiled
 from rmrc.law.gradient import sigma_gradient
 from rmrc.law.inverses import push_fading
 from rmrc.law.metric import backward, factor, forward, scale_gradient, scale_joints
-from rmrc.law.svd import RANK_FLOOR, ROUNDING, combine, dot, project
+from rmrc.law.svd import RANK_FLOOR, ROUNDING, clear, combine, copy, dot, project
 from rmrc.scenario.choices import Status
 
 SLOWED, STOPPED, KEPT_OUT = int(Status.SLOWED), int(Status.STOPPED), int(Status.KEPT_OUT)
@@ -232,8 +232,7 @@ def keep_out(world: Record) -> None:
     if not is_asked:
         return
     push_back(world)
-    for j in range(n):
-        z[j] = 0.0
+    clear(z, n)
     for i in range(world.rank):
         for j in range(n):
             z[j] += barrier.push[i] * barrier.row[i, j]
@@ -250,18 +249,16 @@ def find_barrier(world: Record, i: int) -> None:
     law, barrier, first = world.law, world.barrier, world.first
     n, z, floor = world.n, world.scratch.work, law.keep_out_sigma
     sigma_gradient(world, i, z)
-    for j in range(n):
-        barrier.slope[i, j] = z[j]
+    copy(z, barrier.slope[i], n)
     scale_gradient(world, z)
     square, least = dot(z, z, n), law.keep_out_approach * (floor - first.sigma[i])
     if square <= FLAT * FLAT:
-        for j in range(n):
-            barrier.slope[i, j] = z[j] = 0.0
+        clear(barrier.slope[i], n)
+        clear(z, n)
     if least > 0.0:
         least = min(least, law.keep_out_approach * FARTHEST * square)
     value_task(world, first.sigma, z)
-    for j in range(n):
-        barrier.row[i, j] = z[j]
+    copy(z, barrier.row[i], n)
     barrier.least[i], barrier.push[i] = least, 0.0
     barrier.need[i] = least - dot(barrier.slope[i], world.tick.qdot_cmd, n) if square > FLAT * FLAT else 0.0
 

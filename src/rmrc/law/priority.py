@@ -6,7 +6,7 @@ from rmrc.law.compiling import Array, Method, Record, compiled
 from rmrc.law.inverses import damped_gain
 from rmrc.law.kinematics import BASE, WORLD, carry, frame_turn, framed_error, turn_columns
 from rmrc.law.metric import INERTIA, scale_joints, unscale_joints, weigh_columns
-from rmrc.law.svd import combine, decompose_afresh, dot, project
+from rmrc.law.svd import combine, copy, decompose_afresh, dot, project
 
 # Without damping, directions in which the second task reaches less than this share of its size are given up.
 TOLERANCE = 1e-6
@@ -92,8 +92,7 @@ def classical(world: Record) -> None:
     """Write S_q (A_2 P)* (t_2 − A_2 S_q⁻¹ qdot_1): the missing part, in the remaining space [Nakamura87]."""
     rest, shape, tick = world.rest, world.scratch.shape, world.tick
     n, m, size = world.n, world.second.m, scale_second(world)
-    for j in range(n):
-        shape[j] = tick.qdot_cmd[j]
+    copy(tick.qdot_cmd, shape, n)
     unscale_joints(world, shape)
     for i in range(m):
         rest.task[i] -= dot(rest.matrix[i], shape, n)

@@ -113,7 +113,7 @@ GROUPS = {
     # of a step outside a run: the source of kinematics, its parts, the periods without a step, the time since
     # the last one and the period, and refusals
     "input": "i: sites is_beside given refused late f27: site_place f: called dt period "
-    # the positions that servos take, and the position limits of the joints meanwhile; TORQUE_LIMITED where an
+    # the positions that servos take, and the position limits of the joints without them; TORQUE_LIMITED where an
     # actuator is at its limit; gears, and the ranges of the forces of actuators and of torques; memory: the
     # integral of the commands, the joints on their way back, the change before
     "fJ: q_target qdot_target f2J: servo range i: has_servos saturated fJ: gear f2J: force torque "

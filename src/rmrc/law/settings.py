@@ -87,20 +87,18 @@ class TaskLaw:
         }
         methods = {field: getattr(module, name) for field, (module, name) in names.items() if name}
         methods |= {"control": law.control, "decompose": svd.decompose, "complete": svd.complete}
-        if self.task.frame != "world":
-            methods["turn"] = law.turn
-        if inverse.metric == "inertia":
-            methods["weigh"] = metric.weigh
-        if self._links:
-            methods["metric"] = find_metric
-        if self.is_eased:
-            methods |= {"ease": limits.ease_rates, "stops": jerk.rest_bounds, "remember": jerk.remember}
-        if control.limits.on_excess in ("optimal", "sns"):
-            methods["find_best"] = find_best
-        is_in_range = np.isfinite(self.position_limit).any()
-        if is_in_range or control.limits.on_excess not in ("scale", "clamp", "none"):
-            methods["give_way"] = give_way
-        return methods
+        on_excess, has_range = control.limits.on_excess, np.isfinite(self.position_limit).any()
+        parts = {
+            "turn": (law.turn, self.task.frame != "world"),
+            "weigh": (metric.weigh, inverse.metric == "inertia"),
+            "metric": (find_metric, bool(self._links)),
+            "ease": (limits.ease_rates, self.is_eased),
+            "stops": (jerk.rest_bounds, self.is_eased),
+            "remember": (jerk.remember, self.is_eased),
+            "find_best": (find_best, on_excess in ("optimal", "sns")),
+            "give_way": (give_way, has_range or on_excess not in ("scale", "clamp", "none")),
+        }
+        return methods | {field: method for field, (method, is_needed) in parts.items() if is_needed}
 
     def write(self, world: np.void) -> None:
         """Write parameters into a world's record."""
@@ -120,7 +118,8 @@ class TaskLaw:
         bounds["change"][:n] = self.acceleration_limit * control.period
         if self.is_eased:
             bounds["jerk_step"][:n] = np.clip(self.jerk_limit * control.period**2, UNCHANGED, UNLIMITED)
-        bounds["braking"][:n], bounds["position"][:, :n] = self.braking, self.position_limit
+        bounds["braking"][:n] = self.braking
+        bounds["position"][:, :n] = world["input"]["range"][:, :n] = self.position_limit
         bounds["keep_direction"] = control.limits.keep_direction
         if self.second is not None:
             self.second.write(world)

@@ -18,6 +18,7 @@ from rmrc.law.metric import INERTIA, factor
 from rmrc.law.periods import TIMED, begin_tick, is_time, set_tick
 from rmrc.law.record import POSE, TWIST
 from rmrc.law.sight import JACOBIAN_ALONE, is_held, look, read_state
+from rmrc.law.svd import clear, copy
 from rmrc.scenario.choices import Status
 
 INVALID, OVERDUE, STOPPED = int(Status.INVALID_INPUT), int(Status.OVERDUE), int(Status.STOPPED)
@@ -55,8 +56,6 @@ def step(world: Record) -> None:
             call(world.methods.move_joints, world)
         else:
             call(world.methods.control, world)
-        if input_.has_servos:
-            leave_reach(world)
     if input_.refused != 0 or not is_bounded(tick.qdot_cmd, world.n):
         forget(world)
         brake_blindly(world)
@@ -71,17 +70,8 @@ def enter_reach(world: Record) -> None:
     input_, limits = world.input, world.limits.position
     for j in range(world.n):
         ahead = 0.0 if math.isnan(input_.q_cmd[j]) else input_.q_cmd[j] - world.state.q[j]
-        input_.range[0, j], input_.range[1, j] = limits[0, j], limits[1, j]
-        limits[0, j] = max(limits[0, j], input_.servo[0, j] - ahead)
-        limits[1, j] = min(limits[1, j], input_.servo[1, j] - ahead)
-
-
-@compiled
-def leave_reach(world: Record) -> None:
-    """Restore the position limits."""
-    limits, before = world.limits.position, world.input.range
-    for j in range(world.n):
-        limits[0, j], limits[1, j] = before[0, j], before[1, j]
+        limits[0, j] = max(input_.range[0, j], input_.servo[0, j] - ahead)
+        limits[1, j] = min(input_.range[1, j], input_.servo[1, j] - ahead)
 
 
 @Method
@@ -120,7 +110,7 @@ def send(world: Record) -> None:
     The integral starts at the first positions of a step that is not refused. It waits while the actuators
     cannot give more towards it.
     """
-    limits, memory, tick, input_ = world.limits, world.memory, world.tick, world.input
+    memory, tick, input_ = world.memory, world.tick, world.input
     starts = input_.refused == 0 and input_.given & PLACED != 0
     for j in range(world.n):
         input_.change_before[j] = memory.change[j]
@@ -130,9 +120,9 @@ def send(world: Record) -> None:
         if not math.isnan(goal) and not input_.servo[0, j] <= goal <= input_.servo[1, j]:
             tick.status |= POSITION_LIMITED
         if rate > 0.0:
-            goal = max(position, min(goal, limits.position[1, j], input_.servo[1, j]))
+            goal = max(position, min(goal, input_.range[1, j], input_.servo[1, j]))
         elif rate < 0.0:
-            goal = min(position, max(goal, limits.position[0, j], input_.servo[0, j]))
+            goal = min(position, max(goal, input_.range[0, j], input_.servo[0, j]))
         input_.q_cmd[j] = goal
         keep_change(world, j, rate)
         memory.qdot_cmd[j] = rate
@@ -156,8 +146,7 @@ def receive(world: Record) -> int:
         known = known and is_bounded(state.J[i], world.n)
     if not known:
         return refused | BAD_KINEMATICS
-    for i in range(7):
-        tick.pose[i] = state.pose[i]
+    copy(state.pose, tick.pose, 7)
     if given & POSITION_TARGET and not is_bounded(input_.q_target, world.n):
         refused |= BAD_TARGET
     if given & RATE_TARGET and not is_bounded(input_.qdot_target, world.n):
@@ -173,14 +162,12 @@ def read_wanted(world: Record) -> int:
     """
     state, tick, input_, given, refused = world.state, world.tick, world.input, world.input.given, 0
     pose, frame = tick.pose_ref, given // FRAME
-    for i in range(6 if given & TWIST == 0 else 0):
-        tick.twist_ref[i] = 0.0
+    clear(tick.twist_ref, 0 if given & TWIST else 6)
     if not is_bounded(tick.twist_ref, 6):
         refused = BAD_TWIST
     if input_.sites == JACOBIAN_ALONE:
         return refused if world.law.inverse_metric != INERTIA or takes_metric(world) else refused | BAD_METRIC
-    for i in range(7 if given & POSE == 0 else 0):
-        pose[i] = state.pose[i]
+    copy(state.pose, pose, 0 if given & POSE else 7)
     norm2 = pose[3] * pose[3] + pose[4] * pose[4] + pose[5] * pose[5] + pose[6] * pose[6]
     if not (is_bounded(pose, 7) and norm2 >= SHORTEST * SHORTEST):
         return refused | BAD_POSE

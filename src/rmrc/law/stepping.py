@@ -89,10 +89,8 @@ class SteppedLaw:
 
     def _place(self, name: str, values: Array) -> None:
         """Have `_take` write an argument of all worlds here, (w, ...); worlds may share it."""
-        self._places[name] = (
-            values,
-            [values.shape[1:]] if self._is_single else [values.shape, values.shape[1:]],
-        )
+        shapes = [values.shape, values.shape[1:]]
+        self._places[name] = values, shapes[1:] if self._is_single else shapes
 
     def warm_up(self) -> None:
         """Compile the law (seconds) or load its machine code (tenths), before the first step does."""

@@ -37,6 +37,20 @@ def dot(a: Array, b: Array, size: int) -> float:
 
 
 @compiled
+def copy(source: Array, target: Array, size: int) -> None:
+    """Copy the first `size` entries."""
+    for i in range(size):
+        target[i] = source[i]
+
+
+@compiled
+def clear(values: Array, size: int) -> None:
+    """Set the first `size` entries to 0."""
+    for i in range(size):
+        values[i] = 0.0
+
+
+@compiled
 def project(basis: Array, vector: Array, k: int, size: int, along: Array) -> None:
     """Write the inner product of each of the k rows with a vector."""
     for i in range(k):
@@ -208,8 +222,7 @@ def complete(world: Record, spectrum: Record) -> None:
             along = dot(rows[p], spectrum.v_last, n)
             uncovered -= along * along
         if uncovered > 0.5:  # otherwise the others have turned so far that the last value is meaningless
-            for j in range(n):
-                rows[k - 1, j] = spectrum.v_last[j]
+            copy(spectrum.v_last, rows[k - 1], n)
             orthogonalize_row(rows, k - 1, n)
 
 
@@ -258,8 +271,7 @@ def decompose(world: Record, spectrum: Record) -> None:
     svd(spectrum.matrix, m, n, spectrum.u, sigma, spectrum.v)
     if sigma[k - 1] <= RANK_FLOOR * sigma[0]:
         call(world.methods.complete, world, spectrum)
-    for j in range(n):
-        spectrum.v_last[j] = spectrum.v[k - 1, j]
+    copy(spectrum.v[k - 1], spectrum.v_last, n)
     spectrum.age += 1
 
 

@@ -228,15 +228,6 @@ class Task:
         chain["tip"] = [*geometry.tip_step, *geometry.tip_quat]
 
 
-def _sampled(arm: "Arm", frame: Frame) -> tuple[Array, Array]:
-    """Return Jacobians (s, 6, n) along world axes, and poses (s, 7) of the site if its frame needs them.
-
-    The last of them are at the keyframe `home`.
-    """
-    q = np.vstack([arm.sampled(SAMPLES), arm.configuration("home")[arm.wiring.qpos]])
-    return np.array([arm.jacobian(one) for one in q]), _poses(arm, frame, q)
-
-
 def _poses(arm: "Arm", frame: Frame, q: Array) -> Array:
     """Return poses of the site, (s, 7), at joint positions (s, n), or others if the frame needs none."""
     return np.array([arm.pose(one) if frame == "site" else ORIGIN for one in q])
@@ -315,7 +306,8 @@ def choose(
 def _independent(arm: "Arm", length: float, frame: Frame) -> list[str]:
     """Return the axes that the arm can move independently of each other, in the order of choice."""
     task = Task(arm, np.arange(6), length, frame=frame)
-    J = task.turned(*_sampled(arm, frame)) * task.joint_scale
+    q = np.vstack([arm.sampled(SAMPLES), arm.configuration("home")[arm.wiring.qpos]])
+    J = task.turned(np.array([arm.jacobian(each) for each in q]), _poses(arm, frame, q)) * task.joint_scale
     size = np.linalg.norm(J, axis=2).max(axis=0)
     # each row in its own unit, as a small arm is no worse than a large one
     J = np.where((size > RANK_TOLERANCE * size.max())[:, None], J / np.maximum(size, 1e-300)[:, None], 0.0)
