@@ -72,11 +72,15 @@ def test_offsets_are_drawn_as_documented_and_again_the_same(scenario):
         "arm.encoder={offset: 0.1, deviation: [1 deg, 2 deg, 0.003, 0, 1 deg, 1 deg], seed: 5}",
     )
     first, again = prepare(scenario(*overrides)), prepare(scenario(*overrides))
-    assert_array_equal(first.encoder_offset, again.encoder_offset)
+    assert_array_equal(first.hardware.encoders.offset, again.encoder_offset)
     deviation = np.array([np.pi / 180, np.pi / 90, 0.003, 0, np.pi / 180, np.pi / 180])
-    assert_allclose(first.encoder_offset, np.random.default_rng(5).normal(0.1, deviation), rtol=1e-15)
+    assert_allclose(
+        first.hardware.encoders.offset, np.random.default_rng(5).normal(0.1, deviation), rtol=1e-15
+    )
     other = prepare(first.scenario.set({"arm.encoder.seed": 6}))
-    assert_allclose(other.encoder_offset, np.random.default_rng(6).normal(0.1, deviation), rtol=1e-15)
+    assert_allclose(
+        other.hardware.encoders.offset, np.random.default_rng(6).normal(0.1, deviation), rtol=1e-15
+    )
 
 
 def test_without_an_offset_a_seed_changes_no_bit(simulate):
@@ -114,7 +118,7 @@ def sampled(request):
     (exact,) = Simulation([right]).run()
     rows = [AXES.index(axis) for axis in exact.axes]
     errors = np.array([run["pose_error"][-1, rows] for run in runs])
-    offsets = np.array([world.encoder_offset for world in worlds])
+    offsets = np.array([world.hardware.encoders.offset for world in worlds])
     return errors, offsets, deviation, right.arm.jacobian(exact["q"][-1])[rows]
 
 

@@ -285,3 +285,18 @@ def test_what_was_assumed_is_known_and_only_what_the_author_had_otherwise_is_tol
     plain = prepare(scenario(arm(tmp_path, name="plain"), kind="ideal")).assumed
     assert [one.text for one in plain if one.is_otherwise] == [BY_ARM]
     assert not any("torque" in one.text for one in plain)
+
+
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+@pytest.mark.parametrize("joint", ['actuatorgravcomp="true"', ""])
+def test_actuators_that_give_the_gravity_compensation_give_it_once(tmp_path, kind, joint):
+    """At rest the actuators and the compensation beside them bear the weight, which MuJoCo's bias is there."""
+    done = run(arm(tmp_path, "", joint=joint), HOLD, kind=kind, gravity_compensation=True)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    data = mujoco.MjData(model)
+    data.qpos[:] = done["q"][-1]
+    mujoco.mj_forward(model, data)
+    assert np.abs(done["qdot"]).max() < 1e-4
+    is_beside = not joint
+    assert_allclose(done["tau"][-1] + is_beside * done["tau_gravity"][-1], data.qfrc_bias, atol=1e-3)
+    assert_allclose(done["tau_gravity"][-1], is_beside * data.qfrc_bias, atol=1e-12)

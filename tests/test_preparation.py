@@ -169,7 +169,7 @@ def test_an_encoder_that_is_off_beyond_sense_is_refused(scenario, name, value, i
     if is_refused:
         assert refusal(scenario, override) == says(f"--set arm.encoder.{name}… ±1e+06 rad or m … 1.…")
     else:
-        assert np.isfinite(prepare(scenario(override)).encoder_offset).all()
+        assert np.isfinite(prepare(scenario(override)).hardware.encoders.offset).all()
 
 
 @pytest.mark.parametrize(

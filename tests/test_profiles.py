@@ -19,7 +19,7 @@ from rmrc.results.run import Run
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import draft_of, load, loads
 from rmrc.scenario.profile import SHIPPED, Profile, load_profile
-from rmrc.simulation.prepare import prepare
+from rmrc.simulation.prepare import expected_profile, prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.parcel import pack
 from rmrc.study.picks import Choice
@@ -451,7 +451,7 @@ def test_a_profile_of_ones_own_is_a_file_beside_the_scenario(tmp_path):
     one = load(own(tmp_path), ["control.limits={profile: mine.yaml}", "expect={profile: mine.yaml}"])
     assert one.control.limits.rate == (0.999,) * 7
     assert one.expect["profile"] == str(tmp_path / "mine.yaml")
-    assert prepare(one).expected_profile.name == "mine"
+    assert expected_profile(prepare(one).scenario).name == "mine"
     assert load_profile(one.expect["profile"]).loop.delay.value == (0.01, 0.02)
     assert one.draft.profiles == ["mine.yaml"]
     vary = "sweep.vary={control.limits.profile: [null, franka_fr3, b.yaml], control.limits: [{profile: c.yaml}, {}]}"

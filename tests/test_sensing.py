@@ -375,7 +375,7 @@ IDLE = (*THREE, "arm.joints=[shoulder, wrist]")
         (("plant.friction={viscous: [1, 2, 3]}",), "--set plant.friction: plant.friction.viscous: … 2 … 3"),
         (
             ("plant.kind=ideal", "plant.friction.viscous=1"),
-            '--set plant.friction.viscous: plant.friction: "ideal" … plant.kind: servo, torque or model… plant.friction …',
+            '--set plant.friction.viscous: plant.friction: "ideal" … plant.friction… servo, torque, model',
         ),
         (("plant.stretch.link_9=2",), '--set plant.stretch.link_9: … body "link_9" … link_1, link_2'),
         (("plant.stretch=2",), "--set plant.stretch: … mapping … 2; … {BODY: 2}"),

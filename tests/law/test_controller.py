@@ -103,7 +103,7 @@ def test_where_encoders_are_off_the_chain_sees_what_the_law_of_a_run_sees():
     prepared, run = ran("encoder_offsets")
     controller = controller_of(prepared)
     for t in range(min(len(run), 500)):
-        q = run["q"][t] + prepared.encoder_offset
+        q = run["q"][t] + prepared.hardware.encoders.offset
         out = controller.step(q, run["qdot"][t], pose=run["pose_ref"][t], twist=run["twist_ref"][t])
         assert_array_equal(out.qdot_cmd, run["qdot_cmd"][t])
         assert_array_equal(out.sigma, run["sigma"][t])

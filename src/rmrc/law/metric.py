@@ -13,17 +13,26 @@ from rmrc.law.svd import copy, dot
 from rmrc.scenario.choices import METRICS
 
 INERTIA = METRICS.code("inertia")
+# A squared pivot that is a smaller share of its diagonal is rounding.
+SINGULAR = 1e-18
 
 
 @compiled
 def factor(root: Array, n: int) -> None:
-    """Replace a positive definite matrix (n, n) by its lower Cholesky factor; the upper part stays."""
+    """Replace a positive matrix (n, n) by its lower Cholesky factor; the upper part stays.
+
+    Where it is singular, the diagonal is infinite: `forward` and `backward` solve for 0 there.
+    """
     for i in range(n):
+        size = root[i, i]
         for j in range(i + 1):
             left = root[i, j]
             for p in range(j):
                 left -= root[i, p] * root[j, p]
-            root[i, j] = math.sqrt(left) if i == j else left / root[j, j]
+            if j < i:
+                root[i, j] = left / root[j, j]
+            else:
+                root[i, i] = math.inf if left <= SINGULAR * size else math.sqrt(left)
 
 
 @compiled

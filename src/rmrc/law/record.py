@@ -28,7 +28,7 @@ UNCHANGED = 1.0 / UNLIMITED
 # plant, and the stages between law and plant.
 METHODS = (
     "decompose complete gains damping null_space objective priority policy hold_off limit stops ease "
-    "remember give_way find_best metric weigh turn control move_joints by_joint sense believe "
+    "remember give_way find_best metric weigh turn control move_joints by_joint believe "
     "readings obey transmission ticks"
 )
 
@@ -113,15 +113,15 @@ GROUPS = {
     # of a step outside a run: the source of kinematics, its parts, the periods without a step, the time since
     # the last one and the period, and refusals
     "input": "i: sites is_beside given refused late f27: site_place f: called dt period "
-    # the positions that servos take, and the position limits of the joints without them; TORQUE_LIMITED where an
-    # actuator is at its limit; gears, and the ranges of the forces of actuators and of torques; memory: the
-    # integral of the commands, the joints on their way back, the change before
+    # the positions that servos take, and the position limits of the joints without them; TORQUE_LIMITED where
+    # an actuator is at its limit; gears, and the ranges of the forces of actuators and of torques; memory:
+    # the integral of the commands, the joints on their way back, the change before
     "fJ: q_target qdot_target f2J: servo range i: has_servos saturated fJ: gear f2J: force torque "
     "fJ: q_cmd returning change_before",
     # actuators: gains, bandwidth, the external wrench and its lever, joints whose tau lacks gravity
     # compensation
     "plant": "f6: true_error wrench f3: lever fJ: qdot_sent kv gravity_apart qddot sent_before torque "
-    "inertia f: bandwidth i: substeps clamped "
+    "inertia f: bandwidth i: clamped "
     # resistance that they compensate: damping of q̇, q̇|q̇|, q̇³; dry friction up to a loss, its inertia and
     # decay
     "iJ: resists fJ3: damping fJ: friction_loss friction_inertia friction_decay i: carries_springs "

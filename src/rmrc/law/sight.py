@@ -88,11 +88,17 @@ def read_joints(world: Record) -> None:
 @compiled
 def read_forces(world: Record) -> None:
     """Write tau of the last step: the forces of all actuators at the joints."""
-    engine, tau, force = world.engine, world.tick.tau, at(world.engine.qfrc_actuator, world.engine.nv)
+    read_at_joints(world, world.engine.qfrc_actuator, world.tick.tau)
+
+
+@compiled
+def read_at_joints(world: Record, address: int, forces: Array) -> None:
+    """Write the force at each joint, (n,), from an array over all degrees of freedom, with its followers'."""
+    engine, force = world.engine, at(address, world.engine.nv)
     for j in range(world.n):
-        tau[j] = force[engine.dof[j]]
+        forces[j] = force[engine.dof[j]]
     for f in range(engine.followers):
-        tau[engine.follows[f]] += engine.follower_ratio[f] * force[engine.follower_dof[f]]
+        forces[engine.follows[f]] += engine.follower_ratio[f] * force[engine.follower_dof[f]]
 
 
 @compiled

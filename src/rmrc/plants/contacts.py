@@ -73,27 +73,21 @@ class Contacts:
         floating = model.jnt_bodyid[model.jnt_type == FREE]
         self._is_own = _moved(model, wiring)
         self._may_rest = self._is_own | np.isin(model.body_rootid, floating)
-        self._last = -1
-        self._touches = False
+        self._last, self._status = -1, 0
 
     def status(self, tick: int) -> int:
         """Return the bit of the status at a tick, whose kinematics are up to date."""
         count = self._data.nefc  # each included contact has rows
         if count != self._last or tick % LOOK_EVERY == 0:
-            self._touches = self._examine(tick)
-            self._last = count
-        return CONTACT if self._touches else 0
-
-    def _examine(self, tick: int) -> bool:
-        """Examine the contacts; return whether any of them counts."""
-        own = dict(self._pairs()) if self._data.nefc else {}
-        if tick == 0:
-            self.resting = [names for names, rests in own.items() if rests]
-            self._rests = set(self.resting)
-        self._rests &= own.keys()
-        counted = [names for names in own if names not in self._rests]
-        self.first = self.first or (counted[0] if counted else ())
-        return bool(counted)
+            touching, self._last = dict(self._pairs()) if count else {}, count
+            if tick == 0:
+                self.resting = [names for names, rests in touching.items() if rests]
+                self._rests = set(self.resting)
+            self._rests &= touching.keys()
+            counted = [names for names in touching if names not in self._rests]
+            self.first = self.first or (counted[0] if counted else ())
+            self._status = CONTACT if counted else 0
+        return self._status
 
     def _pairs(self) -> Iterator[tuple[Pair, bool]]:
         """Yield the names of the two sides of a contact of the arm, and whether they may rest."""

@@ -1,7 +1,7 @@
 """The hardware between commanded and sensed rates: plant and stages of a world."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -60,8 +60,6 @@ class Hardware:
     def methods(self) -> Mapping[str, Method]:
         """The methods that a tick calls, by their fields in a world's record."""
         methods = {"obey": self.plant.obey}
-        if self.plant.sense is not None:
-            methods["sense"] = self.plant.sense
         if self.is_misled:
             methods["readings"] = readings
         if not self.is_direct:
@@ -82,11 +80,6 @@ class Hardware:
             for i, seed in enumerate((section.arm.encoder.seed, section.plant.seed))
         )
         return lambda ticks: np.hstack([noise.standard_normal((ticks, n)), transport.random((ticks, 2))])
-
-    def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
-        """Yield key and message of each excess in a run of this many control ticks."""
-        yield from self.plant.excesses(ticks)
-        yield from self.sent.excesses(ticks)
 
     def write(self, world: np.void) -> None:
         """Write the parameters of plant and stages."""

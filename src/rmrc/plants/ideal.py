@@ -3,10 +3,12 @@
 from collections.abc import Iterator
 
 import mujoco
+import numpy as np
 
 from rmrc.law.compiling import Method, Record
 from rmrc.plants.fields import qpos_of, qvel_of
 from rmrc.plants.plant import Plant
+from rmrc.scenario.choices import PLANTS
 from rmrc.scenario.sections import TIMESTEP
 
 
@@ -30,13 +32,15 @@ class Ideal(Plant):
     substeps = 0
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield friction, which needs torques."""
-        if self.rubs:
-            yield (
-                "plant.friction",
-                f'"{self.name}" obeys exactly, whatever the friction; choose plant.kind: servo, torque or '
-                "model, or leave plant.friction out",
-            )
+        """Yield features that need masses and actuators."""
+        section = self.section
+        used = {
+            "friction": self.rubs, "backlash": np.any(section.backlash),
+            "resonance": section.resonance.frequency,
+        }  # fmt: skip
+        way = f"leave it out, write plant.lag for slow actuators, or choose from {PLANTS.physical}"
+        for key in (f"plant.{name}" for name, is_used in used.items() if is_used):
+            yield key, f'"{self.name}" obeys exactly, without {key}; {way}'
 
     def model(self) -> mujoco.MjModel:
         """Return a model without actuators of the arm; its dynamics are not used."""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rmrc.arm import DriveKind, Wiring
 from rmrc.arm.drives import terms_of
 from rmrc.law.compiling import Array, Method, Record, at, carray, compiled, pointer
-from rmrc.law.metric import backward, forward
-from rmrc.law.sight import read_forces
+from rmrc.law.metric import backward, factor, forward
+from rmrc.law.svd import dot
 from rmrc.plants.fields import ctrl_of
 from rmrc.plants.physics import Physical
 from rmrc.plants.plant import Assumed
@@ -24,8 +24,8 @@ from rmrc.support.legible import listed
 POSITION, INTEGRATED, RATE, MOTOR = map(int, DriveKind)
 RATE_LIMITED, POSITION_LIMITED = int(Status.RATE_LIMITED), int(Status.POSITION_LIMITED)
 
-# Smaller shares of an actuator's largest moment, or of a joint's squared pivot, are rounding.
-_NO_MOMENT, _SINGULAR = 1e-12, 1e-18
+# Smaller shares of an actuator's largest moment are rounding.
+_NO_MOMENT = 1e-12
 
 # An actuator in compiled code: its kind, index among actuator outputs, its control, and its activation or -1;
 # its control is scale · (length, speed or force) + offset; the ranges of its control and activation.
@@ -34,12 +34,6 @@ _DRIVE = np.dtype([
     ("scale", float), ("offset", float), ("stiffness", float), ("lower", float), ("upper", float),
     ("act_lower", float), ("act_upper", float),
 ])  # fmt: skip
-
-
-@Method
-def read_all_forces(world: Record) -> None:
-    """Read tau of the last step: the forces of all actuators at the joints."""
-    read_forces(world)
 
 
 @compiled
@@ -101,11 +95,8 @@ def drive_actuators(world: Record) -> None:
 def tell_servo(world: Record, drive: Record, freedoms: Record, moments: Array) -> None:
     """Set the control of a servo."""
     engine, plant, ctrl = world.engine, world.plant, ctrl_of(world)
-    speed = 0.0
     dense(world, drive.output, freedoms, moments)
-    for j in range(world.n):
-        speed += moments[j] * plant.qdot_sent[j]
-    control, limited = drive.scale * speed, RATE_LIMITED
+    control, limited = drive.scale * dot(moments, plant.qdot_sent, world.n), RATE_LIMITED
     if drive.kind == POSITION:
         control, limited = ctrl[drive.ctrl] + control * world.period, POSITION_LIMITED
     elif drive.kind == RATE:
@@ -137,7 +128,7 @@ def tell_motors(world: Record, drives: Record, R: Array, motors: int) -> None:
 def share_out(tau: Array, R: Array, count: int, n: int, N: Array) -> None:
     """Write the smallest forces f that give the joints torques τ: Rᵀ f = τ, so f = R (Rᵀ R)⁻¹ τ.
 
-    Joints without an actuator get none: the diagonal of the Cholesky factor is infinite there.
+    Joints without an actuator get none.
 
     Args:
         tau: Torques, (n,); overwritten.
@@ -151,19 +142,11 @@ def share_out(tau: Array, R: Array, count: int, n: int, N: Array) -> None:
             N[i, j] = 0.0
             for d in range(count):
                 N[i, j] += R[d, i] * R[d, j]
-        size = N[i, i]
-        for j in range(i + 1):
-            for k in range(j):
-                N[i, j] -= N[i, k] * N[j, k]
-            if j < i:
-                N[i, j] = N[i, j] / N[j, j]
-        N[i, i] = math.sqrt(N[i, i]) if N[i, i] > _SINGULAR * size else math.inf
+    factor(N, n)
     forward(N, tau, n)
     backward(N, tau, n)
     for d in range(count):
-        R[d, n] = 0.0
-        for j in range(n):
-            R[d, n] += R[d, j] * tau[j]
+        R[d, n] = dot(R[d], tau, n)
 
 
 class Model(Physical):
@@ -176,7 +159,7 @@ class Model(Physical):
     """
 
     name, drives = "model", ("actuators", "")
-    sense, obey, drive = read_all_forces, drive_actuators, "own"
+    obey, drive = drive_actuators, "own"
 
     @property
     def usual_timestep(self) -> float:
@@ -197,17 +180,13 @@ class Model(Physical):
             yield Assumed(f"actuators of the arm keep their controls: {drives.named(drives.idle)}", True)
 
     def wire(self, world: np.void, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> list[Any]:
-        """Write the tables of actuators and dynamics too, and let the actuators hold the arm at the start.
-
-        The forces of actuators that compensate gravity include it.
-        """
+        """Write the tables of actuators and dynamics too, and let the actuators hold the arm at the start."""
         engine, drives, n = world["engine"], self.arm.drives, self.arm.n
         table = _drives(model, drives.kinds)
         room = np.zeros(len(table) * (n + 1) + n * n)
         engine["drives"], engine["room"], engine["drive_count"] = (
             table.ctypes.data, room.ctypes.data, len(table)
         )  # fmt: skip
-        world["plant"]["gravity_apart"][:n] = model.jnt_actgravcomp[wiring.joint] == 0
         freedoms, masses = write_dynamics(engine, model, self.arm, [])
         _settle(model, data, table, freedoms, drives.moments(data))
         return [*super().wire(world, model, wiring, data), table, room, freedoms, masses]

@@ -11,7 +11,7 @@ from rmrc.arm import Wiring
 from rmrc.arm.adapting import UNSAID
 from rmrc.arm.differences import loaded_fields, rubbed_fields
 from rmrc.arm.inventory import actuators
-from rmrc.law.compiling import Array, Method, Record, at, compiled
+from rmrc.law.compiling import Array, Record, at, compiled
 from rmrc.law.kinematics import turned
 from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.resistance import write_resistance
@@ -37,14 +37,6 @@ _LEFT_OUT = {
 }
 
 
-@Method
-def read_drives(world: Record) -> None:
-    """Read tau of the last step: the forces of the actuators."""
-    engine, force = world.engine, at(world.engine.actuator_force, world.engine.nu)
-    for j in range(world.n):
-        world.tick.tau[j] = force[engine.force_at[j]]
-
-
 @compiled
 def push(world: Record) -> None:
     """Apply the site's external wrench [f; n] at its body's center of mass: n' = n + r × f.
@@ -65,7 +57,6 @@ def push(world: Record) -> None:
 class Physical(Plant):
     """A plant with actuators, in MuJoCo's physics."""
 
-    sense = read_drives
     begins = "mj_step1"
     drives: ClassVar[tuple[str, str]]  # their name in messages, and the kind of the actuators
     drive: ClassVar[Any]  # a Drive or Own: the actuators of the model that worlds share
@@ -119,15 +110,15 @@ class Physical(Plant):
         return fields if gravity is None else fields | {"opt.gravity": np.array(gravity)}
 
     def write(self, world: np.void) -> None:
-        """Write the wrench, limits and bandwidth; `tau` is without gravity compensation."""
-        n, plant = self.arm.n, world["plant"]
-        plant["wrench"], plant["gravity_apart"][:n] = self.section.wrench, 1.0
-        plant["substeps"], world["limits"]["torque"][:n] = self.substeps, self.arm.torque_limit
-        plant["bandwidth"] = self.bandwidth
+        """Write wrench, limits and bandwidth."""
+        plant = world["plant"]
+        plant["wrench"], plant["bandwidth"] = self.section.wrench, self.bandwidth
+        world["limits"]["torque"][: self.arm.n] = self.arm.torque_limit
 
     def wire(self, world: np.void, model: mujoco.MjModel, wiring: Wiring, data: mujoco.MjData) -> list[Any]:
-        """Write the lever of the wrench, and the resistance of the joints."""
+        """Write the lever of the wrench, the resistance of joints, and whose `tau` lacks gravity."""
         del data
+        world["plant"]["gravity_apart"][: self.arm.n] = model.jnt_actgravcomp[wiring.joint] == 0
         inverse, lever = np.empty(4), np.empty(3)
         mujoco.mju_negQuat(inverse, model.site_quat[wiring.site])
         offset = model.site_pos[wiring.site] - model.body_ipos[wiring.body]

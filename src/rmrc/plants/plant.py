@@ -2,8 +2,7 @@
 
 A plant is declared in `rmrc.scenario.choices.PLANTS`, implemented by the module of its name here, and listed
 in `rmrc.plants.hardware`. The module has a class of `Plant`, with one object per world, and a method that a
-tick calls after the law; another one, before it, may read forces. New fields of a world's record stand in its
-group `plant`.
+tick calls after the law. New fields of a world's record stand in its group `plant`.
 """
 
 import copy
@@ -43,13 +42,11 @@ class Plant(ABC):
         arm: The arm that it moves.
         period: Control period [s].
         name: Its declared name.
-        sense: Writes `tick.tau`, from the forces of the last step; None: there are none.
         obey: Has MuJoCo obey `plant.qdot_sent`.
         begins: MuJoCo's function that computes all input of `sense` and of the law from a new state.
     """
 
     name: ClassVar[str]
-    sense: ClassVar[Method | None] = None
     obey: ClassVar[Method]
     begins: ClassVar[str]
 

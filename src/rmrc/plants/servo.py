@@ -5,7 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
-from rmrc.law.compiling import Array, Method, Record, at, compiled
+from rmrc.law.compiling import Array, Method, Record
+from rmrc.law.sight import read_at_joints
 from rmrc.plants.fields import ctrl_of
 from rmrc.plants.physics import Physical, push
 from rmrc.plants.resistance import damping_at, friction_at
@@ -13,29 +14,19 @@ from rmrc.plants.resistance import damping_at, friction_at
 
 @Method
 def tell_servos(world: Record) -> None:
-    """Command the rates to the servos, plus the torque of damping and friction at these rates, as a rate."""
+    """Command the rates to the servos, plus the torque of resistance and springs, as a rate."""
     plant, engine, ctrl = world.plant, world.engine, ctrl_of(world)
     push(world)
+    if plant.carries_springs:
+        read_at_joints(world, engine.qfrc_spring, plant.torque)
     for j in range(world.n):
         rate = plant.qdot_sent[j]
         ctrl[engine.ctrl_at[j]] = rate
         if plant.resists[j]:
             resistance = damping_at(world, j, rate) + friction_at(world, j, 0.0, rate)
             ctrl[engine.ctrl_at[j]] += resistance / plant.kv[j]
-    if plant.carries_springs:
-        carry_springs(world, ctrl)
-
-
-@compiled
-def carry_springs(world: Record, ctrl: Array) -> None:
-    """Add the torque against the springs of the joints and of their followers, as a rate."""
-    engine, kv = world.engine, world.plant.kv
-    spring = at(engine.qfrc_spring, engine.nv)
-    for j in range(world.n):
-        ctrl[engine.ctrl_at[j]] -= spring[engine.dof[j]] / kv[j]
-    for f in range(engine.followers):
-        j = engine.follows[f]
-        ctrl[engine.ctrl_at[j]] -= engine.follower_ratio[f] * spring[engine.follower_dof[f]] / kv[j]
+        if plant.carries_springs:
+            ctrl[engine.ctrl_at[j]] -= plant.torque[j] / plant.kv[j]
 
 
 def rate_servo(actuator: mujoco.MjsActuator) -> None:

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Wiring
-from rmrc.law.compiling import Method, Record, at, call, carray, compiled, pointer
+from rmrc.law.compiling import Array, Method, Record, at, call, carray, compiled, pointer
 from rmrc.law.metric import backward, factor, forward
-from rmrc.plants.fields import ctrl_of
+from rmrc.plants.fields import ctrl_of, qpos_of, qvel_of
 from rmrc.plants.physics import Physical, push
 from rmrc.plants.resistance import friction_at
 
@@ -40,12 +40,8 @@ def refresh_known(world: Record) -> None:
     engine = world.engine
     if engine.known_data == engine.data:
         return
-    qpos, qvel = at(engine.qpos, engine.nq), at(engine.qvel, engine.nv)
-    known_qpos, known_qvel = at(engine.known_qpos, engine.nq), at(engine.known_qvel, engine.nv)
-    for i in range(engine.nq):
-        known_qpos[i] = qpos[i]
-    for i in range(engine.nv):
-        known_qvel[i] = qvel[i]
+    at(engine.known_qpos, engine.nq)[:] = qpos_of(world)
+    at(engine.known_qvel, engine.nv)[:] = qvel_of(world)
     call(engine.begin, engine.known_model, engine.known_data)
 
 
@@ -54,7 +50,7 @@ def find_torques(world: Record) -> None:
     """Write tau = Fᵀ (M F qddot + bias − passive) [Luh80] and the inertia that each joint moves alone.
 
     F moves the followers of each joint along; without any, it is 1. The actuators give their own gravity
-    compensation. All other joints of the model are assumed at rest.
+    compensation. All other joints of the model are assumed at rest, except those that are free.
     """
     engine, plant, n = world.engine, world.plant, world.n
     refresh_known(world)
@@ -78,6 +74,8 @@ def find_torques(world: Record) -> None:
             plant.torque[j] += inertia * plant.qddot[i]
         else:
             plant.inertia[i] += inertia
+    if engine.free_count > 0:
+        give_way(world, freedoms, passive, bias, entries, mass)
 
 
 @Method
@@ -86,8 +84,6 @@ def computed_torque(world: Record) -> None:
     engine, plant, ctrl = world.engine, world.plant, ctrl_of(world)
     choose_acceleration(world)
     find_torques(world)
-    if engine.free_count > 0:
-        give_way(world)
     for j in range(world.n):
         ctrl[engine.ctrl_at[j]] = plant.torque[j]
         if plant.resists[j]:
@@ -95,17 +91,15 @@ def computed_torque(world: Record) -> None:
 
 
 @compiled
-def give_way(world: Record) -> None:
+def give_way(
+    world: Record, freedoms: Record, passive: Array, bias: Array, entries: Record, mass: Array
+) -> None:
     """Add to tau the effect of free degrees of freedom on the arm.
 
     They give way, M_uu qddot_u = passive_u − bias_u − M_ua qddot, which the arm feels as M_au qddot_u
     [Spong94].
     """
     engine, plant, n, count = world.engine, world.plant, world.n, world.engine.free_count
-    bias, passive = at(engine.known_qfrc_bias, engine.nv), at(engine.known_qfrc_passive, engine.nv)
-    mass = at(engine.known_M, engine.mass_size)
-    freedoms = carray(pointer(engine.freedoms), (engine.nv,), FREEDOM)
-    entries = carray(pointer(engine.masses), (engine.mass_count,), ENTRY)
     inertias, coupling, answer = np.zeros((count, count)), np.zeros((count, n)), np.zeros(count)
     for dof in range(engine.nv):
         u = freedoms[dof].joint - n
@@ -141,7 +135,7 @@ def _resisted(world: Record, j: int, inertia: float) -> Any:
     d, size = world.plant.damping[j], abs(world.state.qdot[j])
     slope = d[0] + size * (2.0 * d[1] + size * 3.0 * d[2])
     if slope > 0.0:
-        left = (inertia / (inertia + world.period / world.plant.substeps * slope)) ** world.plant.substeps
+        left = (inertia / (inertia + world.period / world.engine.substeps * slope)) ** world.engine.substeps
         added = world.period * slope / (1.0 - left) - inertia
     return added * wanted + friction_at(world, j, (1.0 + added / inertia) * wanted, world.state.qdot[j])
 

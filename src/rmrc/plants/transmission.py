@@ -23,7 +23,6 @@ from rmrc.law.compiling import Array, Method, Record, compiled
 from rmrc.plants.fields import chance_of, past_of
 from rmrc.plants.sensing import in_ticks
 from rmrc.scenario import Scenario
-from rmrc.scenario.choices import PLANTS
 
 # After this many ticks of a lag a joint has not moved noticeably.
 _ALWAYS = 2.0**52
@@ -163,25 +162,16 @@ class Transmission:
         plant["has_play"], plant["half_play"][:n] = self.has_play, np.multiply(0.5, section.backlash)
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield features that the plant lacks, and numbers out of range."""
+        """Yield numbers out of range."""
         frequency, damping = self.section.resonance.frequency, self.section.resonance.damping
-        name, is_physical = self.section.kind, PLANTS[self.section.kind].physics
-        for key, is_used, lack in (
-            ("plant.resonance", self.swings, "mass that could oscillate; use plant.lag instead"),
-            ("plant.backlash", self.has_play, "actuators that could have backlash; leave it out"),
-        ):
-            if is_used and not is_physical:
-                yield key, f'"{name}" has no {lack}, or choose from {PLANTS.physical}'
-        if frequency is None:
-            return
         least, most = _SLOWEST / self.period, _FASTEST / self.period
-        if not least <= frequency <= most:
+        if frequency is not None and not least <= frequency <= most:
             yield (
                 "plant.resonance.frequency",
                 f"must be between {least:g} and {most:g} Hz, at a control.period of {self.period:g} s, "
                 f"got {frequency:g} Hz",
             )
-        if damping > _MOST_DAMPED:
+        if frequency is not None and damping > _MOST_DAMPED:
             yield (
                 "plant.resonance.damping",
                 f"must be at most {_MOST_DAMPED:g}, got {damping:g}; so much damping is a plant.lag",

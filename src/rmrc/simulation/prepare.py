@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,11 +103,6 @@ class Prepared:
         control, ticks = self.scenario.control, self.reference.ticks
         return math.ceil(control.slow.longest * ticks) if POLICIES[control.at_singularity].slows else ticks
 
-    @property
-    def encoder_offset(self) -> Array:
-        """Offset of the encoders' readings, (n,)."""
-        return self.hardware.encoders.offset
-
     @cached_property
     def true_arm(self) -> Arm:
         """The arm that moves: it differs from the known one if `plant.stretch` says so."""
@@ -120,19 +115,16 @@ class Prepared:
         return tuple(np.where(np.isfinite(floor), floor, CHATTER_FLOOR).tolist())
 
     @property
-    def expected_profile(self) -> Profile | None:
-        """The profile that the commands are checked against."""
-        return _expected_profile(self.scenario)
-
-    @property
     def assumed(self) -> tuple[Assumed, ...]:
         """The deviations of the run from the model as its author wrote it, and the missing limits."""
-        of_arm = [Assumed(self.by_arm, True)] if self.by_arm else []
-        of_law = (*_by_profile(self.scenario), *_not_shown(self), *_missing_limits(self), *_slow_servos(self))
-        of_springs = [Assumed(self.springs, True)] if self.springs else []
-        starts_at_rest = "a start at rest: the keyframe's velocities are ignored"
-        of_start = [Assumed(starts_at_rest, True)] if self.arm.moves_at(self.scenario.arm.start) else []
-        return (*self.plant.assumed(), *of_springs, *of_arm, *of_law, *of_start)
+        slow = fit.slow_servos(self.law.rate_limit, self.arm) if PLANTS[self.plant.name].own else ""
+        moves = self.arm.moves_at(self.scenario.arm.start)
+        texts = (
+            self.springs, self.by_arm, _by_profile(self.scenario), _not_shown(self), slow,
+            "a start at rest: the keyframe's velocities are ignored" if moves else "",
+        )  # fmt: skip
+        of_run = (Assumed(text, True) for text in texts if text)
+        return (*self.plant.assumed(), *of_run, *_missing_limits(self))
 
     @property
     def springs(self) -> str:
@@ -161,17 +153,17 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
         ScenarioError: Lists all problems, with file, line and key.
     """
     cache, problems = cache or Cache(), Problems(scenario)
-    start = prepare_arm(scenario, cache, problems)
-    arm = start.arm
+    arm, q, qpos = prepare_arm(scenario, cache, problems)
     hardware = prepare_hardware(scenario, arm, problems)
     task = prepare_task(scenario, arm, cache, problems)
-    law, by_arm = prepare_law(scenario, task, start.q, problems)
+    law, by_arm = prepare_law(scenario, task, q, problems)
     scenario = scenario.fitted(task.length, law.control)
-    reference = prepare_reference(scenario, arm, start.q, cache)
-    held = arm.held(scenario.arm.start, start.qpos, own=PLANTS[scenario.plant.kind].own)
-    prepared = Prepared(scenario, arm, start.qpos, held, reference, task, law, hardware, by_arm)
+    reference = prepare_reference(scenario, arm, q, cache)
+    held = arm.held(scenario.arm.start, qpos, own=PLANTS[scenario.plant.kind].own)
+    prepared = Prepared(scenario, arm, qpos, held, reference, task, law, hardware, by_arm)
     problems.extend(_long_run(prepared))
-    problems.extend(hardware.excesses(prepared.most_ticks))
+    problems.extend(hardware.plant.excesses(prepared.most_ticks))
+    problems.extend(hardware.sent.excesses(prepared.most_ticks))
     problems.raise_any()
     return prepared
 
@@ -179,22 +171,12 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
 # The steps --------------------------------------------------------------------------------------
 
 
-class Start(NamedTuple):
-    """An arm where a run starts.
+def prepare_arm(scenario: Scenario, cache: Cache, problems: Problems) -> tuple[Arm, Array, Array]:
+    """Return the arm of a scenario, with the joints that are not its own where they start.
 
-    Attributes:
-        arm: The arm, with the joints that are not its own where they start.
-        q: Joint positions that the law assumes, (n,).
-        qpos: Start configuration of the model, (nq,), the true positions.
-    """
-
-    arm: Arm
-    q: Array
-    qpos: Array
-
-
-def prepare_arm(scenario: Scenario, cache: Cache, problems: Problems) -> Start:
-    """Return the arm of a scenario at its start.
+    Returns:
+        The arm, the joint positions that the law assumes, (n,), and the true start configuration of the
+        model, (nq,).
 
     Raises:
         ScenarioError: There is no such arm, or it is no open chain.
@@ -208,7 +190,7 @@ def prepare_arm(scenario: Scenario, cache: Cache, problems: Problems) -> Start:
     tell_assumed(note for note in arm.notes if note != arm.obvious or section.site is None)
     assumed = assumed_configuration(scenario, arm, problems)
     qpos = true_configuration(scenario, arm, assumed, problems)
-    return Start(_with_others(arm, section, assumed, cache), assumed[arm.wiring.qpos], qpos)
+    return _with_others(arm, section, assumed, cache), assumed[arm.wiring.qpos], qpos
 
 
 def prepare_hardware(scenario: Scenario, arm: Arm, problems: Problems) -> Hardware:
@@ -325,14 +307,15 @@ def _with_others(arm: Arm, section: ArmSection, qpos: Array, cache: Cache) -> Ar
     return cache.get(("placed", arm, placed.rest.tobytes(), section.others, poses), lambda: placed)
 
 
-def _expected_profile(scenario: Scenario) -> Profile | None:
+def expected_profile(scenario: Scenario) -> Profile | None:
+    """Return the profile that the commands of a run are checked against."""
     name = scenario.expect.get(PROFILE)
     return load_profile(name) if isinstance(name, str) else None
 
 
 def _profile_misfits(scenario: Scenario, arm: Arm) -> Iterator[tuple[str, str]]:
     """Yield a profile of another robot, or with conditions for another period."""
-    key, period, expected = "expect.profile", scenario.control.period, _expected_profile(scenario)
+    key, period, expected = "expect.profile", scenario.control.period, expected_profile(scenario)
     name = scenario.control.limits.profile
     yield from fit.profile_misfits("control.limits.profile", name, arm)
     if expected is None:
@@ -362,13 +345,6 @@ def _long_run(prepared: Prepared) -> Iterator[tuple[str, str]]:
 # What a run assumes -----------------------------------------------------------------------------
 
 
-def _slow_servos(prepared: Prepared) -> Iterator[Assumed]:
-    """Yield rate servos of the model that cannot take all rates that the law may command."""
-    if PLANTS[prepared.plant.name].own:
-        slow = fit.slow_servos(prepared.law.rate_limit, prepared.arm)
-        yield from [Assumed(slow, True)] if slow else []
-
-
 def _missing_limits(prepared: Prepared) -> Iterator[Assumed]:
     """Yield the limits that some joints do not have."""
     arm, law = prepared.arm, prepared.law
@@ -383,27 +359,27 @@ def _missing_limits(prepared: Prepared) -> Iterator[Assumed]:
             yield Assumed(f"no {name} limit: {which}", False)
 
 
-def _not_shown(prepared: Prepared) -> Iterator[Assumed]:
-    """Yield warnings that a recording cannot show the quantity or time of `look`."""
+def _not_shown(prepared: Prepared) -> str:
+    """Return the warning that a recording cannot show the quantity or time of `look`, or ""."""
     scenario, look = prepared.scenario, prepared.scenario.look
     if look is None:
-        return
+        return ""
     has = {
         "torque": prepared.plant.has_physics, "pace": POLICIES[scenario.control.at_singularity].slows,
         "belief": prepared.hardware.moves_q,
         "rotation": any(axis.startswith("r") for axis in scenario.task.axes),
     }  # fmt: skip
     if not has.get(look.quantity, True):
-        yield Assumed(f"cannot be shown: the run has no {look.quantity}", True)
-    elif look.at is not None and look.at > prepared.most_ticks * scenario.control.period:
-        yield Assumed(f"cannot be shown: the run ends before look.at, {look.at:g} s", True)
+        return f"cannot be shown: the run has no {look.quantity}"
+    is_late = look.at is not None and look.at > prepared.most_ticks * scenario.control.period
+    return f"cannot be shown: the run ends before look.at, {look.at:g} s" if is_late else ""
 
 
-def _by_profile(scenario: Scenario) -> Iterator[Assumed]:
-    """Yield the settings of the profile in `control.limits`, except for keys that the scenario sets."""
+def _by_profile(scenario: Scenario) -> str:
+    """Return the settings of the profile in `control.limits`, except for keys that the scenario sets."""
     control = scenario.control
     if control.limits.profile is None:
-        return
+        return ""
     profile, settings = load_profile(control.limits.profile), []
     if profile.period and control.period == profile.period.value:
         settings.append(f"control.period {control.period:g}")
@@ -411,4 +387,4 @@ def _by_profile(scenario: Scenario) -> Iterator[Assumed]:
         if getattr(control.limits, key) == values:
             is_same = len(set(values)) == 1
             settings.append(f"control.limits.{key} {inline(values[0] if is_same else list(values))}")
-    yield Assumed(f"by profile {profile.name}: {', '.join(settings) or 'nothing'}", True)
+    return f"by profile {profile.name}: {', '.join(settings) or 'nothing'}"

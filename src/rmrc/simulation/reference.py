@@ -5,7 +5,7 @@ recorded motion, which is a spline. `rmrc.simulation.trajectory` makes them. The
 end of the path; it lasts.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,11 +23,6 @@ POSE, TWIST = 7, 13
 BLOCK = 10_000
 
 
-def _zeros() -> Array:
-    return np.zeros(3)
-
-
-@dataclass(eq=False)
 class Curve:
     """A line or an arc, with a turn: a rest at a pose, until it gets an extent.
 
@@ -45,14 +40,11 @@ class Curve:
             is the rest at the end.
     """
 
-    pose: Array
-    straight: Array = field(default_factory=_zeros)
-    spoke: Array = field(default_factory=_zeros)
-    tangent: Array = field(default_factory=_zeros)
-    sweep: float = 0.0
-    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-    angle: float = 0.0
-    phases: Array = field(default_factory=lambda: np.array([[0.0, 1.0, 0.0, 0.0, 0.0]]))
+    def __init__(self, pose: Array, duration: float = 0.0) -> None:
+        """Rest at a pose for some time [s]."""
+        self.pose, self.axis, self.phases = pose, np.eye(3)[2], np.array([[duration, 1.0, 0.0, 0.0, 0.0]])
+        self.straight, self.spoke, self.tangent = np.zeros((3, 3))
+        self.sweep = self.angle = 0.0
 
     @property
     def duration(self) -> float:

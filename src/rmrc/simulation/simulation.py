@@ -16,10 +16,9 @@ from rmrc.results.columns import COLUMNS, Divergence, widths
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard, figures
 from rmrc.results.tally import Tally
-from rmrc.scenario import InverseSection
 from rmrc.scenario.choices import DAMPING_BELOW, read_by
 from rmrc.simulation.footprint import HELD, refuse_excess
-from rmrc.simulation.prepare import Prepared
+from rmrc.simulation.prepare import Prepared, expected_profile
 from rmrc.simulation.world import World, compile_for
 from rmrc.support.threads import side_by_side
 
@@ -238,7 +237,8 @@ def _no_columns(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
 def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run:
     """Return columns as the run of a world, which took no time and touched nothing."""
     arm, scenario = prepared.arm, prepared.scenario
-    chain = prepared.true_arm.chain
+    chain, inverse = prepared.true_arm.chain, scenario.control.inverse
+    read = read_by(inverse.method, inverse.damping.schedule)
     reach = 0.0 if arm.idle else chain.reach  # a joint without an actuator may move the links apart
     return Run(
         name=scenario.name,
@@ -255,18 +255,12 @@ def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run
         torque_limit=tuple(arm.torque_limit.tolist()) if prepared.plant.has_physics else (),
         view=prepared.task.view,
         chatter_floor=prepared.chatter_floor,
-        profile=prepared.expected_profile,
+        profile=expected_profile(scenario),
         rate_limit=tuple(prepared.law.rate_limit.tolist()),
-        damping_below=_damping_below(scenario.control.inverse),
+        damping_below=float(inverse.damping.below) if DAMPING_BELOW in read else 0.0,
         shoulder=tuple(chain.step[0].tolist()) if reach else (),
         reach=reach,
         screws=() if arm.idle else chain.screws,
         leaders=() if arm.idle else tuple(chain.leader.tolist()),
         joint_scale=() if arm.idle else tuple(prepared.task.joint_scale.tolist()),
     )
-
-
-def _damping_below(inverse: InverseSection) -> float:
-    """Return ε if the inverse in use reads it, or 0."""
-    read = read_by(inverse.method, inverse.damping.schedule)
-    return float(inverse.damping.below) if DAMPING_BELOW in read else 0.0

@@ -7,7 +7,7 @@ import numpy as np
 from rmrc.law.compiling import Method, Record, at, call, carray, compiled, pointer
 from rmrc.law.kinematics import follow_chain, follow_second, framed_error, geometric_jacobian
 from rmrc.law.priority import second_error
-from rmrc.law.sight import TORQUE_LIMITED, is_at_torque_limit, look, read_joints
+from rmrc.law.sight import TORQUE_LIMITED, is_at_torque_limit, look, read_at_joints, read_forces, read_joints
 from rmrc.law.svd import dot
 from rmrc.plants.engine import BAD_FIRST, BAD_LAST
 from rmrc.plants.fields import qpos_of
@@ -100,16 +100,13 @@ def sense(world: Record) -> None:
     read_joints(world)
     for j in range(world.n):
         tick.q[j], tick.q_believed[j], tick.qdot[j] = state.q[j], state.q[j], state.qdot[j]
-    if world.methods.sense != 0:
-        call(world.methods.sense, world)
+    read_forces(world)
     look(world)
     for i in range(POSE):
         tick.pose[i] = state.pose[i]
     if engine.positions != 0:  # those of all joints of the model are kept
-        qpos, row = at(engine.qpos, engine.nq), engine.next % engine.rows
-        positions = at(engine.positions + 8 * engine.nq * row, engine.nq)
-        for i in range(engine.nq):
-            positions[i] = qpos[i]
+        row = engine.next % engine.rows
+        at(engine.positions + 8 * engine.nq * row, engine.nq)[:] = qpos_of(world)
 
 
 @Method
@@ -131,9 +128,9 @@ def believe(world: Record) -> None:
 def read_loads(world: Record) -> None:
     """Read gravity compensation and slip of followers; add TORQUE_LIMITED and SLIPPED to the status."""
     engine, plant, tick = world.engine, world.plant, world.tick
-    compensation = at(engine.qfrc_gravcomp, engine.nv)
+    read_at_joints(world, engine.qfrc_gravcomp, tick.tau_gravity)
     for j in range(world.n):
-        tick.tau_gravity[j] = plant.gravity_apart[j] * compensation[engine.dof[j]]
+        tick.tau_gravity[j] *= plant.gravity_apart[j]
         if is_at_torque_limit(world, j):
             tick.status |= TORQUE_LIMITED
     if engine.followers == 0:
@@ -141,8 +138,6 @@ def read_loads(world: Record) -> None:
     qpos, tick.slip = qpos_of(world), 0.0
     for f in range(engine.followers):
         leader, ratio = engine.follows[f], engine.follower_ratio[f]
-        load = ratio * compensation[engine.follower_dof[f]]
-        tick.tau_gravity[leader] += plant.gravity_apart[leader] * load
         slip = qpos[engine.follower_qpos[f]] - engine.follower_offset[f] - ratio * tick.q[leader]
         tick.slip = max(tick.slip, abs(slip))
     if tick.slip > MOST_SLIP:

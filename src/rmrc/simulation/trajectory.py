@@ -140,9 +140,7 @@ class _Path:
 
     def hold(self, duration: float) -> None:
         """Add a rest at the present end [s]."""
-        rest = Curve(self.pose)
-        rest.phases[-1, 0] = duration
-        self.pieces.append(rest)
+        self.pieces.append(Curve(self.pose, duration))
 
     # Frames
 
@@ -225,7 +223,8 @@ class _Path:
 
     def _go(self, pose: Array) -> bool:
         """Go straight to a pose; return whether it is another one than the present."""
-        curve = Curve(self.pose, pose[:3] - self.pose[:3])
+        curve = Curve(self.pose)
+        curve.straight = pose[:3] - self.pose[:3]
         curve.axis, curve.angle = _shortest(pose[3:], self.pose[3:])
         is_another = bool(np.linalg.norm(curve.straight) >= _SMALLEST or curve.angle >= _SMALLEST)
         if is_another:

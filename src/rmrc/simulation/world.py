@@ -35,29 +35,26 @@ _Watch = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 
 # A model, the fields in which its copy differs, and data of the copy.
 _Spare: TypeAlias = tuple[mujoco.MjModel, tuple[str, ...], mujoco.MjData]
+_MOST_SPARES = 4
 
 
 class _Spares(threading.local):
     """Copies of models, with their data, that no world of this thread uses any more."""
 
-    MOST = 4
-
-    def __init__(self) -> None:
-        self.free: list[_Spare] = []
-
-    def take(self, base: mujoco.MjModel, fields: Mapping[str, Array]) -> _Spare:
-        """Return a copy of a model with other values in some fields, and data as if new."""
-        names = tuple(fields)
-        spare = next((one for one in self.free if one[0] is base and one[1] == names), None)
-        if spare:
-            self.free.remove(spare)
-        _, _, data = spare = spare or (base, names, mujoco.MjData(copy.copy(base)))
-        set_fields(data.model, fields)
-        mujoco.mj_resetData(data.model, data)
-        return spare
+    free: tuple[_Spare, ...] = ()
 
 
 _spares = _Spares()
+
+
+def _take(base: mujoco.MjModel, fields: Mapping[str, Array]) -> _Spare:
+    """Return a copy of a model with other values in some fields, and data as if new."""
+    fitting = [spare for spare in _spares.free if spare[0] is base and spare[1] == tuple(fields)]
+    spare = fitting[0] if fitting else (base, tuple(fields), mujoco.MjData(copy.copy(base)))
+    _spares.free = tuple(other for other in _spares.free if other is not spare)
+    set_fields(spare[2].model, fields)
+    mujoco.mj_resetData(spare[2].model, spare[2])
+    return spare
 
 
 def compile_for(prepared: Prepared) -> None:
@@ -105,7 +102,7 @@ class World:
         self.prepared = prepared
         base = plant.model()
         wiring = arm.wire(base)
-        self._spares = [_spares.take(base, plant.difference(base, wiring))]
+        self._spares = [_take(base, plant.difference(base, wiring))]
         self._data = self._spares[0][2]
         self._records = new_worlds(1, arm.n, _room(prepared))
         world = self._record = self._records[0]
@@ -115,7 +112,7 @@ class World:
         link(self._records, self._methods)
         self._begin(self._data)
         if not plant.knows_all:
-            self._spares.append(_spares.take(base, plant.known(base, wiring)))
+            self._spares.append(_take(base, plant.known(base, wiring)))
             self._begin(self._spares[1][2])
         self._wire(world["engine"], plant, wiring, self._spares[-1][2])
         mujoco.mj_step1(self._data.model, self._data)  # for tables that need the kinematics of the start
@@ -173,7 +170,6 @@ class World:
         n, followers = arm.n, len(arm.followers)
         has_drives = bool((wiring.actuator >= 0).all())  # the ideal plant needs none
         group["ctrl_at"][:n] = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
-        group["force_at"][:n] = model.actuator_outadr[wiring.actuator] if has_drives else -1
         group["followers"], group["mass_size"], group["body"] = followers, data.M.size, wiring.body
         if arm.is_fixed[arm.base]:
             group["base"] = -1
@@ -238,7 +234,7 @@ class World:
 
     def release(self) -> None:
         """Let the next world of this thread use its models; it must not go on."""
-        _spares.free = [*self._spares, *_spares.free][: _spares.MOST]
+        _spares.free = (*self._spares, *_spares.free)[:_MOST_SPARES]
 
     def end(self) -> None:
         """Have no next tick."""
