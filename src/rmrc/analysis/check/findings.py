@@ -43,10 +43,7 @@ CODES: dict[str, tuple[Level, str]] = {
     "motion-contact": ("warning", "bodies touched during one second of motion"),
     "torque-saturated": ("warning", "an actuator saturated during one second of motion"),
     "spring-load": ("warning", "a plant does not compensate for the spring of a joint"),
-    "follower-slip": (
-        "warning",
-        "a joint that follows another left its equality during one second of motion",
-    ),
+    "follower-slip": ("warning", "a follower left its equality during one second of motion"),
     "mujoco-warning": ("warning", "MuJoCo issued a warning during one second of motion"),
     "range-missing": ("note", "a joint has no range"),
     "acceleration-limit": ("note", "MJCF cannot express acceleration limits"),
