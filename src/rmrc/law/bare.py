@@ -181,19 +181,21 @@ class Law(SteppedLaw):
         Returns:
             Views that the next step overwrites. Unusable input brakes the joints: see `Command.problem`.
         """
-
-        def read() -> int:
+        try:
+            self._take_time(dt)
             self._take_each("J", J)
+            self._take_each("twist", twist)
+            bits = TWIST
             if q is None and self._needs_q:
                 raise QuestionError("q is needed: position limits or the null space depend on it")
-            bits = self._take_all(q=q, qdot=qdot)
-            self._take_each("twist", twist)
+            if q is not None or qdot is not None:
+                bits |= self._take_all(q=q, qdot=qdot)
             for name, values in (("error", error), ("gradient", gradient), ("qdot0", qdot0), ("M", M)):
                 if values is not None or self._reads[name]:
                     self._take_more(name, values)
-            return TWIST | bits
-
-        return self._step(dt, read)
+        except QuestionError as unusable:
+            return self._refuse(unusable)
+        return self._finish(bits)
 
     def _take_more(self, name: str, values: ArrayLike | None) -> None:
         """Write an optional argument where the law reads it.

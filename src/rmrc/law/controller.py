@@ -314,18 +314,19 @@ class Controller(SteppedLaw):
         Returns:
             Views that the next step overwrites.
         """
-
-        def read() -> int:
+        try:
+            self._take_time(dt)
             if self._data:
                 self._follow_chain()
             if self._unseen:
                 raise QuestionError(self._unseen)
             self._take_each("q", q)
-            return self._take_target(
+            bits = self._take_target(
                 frame, qdot=qdot, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target
             )
-
-        return self._step(dt, read)
+        except QuestionError as unusable:
+            return self._refuse(unusable)
+        return self._finish(bits)
 
     def step_data(
         self,
@@ -354,16 +355,17 @@ class Controller(SteppedLaw):
         Returns:
             Views that the next step overwrites.
         """
-
-        def read() -> int:
+        try:
+            self._take_time(dt)
             if not self._sees(data):
                 self._look_at(data)
-            self._refused |= {w: STALE for w, is_fresh in enumerate(self._are_fresh) if not is_fresh()}
-            return RATES | self._take_target(
+            self._refused = {w: STALE for w, is_fresh in enumerate(self._are_fresh) if not is_fresh()}
+            bits = self._take_target(
                 frame, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target
             )
-
-        return self._step(dt, read)
+        except QuestionError as unusable:
+            return self._refuse(unusable)
+        return self._finish(RATES | bits)
 
     def _take_target(self, frame: str, **arguments: ArrayLike | None) -> int:
         """Write the target, and other arguments, where the law reads them; return all bits.

@@ -190,29 +190,35 @@ class SteppedLaw:
                 bits |= BITS[name]
         return bits
 
-    def _step(self, dt: ArrayLike | None, read: Callable[[], int]) -> Command:
-        """Call the law, once the records hold all input; brake where that is not usable.
+    def _take_time(self, dt: ArrayLike | None) -> None:
+        """Write the time since the last step, the first argument of each; None: one period.
 
-        Args:
-            dt: Time since the last step; None: one period.
-            read: Writes the other arguments, and returns their bits.
+        Raises:
+            QuestionError: It is not a number.
         """
-        given, self._refused = 0, {}
-        try:
-            if dt is not None:
+        self._refused, self._timed = {}, 0
+        if dt is not None:
+            if isinstance(dt, float):
+                self._places["dt"][0].fill(dt)
+            else:
                 self._take("dt", dt)
-                given = TIMED
-            given |= read()
-        except QuestionError as unusable:
-            self.command.refusal, self._refused = str(unusable), {}
-            given |= REFUSED
+            self._timed = TIMED
+
+    def _refuse(self, why: QuestionError) -> Command:
+        """Brake because the input is not usable."""
+        self.command.refusal, self._refused = str(why), {}
+        return self._finish(REFUSED)
+
+    def _finish(self, bits: int) -> Command:
+        """Call the law, once the records hold all input, whose bits these are."""
+        given = bits | self._timed
         if given != self._last_given:
             self._given[:] = self._last_given = given
             if not given & RATES:  # rates of an earlier step are not measurements any more
                 self._worlds["state"]["qdot"] = math.nan
         if self._refused:
             self.command.refusal = "; ".join(dict.fromkeys(self._refused.values()))
-            self._given[list(self._refused)], self._last_given = REFUSED | given & TIMED, -1
+            self._given[list(self._refused)], self._last_given = REFUSED | self._timed, -1
         if self._watchdog is not None:
             self._look_at_the_clock(self._watchdog)
         if not self._steps:
