@@ -142,9 +142,9 @@ class SteppedLaw:
         place, shapes = self._places[name]
         if row is not None:
             place, shapes = place[row : row + 1], shapes[1:]
-        numbers = as_numbers(name, values)
-        is_other = name == "pose" and numbers.shape[-1:] != (7,)
-        taken = _quaternion_pose(numbers) if is_other else numbers
+        numbers = taken = as_numbers(name, values)
+        if name == "pose" and numbers.shape not in shapes:
+            taken = _quaternion_pose(numbers)
         if taken.shape not in shapes:
             forms = POSES if name == "pose" else " or ".join(map(str, shapes))
             advice = "" if self._is_single else f"; reset made a batch of {len(self._worlds)}"
@@ -196,7 +196,9 @@ class SteppedLaw:
         Raises:
             QuestionError: It is not a number.
         """
-        self._refused, self._timed = {}, 0
+        self._timed = 0
+        if self._refused:
+            self._refused = {}
         if dt is not None:
             if isinstance(dt, float):
                 self._places["dt"][0].fill(dt)
