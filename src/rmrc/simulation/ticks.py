@@ -100,7 +100,8 @@ def sense(world: Record) -> None:
     read_joints(world)
     for j in range(world.n):
         tick.q[j], tick.q_believed[j], tick.qdot[j] = state.q[j], state.q[j], state.qdot[j]
-    read_forces(world)
+    if engine.substeps > 0:
+        read_forces(world)
     look(world)
     for i in range(POSE):
         tick.pose[i] = state.pose[i]
@@ -128,11 +129,12 @@ def believe(world: Record) -> None:
 def read_loads(world: Record) -> None:
     """Read gravity compensation and slip of followers; add TORQUE_LIMITED and SLIPPED to the status."""
     engine, plant, tick = world.engine, world.plant, world.tick
-    read_at_joints(world, engine.qfrc_gravcomp, tick.tau_gravity)
-    for j in range(world.n):
-        tick.tau_gravity[j] *= plant.gravity_apart[j]
-        if is_at_torque_limit(world, j):
-            tick.status |= TORQUE_LIMITED
+    if engine.substeps > 0:
+        read_at_joints(world, engine.qfrc_gravcomp, tick.tau_gravity)
+        for j in range(world.n):
+            tick.tau_gravity[j] *= plant.gravity_apart[j]
+            if is_at_torque_limit(world, j):
+                tick.status |= TORQUE_LIMITED
     if engine.followers == 0:
         return
     qpos, tick.slip = qpos_of(world), 0.0
