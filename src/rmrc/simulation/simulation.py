@@ -41,17 +41,23 @@ class _Course:
     """The course of one world, from before its start until after its end.
 
     Attributes:
-        run: What is known of it so far; all of its columns if they are kept, else none.
         tally: What its metrics need to know of the ticks, if columns are not kept or a rule asks.
     """
 
     def __init__(self, prepared: Prepared, keeps: bool) -> None:
         self.prepared, self.keeps = prepared, keeps
         self.world: World | None = None
-        self.run = about(prepared, _no_columns(prepared) if keeps else {})
-        self.tally = Tally(self.run)
+        self._facts = about(prepared, _no_columns(prepared) if keeps else {})
+        self.tally = Tally(self._facts)
         self.warnings: dict[str, int] = {}
         self.has_ended = self.was_cut = False
+
+    @property
+    def run(self) -> Run:
+        """What is known of it so far; all of its columns if they are kept, else none."""
+        if self.world is None or not self.keeps:
+            return self._facts
+        return replace(self._facts, columns=self.world.columns(0, self.world.done))
 
     def step(
         self,
@@ -85,25 +91,24 @@ class _Course:
             if not self.keeps:
                 self._add()
             self.warnings = world.warnings
+            self._facts = self.run
             world.release()
             self.world, self.has_ended = None, True
 
     def _note(self, world: World, first: int, seconds: float, show: Callable[[Run], None] | None) -> None:
         """Note and show a piece, and add the ticks to the tally before their rows are used again."""
-        self.run = replace(
-            self.run, divergence=world.divergence, wall_time=self.run.wall_time + seconds,
-            columns=world.columns(0, world.done) if self.keeps else {},
-        )  # fmt: skip
+        so_far = self._facts.wall_time + seconds
+        self._facts = replace(self._facts, divergence=world.divergence, wall_time=so_far)
         if world.contacts:
             touching, resting = world.contacts.first, tuple(world.contacts.resting)
-            self.run = replace(self.run, touching=touching, resting=resting)
+            self._facts = replace(self._facts, touching=touching, resting=resting)
         if not self.keeps and (world.done % len(world.rows) == 0 or show):
             self._add()
-        if show and (world.done > first or self.run.divergence):
+        if show and (world.done > first or self._facts.divergence):
             columns = world.columns(first, world.done)
             if not self.keeps:
                 columns = {name: column.copy() for name, column in columns.items()}
-            show(replace(self.run, columns=columns))
+            show(replace(self._facts, columns=columns))
 
     def _add(self) -> None:
         if self.world is not None and self.world.done > self.tally.ticks:
@@ -114,7 +119,7 @@ class _Course:
         if self.keeps:
             return self.run.scorecard
         self._add()
-        return figures(self.run, self.tally)
+        return figures(self._facts, self.tally)
 
 
 class Simulation:
