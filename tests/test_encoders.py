@@ -72,7 +72,7 @@ def test_offsets_are_drawn_as_documented_and_again_the_same(scenario):
         "arm.encoder={offset: 0.1, deviation: [1 deg, 2 deg, 0.003, 0, 1 deg, 1 deg], seed: 5}",
     )
     first, again = prepare(scenario(*overrides)), prepare(scenario(*overrides))
-    assert_array_equal(first.hardware.encoders.offset, again.encoder_offset)
+    assert_array_equal(first.hardware.encoders.offset, again.hardware.encoders.offset)
     deviation = np.array([np.pi / 180, np.pi / 90, 0.003, 0, np.pi / 180, np.pi / 180])
     assert_allclose(
         first.hardware.encoders.offset, np.random.default_rng(5).normal(0.1, deviation), rtol=1e-15
