@@ -6,9 +6,9 @@ import tokenize
 
 from project import ROOT
 
-SOURCE_LINES = 35_500
-SOURCE_MODULES = 347
-TEST_LINES = 38_750
+SOURCE_LINES = 35_200
+SOURCE_MODULES = 342
+TEST_LINES = 37_650
 
 # Tokens that make no line a line of code.
 LAYOUT = {

@@ -19,7 +19,7 @@ from rmrc.law.sight import CHAIN_ALONE
 from rmrc.law.step import LARGEST, OVERDUE, PLACED, RATES, REFUSED, STOPPED, step
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import shortened
-from rmrc.support.spatial import exp_rotation
+from rmrc.support.spatial import exp_rotation, matrix_to_quat, quat_to_matrix
 
 # The most periods that are braked when no step came in time: any arm is at rest by then.
 MOST_LATE = 1_000_000
@@ -382,13 +382,8 @@ def _quaternion_pose(pose: Array) -> Array:
         return np.concatenate([pose[..., :3], exp_rotation(pose[..., 3:])], axis=-1)
     if pose.shape[-2:] != (4, 4):
         return pose
-    import mujoco  # a law without an arm has no poses and does not load it
-
-    poses = np.empty((*pose.shape[:-2], 7))
-    for T, row in zip(pose.reshape(-1, 4, 4), poses.reshape(-1, 7), strict=True):
-        row[:3], R, back = T[:3, 3], T[:3, :3].ravel(), np.empty(9)
-        mujoco.mju_mat2Quat(row[3:], R)
-        mujoco.mju_quat2Mat(back, row[3:])
-        if not np.abs([*(back - R), *(T[3] - LAST_ROW)]).max() <= SKEWEST:
-            row[3:] = np.nan
-    return poses
+    R = pose[..., :3, :3]
+    quat = matrix_to_quat(R)
+    skew = np.abs(quat_to_matrix(quat) - R).max((-2, -1)), np.abs(pose[..., 3, :] - LAST_ROW).max(-1)
+    quat[~(np.maximum(*skew) <= SKEWEST)] = np.nan
+    return np.concatenate([pose[..., :3, 3], quat], axis=-1)
