@@ -1,5 +1,6 @@
 """MuJoCo's compiler with this package's messages: errors of one line, warnings that Python can filter."""
 
+import threading
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -114,10 +115,14 @@ def quiet_log() -> None:
     config.set()
 
 
+# What hears the warnings is of the whole process: one thread at a time.
+_hearing = threading.RLock()
+
+
 @contextmanager
 def in_our_words(path: Path) -> Iterator[list[warnings.WarningMessage]]:
     """Yield the warnings that come, if the caller continues; an error is reported alone."""
-    with warnings.catch_warnings(record=True) as heard:
+    with _hearing, warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:
             with bounded_memory():

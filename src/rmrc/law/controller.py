@@ -42,6 +42,11 @@ from rmrc.scenario import ArmSection, ControlSource, TaskSection, read_controls,
 from rmrc.support import shipped
 from rmrc.support.errors import ModelError, ModelWarning, QuestionError
 from rmrc.support.legible import shortened
+from rmrc.support.spatial import exp_rotation
+
+# A matrix that differs more from that of its quaternion is no rotation.
+SKEWEST = 5e-4
+LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 
 ControlledModel: TypeAlias = "str | os.PathLike[str] | Arm | mujoco.MjModel | mujoco.MjSpec"
 """An MJCF or URDF file, the name of a shipped model, an Arm, or a loaded model."""
@@ -274,6 +279,22 @@ class Controller(SteppedLaw):
         return is_alike and all(map(is_, seen, self._data))
 
     # Steps ----------------------------------------------------------------------------------------
+
+    @np.errstate(all="ignore")  # the law reports numbers that are not finite
+    def _quaternion_pose(self, pose: Array) -> Array:
+        """Return poses as [p, quat w x y z], (..., 7), from any of their forms; NaN where none is one."""
+        if pose.shape[-1:] == (6,):
+            return np.concatenate([pose[..., :3], exp_rotation(pose[..., 3:])], axis=-1)
+        if pose.shape[-2:] != (4, 4):
+            return pose
+        poses = np.empty((*pose.shape[:-2], 7))
+        for T, row in zip(pose.reshape(-1, 4, 4), poses.reshape(-1, 7), strict=True):
+            row[:3], R, back = T[:3, 3], T[:3, :3].ravel(), np.empty(9)
+            mujoco.mju_mat2Quat(row[3:], R)
+            mujoco.mju_quat2Mat(back, row[3:])
+            if not np.abs([*(back - R), *(T[3] - LAST_ROW)]).max() <= SKEWEST:
+                row[3:] = np.nan
+        return poses
 
     def step(
         self,

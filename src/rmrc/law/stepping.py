@@ -19,7 +19,6 @@ from rmrc.law.sight import CHAIN_ALONE
 from rmrc.law.step import LARGEST, OVERDUE, PLACED, RATES, REFUSED, STOPPED, step
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import shortened
-from rmrc.support.spatial import exp_rotation, matrix_to_quat, quat_to_matrix
 
 # The most periods that are braked when no step came in time: any arm is at rest by then.
 MOST_LATE = 1_000_000
@@ -31,9 +30,6 @@ BITS = {
     "q_target": POSITION_TARGET, "qdot_target": RATE_TARGET,
 }  # fmt: skip
 POSES = "(7,), (6,) or (4, 4)"
-# A matrix that differs more from that of its quaternion is no rotation.
-SKEWEST = 5e-4
-LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 # What `reset` makes anew, with addresses in this process.
 REMADE = {
     "_worlds", "_methods", "_steps", "_places", "_given", "_shadow", "command",
@@ -144,7 +140,7 @@ class SteppedLaw:
             place, shapes = place[row : row + 1], shapes[1:]
         numbers = taken = as_numbers(name, values)
         if name == "pose" and numbers.shape not in shapes:
-            taken = _quaternion_pose(numbers)
+            taken = self._quaternion_pose(numbers)
         if taken.shape not in shapes:
             forms = POSES if name == "pose" else " or ".join(map(str, shapes))
             advice = "" if self._is_single else f"; reset made a batch of {len(self._worlds)}"
@@ -154,6 +150,10 @@ class SteppedLaw:
             raise QuestionError(f"{name} must be {forms}, got {got}{advice}")
         place[...] = taken
         return place
+
+    def _quaternion_pose(self, pose: Array) -> Array:
+        """Return poses as [p, quat w x y z], (..., 7), from the other forms that a law takes."""
+        return pose
 
     def _take_each(self, name: str, values: Any) -> None:
         """Write an argument of a step; of a batch, rows that are not usable are refused alone.
@@ -373,17 +373,3 @@ def as_numbers(name: str, values: Any) -> Array:
     except Exception:  # any error of an object that is no array
         raise QuestionError(f"{name} must be numbers, got {type(values).__name__}") from None
     raise QuestionError(f"{name} must be real, got complex numbers")
-
-
-@np.errstate(all="ignore")  # the law reports numbers that are not finite
-def _quaternion_pose(pose: Array) -> Array:
-    """Return poses as [p, quat w x y z], (..., 7), from any of their forms; NaN for what is no rotation."""
-    if pose.shape[-1:] == (6,):
-        return np.concatenate([pose[..., :3], exp_rotation(pose[..., 3:])], axis=-1)
-    if pose.shape[-2:] != (4, 4):
-        return pose
-    R = pose[..., :3, :3]
-    quat = matrix_to_quat(R)
-    skew = np.abs(quat_to_matrix(quat) - R).max((-2, -1)), np.abs(pose[..., 3, :] - LAST_ROW).max(-1)
-    quat[~(np.maximum(*skew) <= SKEWEST)] = np.nan
-    return np.concatenate([pose[..., :3, 3], quat], axis=-1)

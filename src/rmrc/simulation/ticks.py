@@ -101,13 +101,28 @@ def sense(world: Record) -> None:
     for j in range(world.n):
         tick.q[j], tick.q_believed[j], tick.qdot[j] = state.q[j], state.q[j], state.qdot[j]
     if engine.substeps > 0:
-        read_forces(world)
+        if engine.drive_count > 0:
+            read_forces(world)
+        else:
+            read_drives(world)
     look(world)
     for i in range(POSE):
         tick.pose[i] = state.pose[i]
     if engine.positions != 0:  # those of all joints of the model are kept
         row = engine.next % engine.rows
         at(engine.positions + 8 * engine.nq * row, engine.nq)[:] = qpos_of(world)
+
+
+@compiled
+def read_drives(world: Record) -> None:
+    """Write tau of the last step: the forces of the drives that a plant added, with their compensation.
+
+    Other actuators may act on the arm as well, such as those of tendons.
+    """
+    engine, tau, force = world.engine, world.tick.tau, at(world.engine.actuator_force, world.engine.nu)
+    read_at_joints(world, engine.qfrc_gravcomp, tau)
+    for j in range(world.n):
+        tau[j] = force[engine.force_at[j]] + (1.0 - world.plant.gravity_apart[j]) * tau[j]
 
 
 @Method

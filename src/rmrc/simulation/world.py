@@ -170,6 +170,7 @@ class World:
         n, followers = arm.n, len(arm.followers)
         has_drives = bool((wiring.actuator >= 0).all())  # the ideal plant needs none
         group["ctrl_at"][:n] = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
+        group["force_at"][:n] = model.actuator_outadr[wiring.actuator] if has_drives else -1
         group["followers"], group["mass_size"], group["body"] = followers, data.M.size, wiring.body
         if arm.is_fixed[arm.base]:
             group["base"] = -1
