@@ -271,7 +271,7 @@ def resolve_rates(
         error: Norm of the task error, for the schedule `error`.
         parameters: Parameters by their key below `control.inverse`, with `_` for the dots, as in
             `damping_maximum=0.2`. The others are those of a scenario, with λ_max = 0.1 and ε = 0.3, which fit
-            links of a metre.
+            links of a meter.
 
     Returns:
         Joint rates, (n,).
