@@ -124,8 +124,8 @@ class Forces(NamedTuple):
 def forces(model: mujoco.MjModel, joints: Sequence[int]) -> Forces:
     """Return what can be given to some joints; a position servo takes the command before other actuators."""
     n = len(joints)
-    none, all_ = np.full(n, -1), np.tile([[-np.inf], [np.inf]], n)
-    result = Forces(none, np.ones(n), all_, all_.copy())
+    unlimited = np.tile([[-np.inf], [np.inf]], n)
+    result = Forces(np.full(n, -1), np.ones(n), unlimited, unlimited.copy())
     for j, joint in enumerate(joints):
         if model.jnt_actfrclimited[joint]:
             result.torque[:, j] = model.jnt_actfrcrange[joint]
