@@ -3,6 +3,7 @@
 import io
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from rmrc.results.scorecard import Figure, Scorecard, scorecard
 from rmrc.scenario import Check
 from rmrc.scenario.choices import IN_RUNS
 from rmrc.show import sheets
+from rmrc.show.sheets import as_markdown
 from rmrc.show.terminal import render
 from rmrc.study import compare_table
 from rmrc.study.compare_table import flipped
@@ -53,7 +55,7 @@ def table(rows, stated=()):
 
 
 def markdown(rows, stated=()):
-    return compare_table.markdown(table(rows, stated))
+    return as_markdown(replace(table(rows, stated), title=""))
 
 
 def printed(rows, width=100, stated=()):

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
@@ -145,9 +146,9 @@ def compare(
     Expectations do not change the exit code; the table lists those that were missed.
     """
     from rmrc.results import loads
+    from rmrc.show.sheets import as_markdown
     from rmrc.show.terminal import render
     from rmrc.study import ci
-    from rmrc.study.compare_table import markdown
     from rmrc.study.run import Job
 
     console = output(quiet)
@@ -157,12 +158,12 @@ def compare(
         table = job.table()
         suites = [
             ci.suite(f"{job.name} {label}", one, job.failures)
-            for label, one in zip(job.runs, job.results, strict=True)
+            for label, one in zip(job.labels, job.results, strict=True)
         ]
-        files.write(job.name, suites, markdown(table))
+        files.write(job.name, suites, as_markdown(replace(table, title="")))
     console.print(render([table]))
     _list(console, job, files.paths)
-    for label, one in zip(job.runs, job.results, strict=True):
+    for label, one in zip(job.labels, job.results, strict=True):
         for line in loads.told(one.scorecard, one.prepared.scenario.expect):
             complain(f'variant "{label}": {line}')
         if one.divergence:

@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 
 UNDEFINED = "-"
 
@@ -32,12 +33,19 @@ class Sheet:
 
 
 def as_markdown(sheet: Sheet) -> str:
-    """Return a sheet as markdown, its title as a heading and its notes as paragraphs."""
-    rules = ["---" if column in sheet.left else "---:" for column in range(len(sheet.headings))]
-    head, *body = (" | ".join(map(escaped, row)) for row in (sheet.headings, *sheet.rows))
-    table = [f"| {row} |" for row in (head, " | ".join(rules), *body)] if sheet.headings else []
-    title = [f"## {sheet.title}"] if sheet.title else []
-    return "\n\n".join([*title, *filter(None, ["\n".join(table)]), *map(escaped, sheet.notes)])
+    """Return a sheet as markdown, its title as a heading and its notes as paragraphs.
+
+    Each group of columns is a table of its own, because a page or a recording is narrow.
+    """
+    rules = tuple("---" if column in sheet.left else "---:" for column in range(len(sheet.headings)))
+    head, *body = (tuple(map(escaped, row)) for row in (sheet.headings, *sheet.rows))
+    ends = accumulate(sheet.groups or [len(sheet.headings) - 1], initial=1)
+    parts = [f"## {sheet.title}"] if sheet.title else []
+    for first, last in pairwise(ends) if sheet.headings else ():
+        parts.append(
+            "\n".join(f"| {' | '.join((row[0], *row[first:last]))} |" for row in (head, rules, *body))
+        )
+    return "\n\n".join([*parts, *map(escaped, sheet.notes)])
 
 
 def escaped(text: str) -> str:

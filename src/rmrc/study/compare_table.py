@@ -2,15 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from itertools import accumulate, pairwise
 
 import numpy as np
 
 from rmrc.results.metrics import joint_changes
 from rmrc.results.run import Run
 from rmrc.scenario.choices import IN_RUNS
-from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, number
+from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.study.study import Ran
 
 # A joint that ends this far from its start has flipped [rad]; a sliding one by that share of the
@@ -53,17 +51,6 @@ def table(name: str, labels: Sequence[str], results: Sequence[Ran], stated: Mapp
     note = f'"-": the expectations of the scenario are for {law}; they are not checked for other choices.'
     left = frozenset({0, len(heading) - 2, len(heading) - 1})
     return Sheet(name, heading, rows, left, tuple(map(len, groups)), (note,) if law else ())
-
-
-def markdown(sheet: Sheet) -> str:
-    """Return the table as Markdown: a narrow one per group of columns, to fit the recording."""
-    parts = []
-    for first, last in pairwise(accumulate(sheet.groups, initial=1)):
-        heading, *rows = ((row[0], *row[first:last]) for row in (sheet.headings, *sheet.rows))
-        left = frozenset({0, *(column - first + 1 for column in sheet.left if first <= column < last)})
-        parts.append(Sheet("", heading, rows, left))
-    parts[-1] = replace(parts[-1], notes=sheet.notes)
-    return "\n\n".join(map(as_markdown, parts)) + "\n"
 
 
 def flipped(run: Run) -> str:

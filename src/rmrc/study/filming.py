@@ -4,7 +4,6 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from rmrc.results.run import Run, read_runs
 from rmrc.scenario import Source, Variant, block, draft_of, grid, loads
@@ -12,6 +11,7 @@ from rmrc.simulation.prepare import Prepared
 from rmrc.study.study import Study
 from rmrc.study.verbs import Values
 from rmrc.support.errors import QuestionError, ScenarioError
+from rmrc.support.files import reading
 from rmrc.support.legible import visible
 
 Worlds = dict[str, tuple[Prepared, Run]]
@@ -72,8 +72,7 @@ def worlds_of(source: Source, variants: Sequence[Variant] = (), overrides: Seque
     """
     if isinstance(source, str | os.PathLike) and Path(source).suffix in SUFFIXES:
         if variants or overrides:
-            name = visible(str(source))
-            raise QuestionError(f"{name}: is a finished run whose keys cannot change; give the scenario")
+            raise QuestionError(f"{source}: is a finished run whose keys cannot change; give the scenario")
         return saved(Path(source))
     study = Study(draft_of(source).overridden(overrides))
     worlds = study.prepare_all(variants) if variants else [study.prepare()]
@@ -94,16 +93,14 @@ def saved(path: Path) -> Worlds:
     """
     runs, beside = read_runs(path.with_suffix(".npz")), path.with_suffix(".json")
     name = visible(str(beside))
+    if not beside.exists():
+        raise QuestionError(f"{name}: is missing; `run` and `compare` write it, and it names the model")
+    with reading(beside, f"what a run left beside {path.stem}.npz"):
+        facts = json.loads(beside.read_text("utf-8"))
+        each = facts.get("variants") or [facts | {"label": facts["name"]}]
+        scenarios = {one["label"]: one["scenario"] for one in each}
+        texts = {label: block(scenarios[label]) for label in runs}
     try:
-        facts: dict[str, Any] = json.loads(beside.read_text("utf-8"))
-        variants = facts.get("variants") or [facts | {"label": facts["name"]}]
-        scenarios = {one["label"]: one["scenario"] for one in variants}
-        return {label: (Study(loads(block(scenarios[label]))).prepare(), run) for label, run in runs.items()}
-    except FileNotFoundError:
-        raise QuestionError(
-            f"{name}: is missing; `run` and `compare` write it, and it names the model"
-        ) from None
+        return {label: (Study(loads(texts[label])).prepare(), run) for label, run in runs.items()}
     except ScenarioError as error:
         raise QuestionError(f"{name}: can no longer be drawn: {error.problems[0]}") from None
-    except (ValueError, LookupError, TypeError, AttributeError):
-        raise QuestionError(f"{name}: is damaged, or belongs to another run than {path.stem}.npz") from None

@@ -9,6 +9,7 @@ from typing import Any
 from rmrc.recording import unlogged
 from rmrc.results.expectations import check
 from rmrc.results.run import Run
+from rmrc.show.sheets import as_markdown
 from rmrc.show.tables import markdown
 from rmrc.simulation.prepare import Prepared
 from rmrc.study import compare_table
@@ -71,7 +72,7 @@ def _write_all(worlds: Worlds, facts: Sequence[dict[str, Any]], recording: Path)
             results.append(Ran(index, prepared, run.scorecard, outcomes, run.divergence, False, False, run))
             stated |= facts[index].get("expected_of_others", {})
         table = compare_table.table(name, list(worlds), results, stated)
-        overlay.finish(compare_table.markdown(table))
+        overlay.finish(as_markdown(replace(table, title="")))
 
 
 def _blocks(run: Run) -> Iterator[Run]:

@@ -1,9 +1,10 @@
 """Run a scenario beside its baseline, or variants side by side; record them, and write files at the end."""
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial, reduce
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from rmrc.results import facts
 from rmrc.results.leaving import Leaving, array_size, refuse_unwritable
 from rmrc.results.run import Run, Runs, save_runs
 from rmrc.scenario import Scenario, Source, Variant, choices, draft_of
-from rmrc.show.sheets import Sheet
+from rmrc.show.sheets import Sheet, as_markdown
 from rmrc.show.tables import markdown
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared
@@ -37,7 +38,7 @@ class Job:
     """
 
     def __init__(
-        self, source: Source, folder: Path | None = None, record: bool = True,
+        self, source: Source, folder: str | PathLike[str] | None = None, record: bool = True,
         variants: Sequence[Variant] = (), overrides: Sequence[str] = (),
     ) -> None:  # fmt: skip
         """Check all that can be checked before anything moves.
@@ -54,20 +55,29 @@ class Job:
             OSError: The files cannot be written.
         """
         written = draft_of(source)
-        self._overrides, self.variants = tuple(overrides), tuple(variants)
-        self._study = Study(written.overridden(overrides))
+        self._study, self._overrides = Study(written.overridden(overrides)), tuple(overrides)
         prepare_all, prepare_beside = self._study.prepare_all, self._study.prepare_beside
+        self.variants = tuple(variants)
         self.worlds = prepare_all(self.variants) if variants else prepare_beside()
-        try:
+        self._written = self.worlds[0].scenario
+        self.name, self._records = self._written.name, record and folder is not None
+        with suppress(ScenarioError):  # without the overrides, it may be incomplete
             self._written = written.scenario()
-        except ScenarioError:  # the overrides complete it
-            self._written = self.worlds[0].scenario
-        self.name, self._records = self.worlds[0].scenario.name, record and folder is not None
         stem, kinds = f"{self.name}{'.compare' * bool(variants)}", (".rrd", ".npz", ".json")
-        self.files = [folder / f"{stem}{kind}" for kind in kinds[not record :]] if folder else []
+        self.files = [Path(folder, f"{stem}{kind}") for kind in kinds[not record :]] if folder else []
         self.results, self.interrupted, self.failures = tuple[Ran, ...](), False, list[str]()
         refuse_excess(self.worlds, recorded=self._records)
         refuse_unwritable(self.files, sum(map(_size_of, self.worlds)), ", or shorten target.path")
+
+    @property
+    def labels(self) -> list[str]:
+        """Labels of the variants, or the name of the scenario."""
+        return [variant.label for variant in self.variants] or [self.name]
+
+    @property
+    def runs(self) -> Runs:
+        """The runs of the variants, or that of the scenario, by label."""
+        return Runs((label, one.run) for label, one in zip(self.labels, self.results, strict=False))
 
     def compile(self) -> None:
         """Load the compiled law, or compile it on first use, which takes seconds."""
@@ -102,16 +112,10 @@ class Job:
             self.files = [path for path in self.files if path in leaving.files]
             self.interrupted, self.failures = stop.is_set(), leaving.failures
 
-    @property
-    def runs(self) -> Runs:
-        """The runs of the variants by their labels, or that of the scenario by its name."""
-        labels = [variant.label for variant in self.variants] or [self.name]
-        return Runs((label, one.run) for label, one in zip(labels, self.results, strict=False))
-
     def table(self) -> Sheet:
         """Return the table of variants."""
         stated = dict(pair for one in self.results for pair in self._stated_for(one).items())
-        return compare_table.table(self.name, list(self.runs), self.results, stated)
+        return compare_table.table(self.name, self.labels, self.results, stated)
 
     def _recording(self) -> tuple[Any, Watcher]:
         """Return a new recording, and the function that writes a block of ticks to it."""
@@ -120,17 +124,16 @@ class Job:
             from rmrc.recording.single import Recorder
 
         if self.variants:
-            worlds = zip((variant.label for variant in self.variants), self.worlds, strict=True)
-            overlay = Overlay(self.files[0], self.name, list(worlds))
+            worlds = list(zip(self.labels, self.worlds, strict=True))
+            overlay = Overlay(self.files[0], self.name, worlds)
             return overlay, overlay.write
         recorder = Recorder(self.files[0], *self.worlds)
-        writers = recorder.write, recorder.write_baseline
-        return recorder, lambda index, part: writers[index](part)
+        return recorder, lambda index, part: (recorder.write, recorder.write_baseline)[index](part)
 
     def _markdown(self) -> str:
         """Return the metrics that a recording shows."""
         if self.variants:
-            return compare_table.markdown(self.table())
+            return as_markdown(replace(self.table(), title=""))
         (one, *beside) = self.results
         return markdown(one.scorecard, one.outcomes, beside[0].scorecard if beside else None)
 
@@ -178,9 +181,8 @@ class Job:
 
 
 def _size_of(one: Prepared) -> int:
-    """Return the memory for the columns of a world [B]."""
-    n = one.arm.n
-    return array_size(one.reference.ticks, n, min(n, len(one.task.rows)), len(one.qpos))
+    """Return the size of the columns of a world [B]."""
+    return array_size(one.reference.ticks, one.arm.n, min(one.arm.n, len(one.task.rows)), len(one.qpos))
 
 
 def _choices(one: Scenario) -> dict[str, str]:

@@ -42,7 +42,7 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
         >>> found.scorecard["position_error.max"].unit
         'm'
     """
-    return next(iter(_runs(Job(scenario, _folder(out), record)).values()))
+    return next(iter(_runs(Job(scenario, out, record)).values()))
 
 
 def compare(
@@ -69,11 +69,7 @@ def compare(
         >>> list(runs)
         ['inverse', 'damped']
     """
-    return _runs(Job(scenario, _folder(out), record, grid(vary)))
-
-
-def _folder(out: str | os.PathLike[str] | None) -> Path | None:
-    return None if out is None else Path(out)
+    return _runs(Job(scenario, out, record, grid(vary)))
 
 
 def _runs(job: Job) -> Runs:
@@ -149,7 +145,7 @@ def sweep(
     one = draft_of(scenario).scenario()
     one = one.set({f"sweep.{key}": value for key, value in section.items() if value is not None})
     with TemporaryDirectory(prefix="rmrc-") as temporary:
-        with Sweep(one, (), _folder(out) or Path(temporary), threads, cluster) as work:
+        with Sweep(one, (), Path(out or temporary), threads, cluster) as work:
             if work.run(on_runs).interrupted:
                 raise KeyboardInterrupt
         return work.dataset.table()

@@ -7,12 +7,10 @@ commands, τ + T/2 + T₁. Threads search several limits at a time.
 import math
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
-
-import numpy as np
 
 from rmrc.scenario import Change, Scenario, Source, changes_of
 from rmrc.simulation.prepare import Prepared
@@ -35,9 +33,9 @@ _SHARE = 0.9
 # With this share of the ideal plant's limit, a loop shows its stability quickly.
 _QUICK = 0.25
 
-_NAMES = "gain", "delay", "lag"
 
 OnRuns = Callable[[int], None]
+_Judge = Callable[[Sequence[Change]], Judged | None]
 
 
 class Edge(NamedTuple):
@@ -95,23 +93,29 @@ class Margins:
 
     Attributes:
         scenario: The scenario.
-        late: Dead time of its commands, and the longest lag [s].
         written: Judgment of the loop as written; None: interrupted before.
         gain: Factor on control.feedback at the limit; below 1 if the loop is unstable as written.
         delay: Dead time that can be added [s]; None if the loop is unstable as written.
         lag: Lag that can be added at every joint [s]; None as for `delay`.
-        runs: Number of runs.
         interrupted: Whether Ctrl-C ended the search.
     """
 
     scenario: Scenario
-    late: tuple[float, float]
     written: Judged | None
     gain: Margin
     delay: Margin | None
     lag: Margin | None
-    runs: int
     interrupted: bool
+
+    @property
+    def late(self) -> tuple[float, float]:
+        """Dead time of its commands, and the longest lag [s]."""
+        return lateness(self.scenario)
+
+    @property
+    def runs(self) -> int:
+        """Number of runs; as written, all limits share them."""
+        return 2 * (1 + sum(len(one.tried) - 1 for one in self.all))
 
     @property
     def is_stable(self) -> bool:
@@ -125,11 +129,7 @@ class Margins:
 
 
 def margins(
-    scenario: Source,
-    *,
-    accuracy: float = ACCURACY,
-    threads: int | None = None,
-    on_runs: OnRuns | None = None,
+    scenario: Source, *, accuracy: float = ACCURACY, threads: int | None = None, on_runs: OnRuns | None = None
 ) -> Margins:
     """Find by simulation how much more gain, delay and lag a loop tolerates before it is unstable.
 
@@ -183,16 +183,19 @@ def margins_of(
     Raises:
         ScenarioError: A setting is wrong, or a run does not fit into memory.
     """
-    judge = _Judge(study, stop, on_runs)
-    loops = [_Loop(judge.prepare(base), base) for base in settings]
+    judge = _judge(study, stop, on_runs)
+    loops = [study.prepare(base) for base in settings]
     with ThreadPoolExecutor(threads) as pool:
-        written = pool.map(lambda loop: judge(loop.changes("gain", 1.0)), loops)
-        for loop, judgment in zip(loops, written, strict=True):
-            if judgment is not None:
-                loop.begin(judgment)
-        searches = [(loop, name) for loop in loops for name in loop.tried if loop.written]
-        list(pool.map(lambda search: _close_in(judge, accuracy, *search), searches))
-    return [loop.margins(is_interrupted=stop.is_set()) for loop in loops]
+        written = list(pool.map(judge, settings))
+        searches = [
+            [pool.submit(_close_in, judge, base, limit, one, accuracy) for limit in _limits(loop, one)]
+            for base, loop, one in zip(settings, loops, written, strict=True)
+        ]
+        found = [{one.name: one for one in (search.result() for search in some)} for some in searches]
+    return [
+        Margins(loop.scenario, one, some["gain"], some.get("delay"), some.get("lag"), stop.is_set())
+        for loop, one, some in zip(loops, written, found, strict=True)
+    ]
 
 
 def bears(
@@ -218,127 +221,115 @@ def bears(
     Raises:
         ScenarioError: A setting is wrong, or a run does not fit into memory.
     """
-    judge = _Judge(study, stop or threading.Event())
+    judge = _judge(study, stop or threading.Event())
+    loops = [study.prepare(base).scenario for base in settings]
 
-    def is_borne(base: Sequence[Change]) -> bool | None:
-        loop, judgment = _Loop(judge.prepare(base), base), None
-        for by in dict.fromkeys((max(factor, _QUICK * loop.ideal("gain")), factor)):
-            judgment = judge(loop.changes("gain", by))
+    def is_borne(base: Sequence[Change], loop: Scenario) -> bool | None:
+        feedback = loop.control.feedback
+        quick = _QUICK * edge_gain(loop.control.period, *lateness(loop))
+        for tried in sorted({factor * feedback, max(factor * feedback, quick)}, reverse=True):
+            judgment = judge((*base, *changes_of({"control.feedback": tried})))
             if judgment is None or not judgment.is_unstable:
-                break
-        return None if judgment is None else not judgment.is_unstable
+                return None if judgment is None else True
+        return False
 
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(is_borne, settings))
+        return list(pool.map(is_borne, settings, loops))
 
 
-class _Judge:
-    """Judges settings of a scenario, from any thread; one prepares at a time."""
+def _judge(study: Study, stop: threading.Event, on_runs: OnRuns | None = None) -> _Judge:
+    """Return the function that judges a setting, in any thread; one prepares at a time."""
+    lock = threading.Lock()
 
-    def __init__(self, study: Study, stop: threading.Event, on_runs: OnRuns | None = None) -> None:
-        self._study, self._stop, self._on_runs, self._lock = study, stop, on_runs, threading.Lock()
-
-    def prepare(self, changes: Sequence[Change]) -> Prepared:
-        with self._lock:
-            return self._study.prepare(changes)
-
-    def __call__(self, changes: Sequence[Change]) -> Judged | None:
-        judgment = None if self._stop.is_set() else judged(self.prepare(changes), self._stop)
-        with self._lock:
-            if judgment and self._on_runs:
-                self._on_runs(2)
+    def judge(changes: Sequence[Change]) -> Judged | None:
+        with lock:
+            prepared = study.prepare(changes)
+        judgment = None if stop.is_set() else judged(prepared, stop)
+        if judgment and on_runs:
+            with lock:
+                on_runs(2)
         return judgment
 
-
-class _Loop:
-    """A loop, and the judgments of its search for each limit, by factor."""
-
-    def __init__(self, prepared: Prepared, base: Sequence[Change]) -> None:
-        self.scenario, self._base, self._duration = prepared.scenario, base, prepared.reference.duration
-        self._feedback, self._period = self.scenario.control.feedback, self.scenario.control.period
-        self._delay, self._lag = lateness(self.scenario)
-        self._late = self._delay + self._lag + 0.5 * self._period
-        self.written: Judged | None = None
-        self.tried: dict[str, dict[float, Judged]] = {"gain": {}}
-
-    def begin(self, written: Judged) -> None:
-        """Begin the searches that follow the judgment of the loop as written."""
-        self.written = written
-        names = _NAMES[:1] if written.is_unstable else _NAMES
-        self.tried = {name: {1.0: written} for name in names}
-
-    def changes(self, name: str, factor: float) -> tuple[Change, ...]:
-        """Return the changes that make a setting."""
-        plant, more = self.scenario.plant, (factor - 1.0) * self._late
-        lags = (np.atleast_1d(plant.lag) + more).tolist()
-        setting = {
-            "gain": {"control.feedback": self._feedback * factor},
-            "delay": {"plant.delay": plant.delay + more},
-            "lag": {"plant.lag": lags if len(lags) > 1 else lags[0]},
-        }[name]
-        return (*self._base, *changes_of(setting))
-
-    def ideal(self, name: str) -> float:
-        """Return the factor at the limit of the ideal plant."""
-        feedback, period, delay, lag = self._feedback, self._period, self._delay, self._lag
-        if name == "gain":
-            return edge_gain(period, delay, lag) / feedback
-        longer = edge_delay(feedback, period, lag) if name == "delay" else edge_lag(feedback, period, delay)
-        return 1.0 + max(0.0, longer - (delay if name == "delay" else lag)) / self._late
-
-    def bounds(self, name: str) -> tuple[float, float]:
-        """Return the smallest and the largest factor of a search."""
-        ideal = self.ideal(name)
-        if name == "gain":
-            return min(_LOWEST, 0.1 * ideal), _BEYOND * max(1.0, ideal)
-        most = _BEYOND * (ideal if ideal < math.inf else 1.0 + 1.0 / (self._feedback * self._late))
-        if name == "delay":
-            most = min(most, 1.0 + (_SHARE * self._duration - self.scenario.plant.delay) / self._late)
-        return 1.0, max(1.0, most)
-
-    def edge(self, name: str) -> Edge:
-        """Return the present interval of factors."""
-        tried = self.tried[name]
-        high = min((factor for factor, judgment in tried.items() if judgment.is_unstable), default=math.inf)
-        return Edge(max((factor for factor in tried if factor < high), default=0.0), high)
-
-    def margin(self, name: str) -> Margin:
-        """Return the result of a search, in factors of the feedback or in times."""
-
-        def value(factor: float) -> float:
-            return factor if name == "gain" else (factor - 1.0) * self._late
-
-        low, high = self.edge(name)
-        rule = 1.0 / (self._feedback * self._late)
-        tried = tuple((value(factor), judgment) for factor, judgment in sorted(self.tried[name].items()))
-        edge = Edge(value(low) if low else 0.0, value(high))
-        return Margin(name, edge, value(self.bounds(name)[1]), value(self.ideal(name)), value(rule), tried)
-
-    def margins(self, *, is_interrupted: bool) -> Margins:
-        """Return all results."""
-        runs = 2 * (1 + sum(len(tried) - 1 for tried in self.tried.values()))  # as written: once
-        gain, delay, lag = (self.margin(name) if name in self.tried else None for name in _NAMES)
-        assert gain is not None
-        late = self._delay, self._lag
-        return Margins(self.scenario, late, self.written, gain, delay, lag, runs, is_interrupted)
+    return judge
 
 
-def _close_in(judge: _Judge, accuracy: float, loop: _Loop, name: str) -> None:
+class _Limit(NamedTuple):
+    """What is searched: a factor of the feedback, or of the total lateness of commands, τ + T/2 + T₁.
+
+    Attributes:
+        name: Name of the margin.
+        ideal: Factor at the limit of the ideal plant.
+        rule: Factor by the rule of thumb.
+        least: Smallest factor of the search.
+        most: Largest factor.
+        setting: Function from a reported value to its setting.
+        late: The total lateness, if the reported value is the additional time [s]; None: it is the factor.
+    """
+
+    name: str
+    ideal: float
+    rule: float
+    least: float
+    most: float
+    setting: Callable[[float], dict[str, object]]
+    late: float | None = None
+
+    def value(self, factor: float) -> float:
+        """Return the reported value."""
+        return factor if self.late is None else (factor - 1.0) * self.late
+
+
+def _limits(prepared: Prepared, written: Judged | None) -> Iterator[_Limit]:
+    """Yield the limits to search for: the gain's, and the others of a loop that is stable as written."""
+    scenario, plant = prepared.scenario, prepared.scenario.plant
+    feedback, period, (delay, lag) = scenario.control.feedback, scenario.control.period, lateness(scenario)
+    late = delay + lag + 0.5 * period
+    rule = 1.0 / (feedback * late)
+
+    def lags(more: float) -> object:
+        return [one + more for one in plant.lag] if isinstance(plant.lag, tuple) else plant.lag + more
+
+    ideal = edge_gain(period, delay, lag) / feedback
+    least, most = min(_LOWEST, 0.1 * ideal), _BEYOND * max(1.0, ideal)
+    yield _Limit("gain", ideal, rule, least, most, lambda factor: {"control.feedback": factor * feedback})
+    if written is None or written.is_unstable:
+        return
+    ideal = 1.0 + max(0.0, edge_delay(feedback, period, lag) - delay) / late
+    most = max(1.0, min(_BEYOND * ideal, 1.0 + (_SHARE * prepared.reference.duration - plant.delay) / late))
+    yield _Limit("delay", ideal, rule, 1.0, most, lambda more: {"plant.delay": plant.delay + more}, late)
+    ideal = 1.0 + max(0.0, edge_lag(feedback, period, delay) - lag) / late
+    most = _BEYOND * (ideal if ideal < math.inf else 1.0 + rule)
+    yield _Limit("lag", ideal, rule, 1.0, most, lambda more: {"plant.lag": lags(more)}, late)
+
+
+def _close_in(
+    judge: _Judge, base: Sequence[Change], limit: _Limit, written: Judged | None, accuracy: float
+) -> Margin:
     """Search a limit by ever longer steps from below that of the ideal plant, then by bisection."""
-    (low, high), (least, most), tried = loop.edge(name), loop.bounds(name), loop.tried[name]
-    factor = min(max(_FIRST * loop.ideal(name), least, low), most, high)
+    tried = {1.0: written} if written else {}
+
+    def ends() -> tuple[float, float]:
+        high = min((factor for factor, judgment in tried.items() if judgment.is_unstable), default=math.inf)
+        return max((factor for factor in tried if factor < high), default=0.0), high
+
+    low, high = ends()
+    factor = min(max(_FIRST * limit.ideal, limit.least, low), limit.most, high)
     step = max(_STEP, 1.0 + accuracy)
     while True:
         if factor not in tried:
-            judgment = judge(loop.changes(name, factor))
+            judgment = judge((*base, *changes_of(limit.setting(limit.value(factor)))))
             if judgment is None:
-                return
+                break
             tried[factor] = judgment
-        low, high = loop.edge(name)
+        low, high = ends()
         if factor == high:
-            factor = max(high / step, math.sqrt(low * high) if low else least)
+            factor = max(high / step, math.sqrt(low * high) if low else limit.least)
         else:
-            factor = min(low * step, math.sqrt(low * high) if high < math.inf else most)
+            factor = min(low * step, math.sqrt(low * high) if high < math.inf else limit.most)
         if factor in tried or high <= low * (1.0 + accuracy):
-            return
+            break
         step *= step
+    edge = Edge(limit.value(low) if low else 0.0, limit.value(high))
+    most, ideal, rule = map(limit.value, (limit.most, limit.ideal, limit.rule))
+    each = tuple((limit.value(factor), judgment) for factor, judgment in sorted(tried.items()))
+    return Margin(limit.name, edge, most, ideal, rule, each)
