@@ -12,7 +12,7 @@ from PIL import Image
 
 import rmrc
 from project import ROOT
-from rmrc.film import camera, encode, opengl
+from rmrc.film import camera, opengl
 from rmrc.film.film import Cut, Film, render
 from rmrc.film.opengl import PictureError
 from rmrc.scenario import loads
@@ -217,8 +217,3 @@ def test_a_mistake_is_one_line(rmrc, left, monkeypatch, case):
     code, out, err = rmrc("render", *arguments)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert err == says(f"rmrc: error: {message}\n")
-
-
-def test_delays_of_a_gif_are_hundredths_of_a_second_and_two_at_least():
-    assert [encode.delay_of(".gif", fps) for fps in (100.0, 50.0, 12.5, 1.0)] == [0.02, 0.02, 0.08, 1.0]
-    assert encode.delay_of(".mp4", 60.0) == 1 / 60

@@ -172,10 +172,3 @@ def test_a_full_table_fits_a_terminal_and_no_number_is_cut_or_broken(width, scal
     for method in METHODS:
         cells = [cell for line in lines if line.split()[:1] == [method] for cell in line.split()]
         assert cells.count(sheets.number(1.234567 * scale)) == len(figures)
-
-
-def test_labels_that_leave_no_room_are_numbered():
-    label = "../models/" + "x" * 40 + ".xml"
-    lines = printed([row(label, **VALUES), row("other.xml", **VALUES)], 60)
-    assert max(map(len, lines)) <= 60
-    assert lines[1:3] == [f"1  {label}", "2  other.xml"]

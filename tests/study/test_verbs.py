@@ -78,7 +78,6 @@ def test_compare_gives_runs_by_label_each_as_it_is_alone_and_writes_if_it_is_ask
 @pytest.mark.parametrize(
     ("vary", "texts"),
     [
-        ({"control.inverse.method": ["inverse", "damped"]}, ["control.inverse.method=inverse,damped"]),
         ({"control.limits.rate": [None, 3]}, ["control.limits.rate=null,3"]),
         ({"arm.start": [[0, 1], ["10 deg", 1]]}, ["arm.start=[0, 1],[10 deg, 1]"]),
         ({"plant.kind": ["ideal", "servo"], "task.length": (1, 2)}, ["plant.kind=ideal,servo", "task.length=1,2"]),
@@ -111,14 +110,9 @@ def test_sweep_gives_the_rows_of_the_verb_and_writes_them_if_it_is_asked_to(shor
 
 WRONG = {
     "no file": (lambda _: rmrc.run("line_trackin"), 'line_trackin: … file … "line_tracking"…'),
-    "value": (lambda one: rmrc.run(one.set({"control.feedback": -1})), "control.feedback: … 0 … -1"),
-    "start": (lambda one: rmrc.run(one.set({"arm.start": [9, 0]})), "arm.start[0]…"),
-    "figure": (lambda one: rmrc.run(one.set({"expect": {"tau.peek": {"below": 1}}})), '… "tau.peak"…'),
     "one variant": (lambda one: rmrc.compare(one, {"control.feedback": [5]}), "vary: … 2 variants … 1; … {…"),
     "a variant": (lambda one: rmrc.compare(one, {"control.feedback": [5, -5]}), 'variant "feedback=-5": control.feedback: … 0 … -5'),
     "a text": (lambda one: rmrc.compare(one, {"control.inverse.method": "damped"}), "vary control.inverse.method: … list … 'damped'"),
-    "no key": (lambda one: rmrc.compare(one, {"control..feedback": [5, 6]}), "vary control..feedback: …"),
-    "twice": (lambda one: rmrc.compare(one, {"control.feedback": [5, 5]}), "vary: … feedback=5"),
     "a run": (lambda one: rmrc.sweep(one, {"control.feedback": [5, -5]}), "run 1 (control.feedback=-5): sweep.vary.control.feedback: … 0 … -5"),
     "no plan": (rmrc.sweep, "<text>:2:1: sweep: … 2 runs … 1; …"),
     "both": (lambda one: rmrc.sweep(one, random={"plant.payload": (0, 1)}, sobol={"plant.payload": (0, 1)}), "sobol: … random …"),
@@ -173,23 +167,7 @@ def test_a_file_that_cannot_be_written_in_the_end_is_an_error(short, tmp_path, m
 
 @pytest.mark.usefixtures("undrawn", "unmargined")
 def test_tune_answers_with_a_section_and_writes_if_it_is_asked_to(short, tmp_path):
-    only = {
-        "control.inverse.method": ["damped"],
-        "control.inverse.damping.schedule": ["constant"],
-        "control.feedback": [10, 20.0],
-    }
+    only = {"control.inverse.method": ["damped"], "control.feedback": [10, 20.0]}
     found = rmrc.tune(short, only, perturbed=0, runs=10, ideal=True, out=tmp_path / "out")
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "short.tune.parquet",
-        "short.tune.png",
-        "short.tune.yaml",
-    ]
+    assert names(tmp_path / "out") == [f"short.tune.{kind}" for kind in ("parquet", "png", "yaml")]
     assert found.control["inverse"]["method"] == "damped" and found.control["feedback"] in (10.0, 20.0)
-    again = rmrc.tune(
-        short,
-        [f"{key}={','.join(map(str, values))}" for key, values in only.items()],
-        perturbed=0,
-        runs=10,
-        ideal=True,
-    )
-    assert again.block == found.block

@@ -20,17 +20,10 @@ SUFFIXES = (".npz", ".json", ".rrd")
 
 
 def render(
-    source: Source,
-    path: str | os.PathLike[str],
-    vary: Values | None = None,
-    *,
-    at: float | None = None,
-    begin: float = 0.0,
-    end: float | None = None,
-    speed: float = 1.0,
-    fps: float = 20.0,
-    size: tuple[int, int] | None = None,
-) -> None:
+    source: Source, path: str | os.PathLike[str], vary: Values | None = None, *,
+    at: float | None = None, begin: float = 0.0, end: float | None = None,
+    speed: float = 1.0, fps: float = 20.0, size: tuple[int, int] | None = None,
+) -> None:  # fmt: skip
     """Draw one run, or several side by side: the arm by MuJoCo's renderer, and its rates below.
 
     Off screen, by EGL or OSMesa; the function behind `rmrc render`.

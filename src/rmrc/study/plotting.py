@@ -17,11 +17,9 @@ from rmrc.support.legible import quoted
 
 def plot(
     result: Run | Mapping[str, Run] | Table | str | PathLike[str],
-    path: str | PathLike[str] | None = None,
-    panels: Sequence[str] = (),
-    width: float = 7.16,
-    font: float = 8.0,
-) -> Figure:
+    path: str | PathLike[str] | None = None, panels: Sequence[str] = (),
+    width: float = 7.16, font: float = 8.0,
+) -> Figure:  # fmt: skip
     """Draw a run, several side by side, or a sweep; the function behind `rmrc plot`.
 
     Args:

@@ -65,7 +65,8 @@ class Job:
             self._written = written.scenario()
         stem, kinds = f"{self.name}{'.compare' * bool(variants)}", (".rrd", ".npz", ".json")
         self.files = [Path(folder, f"{stem}{kind}") for kind in kinds[not record :]] if folder else []
-        self.results, self.interrupted, self.failures = tuple[Ran, ...](), False, list[str]()
+        self.results, self.interrupted, self.failures = list[Ran](), False, list[str]()
+        self._stated = list[dict[str, str]]()
         refuse_excess(self.worlds, recorded=self._records)
         refuse_unwritable(self.files, sum(map(_size_of, self.worlds)), ", or shorten target.path")
 
@@ -103,7 +104,7 @@ class Job:
                     leaving.attempt(partial(show, index, part))
                 on_ticks(len(part))
 
-            self.results = self._scored(self._study.step(self.worlds, stop, [watch]))
+            self._keep(self._study.step(self.worlds, stop, [watch]))
             spare = recording.part_path if recording and leaving.failures else None
             for path, write in zip(self.files[-2:], (self._save_columns, self._save_facts), strict=False):
                 leaving.write([path], write, spare)
@@ -114,7 +115,7 @@ class Job:
 
     def table(self) -> Sheet:
         """Return the table of variants."""
-        stated = dict(pair for one in self.results for pair in self._stated_for(one).items())
+        stated = dict(pair for one in self._stated for pair in one.items())
         return compare_table.table(self.name, self.labels, self.results, stated)
 
     def _recording(self) -> tuple[Any, Watcher]:
@@ -145,9 +146,9 @@ class Job:
         known: dict[str, Any]
         each = [one.facts() for one in self.results]
         if self.variants:
-            for variant, one, its in zip(self.variants, self.results, each, strict=True):
+            for variant, stated, its in zip(self.variants, self._stated, each, strict=True):
                 its |= {"label": variant.label, "overrides": list(map(str, variant.changes))}
-                its |= {"expected_of_others": self._stated_for(one)}
+                its |= {"expected_of_others": stated}
             known = {"overrides": self._overrides, "variants": each}
         else:
             known = each[0] | {"verdict": self.results[0].run.verdict}
@@ -156,28 +157,27 @@ class Job:
                 known["baseline"] = its | {"changes": self.worlds[0].scenario.baseline}
         facts.save(path, {"name": self.name, **known})
 
-    def _scored(self, results: Sequence[Ran]) -> tuple[Ran, ...]:
-        """Return results with the outcomes that count, and a scenario's run with that of its baseline."""
-        if self.variants:
-            return tuple(map(self._counted, results))
-        (one, *beside) = results
-        baseline = beside[0].run if beside else None
-        return replace(one, run=replace(one.run, baseline=baseline)), *beside
+    def _keep(self, results: list[Ran]) -> None:
+        """Keep results: a scenario's with the run of its baseline, variants' with the outcomes that count.
 
-    def _counted(self, result: Ran) -> Ran:
-        """Return a result without the outcomes of expectations that the file states for another law."""
-        one, own = result.prepared.scenario, self._written
-        if _choices(one) == _choices(own):
-            return result
-        # those of `--set` or `--vary` are for the variants as they are
-        counted = [known for known in result.outcomes if one.expect[known.name] != own.expect.get(known.name)]
-        return replace(result, outcomes=tuple(counted))
-
-    def _stated_for(self, result: Ran) -> dict[str, str]:
-        """Return the choices for which the file states expectations that do not count for a variant."""
-        chosen, own = _choices(result.prepared.scenario), _choices(self._written)
-        is_counted = len(result.outcomes) == len(result.prepared.scenario.expect)
-        return {} if is_counted else {key: value for key, value in own.items() if chosen[key] != value}
+        A file states its expectations for its own law; those of `--set` or `--vary` are for variants as they
+        are.
+        """
+        self.results, own = results, self._written
+        if not self.variants:
+            baseline = results[1].run if len(results) > 1 else None
+            results[0] = replace(results[0], run=replace(results[0].run, baseline=baseline))
+            return
+        for i, (result, one) in enumerate((result, result.prepared.scenario) for result in results):
+            chosen = _choices(one)
+            others = {key: value for key, value in _choices(own).items() if chosen[key] != value}
+            counted = [
+                outcome
+                for outcome in result.outcomes
+                if not others or one.expect[outcome.name] != own.expect.get(outcome.name)
+            ]
+            self._stated.append(others if len(counted) < len(one.expect) else {})
+            results[i] = replace(result, outcomes=tuple(counted))
 
 
 def _size_of(one: Prepared) -> int:

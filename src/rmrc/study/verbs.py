@@ -83,19 +83,13 @@ def _runs(job: Job) -> Runs:
 
 
 def sweep(
-    scenario: Source,
-    vary: Values | None = None,
-    *,
+    scenario: Source, vary: Values | None = None, *,
     random: Mapping[str, tuple[float, float]] | None = None,
     sobol: Mapping[str, tuple[float, float]] | None = None,
-    samples: int | None = None,
-    repeat: int | None = None,
-    seed: int | None = None,
-    out: str | os.PathLike[str] | None = None,
-    threads: int | None = None,
-    cluster: str | None = None,
+    samples: int | None = None, repeat: int | None = None, seed: int | None = None,
+    out: str | os.PathLike[str] | None = None, threads: int | None = None, cluster: str | None = None,
     on_runs: Callable[[int], None] | None = None,
-) -> Table:
+) -> Table:  # fmt: skip
     """Run thousands of variants of a scenario, on all cores or a cluster; the function behind `rmrc sweep`.
 
     Args:
@@ -132,16 +126,11 @@ def sweep(
         raise ScenarioError.about("sobol", "must not be combined with random: one method draws all keys")
     drawn = random or sobol
     section = {
-        **{
-            f"vary.{key}": values if isinstance(values, str) else list(values)
-            for key, values in (vary or {}).items()
-        },
+        **{f"vary.{key}": one if isinstance(one, str) else list(one) for key, one in (vary or {}).items()},
         **{f"draw.{key}": list(bounds) for key, bounds in (drawn or {}).items()},
         "sampler": ("random" if random else "sobol") if drawn else None,
-        "samples": samples,
-        "repeat": repeat,
-        "seed": seed,
-    }
+        "samples": samples, "repeat": repeat, "seed": seed,
+    }  # fmt: skip
     one = draft_of(scenario).scenario()
     one = one.set({f"sweep.{key}": value for key, value in section.items() if value is not None})
     with TemporaryDirectory(prefix="rmrc-") as temporary:

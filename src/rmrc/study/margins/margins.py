@@ -162,14 +162,9 @@ def margins(
 
 
 def margins_of(
-    study: Study,
-    settings: Sequence[Sequence[Change]],
-    stop: threading.Event,
-    *,
-    accuracy: float = ACCURACY,
-    threads: int = 1,
-    on_runs: OnRuns | None = None,
-) -> list[Margins]:
+    study: Study, settings: Sequence[Sequence[Change]], stop: threading.Event, *,
+    accuracy: float = ACCURACY, threads: int = 1, on_runs: OnRuns | None = None,
+) -> list[Margins]:  # fmt: skip
     """Return the margins of several settings of a scenario.
 
     Args:
@@ -199,13 +194,9 @@ def margins_of(
 
 
 def bears(
-    study: Study,
-    settings: Sequence[Sequence[Change]],
-    factor: float = 2.0,
-    *,
-    threads: int = 1,
-    stop: threading.Event | None = None,
-) -> list[bool | None]:
+    study: Study, settings: Sequence[Sequence[Change]], factor: float = 2.0, *,
+    threads: int = 1, stop: threading.Event | None = None,
+) -> list[bool | None]:  # fmt: skip
     """Return whether loops stay stable with their feedback times a factor; None if interrupted.
 
     Slow ringing takes long to detect, so a loop with little feedback is judged with more feedback first,
