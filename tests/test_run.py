@@ -100,9 +100,14 @@ def test_a_divergence_is_one_line_that_names_tick_time_joint_and_reason():
 def test_a_crash_while_writing_leaves_the_old_file_and_no_other(tmp_path, crash):
     path = tmp_path / "run.npz"
     path.write_bytes(b"old")
-    with pytest.raises(crash), written_whole(path) as temporary:
-        temporary.write_bytes(b"half")
-        raise crash
+
+    def write():
+        with written_whole(path) as temporary:
+            temporary.write_bytes(b"half")
+            raise crash
+
+    with pytest.raises(crash):
+        write()
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"] and path.read_bytes() == b"old"
 
 

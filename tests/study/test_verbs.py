@@ -167,7 +167,8 @@ def test_a_file_that_cannot_be_written_in_the_end_is_an_error(short, tmp_path, m
 
 @pytest.mark.usefixtures("undrawn", "unmargined")
 def test_tune_answers_with_a_section_and_writes_if_it_is_asked_to(short, tmp_path):
-    only = {"control.inverse.method": ["damped"], "control.feedback": [10, 20.0]}
+    only = {"control.inverse.damping.schedule": ["constant"], "control.feedback": [10, 15]}
+    only["control.inverse.method"] = ["damped"]
     found = rmrc.tune(short, only, perturbed=0, runs=10, ideal=True, out=tmp_path / "out")
     assert names(tmp_path / "out") == [f"short.tune.{kind}" for kind in ("parquet", "png", "yaml")]
-    assert found.control["inverse"]["method"] == "damped" and found.control["feedback"] in (10.0, 20.0)
+    assert found.control["feedback"] in (10.0, 15.0)

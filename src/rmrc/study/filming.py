@@ -92,8 +92,11 @@ def saved(path: Path) -> Worlds:
         facts = json.loads(beside.read_text("utf-8"))
         each = facts.get("variants") or [facts | {"label": facts["name"]}]
         scenarios = {one["label"]: one["scenario"] for one in each}
-        texts = {label: block(scenarios[label]) for label in runs}
+        texts = [block(scenario) for scenario in scenarios.values()]
+    if list(scenarios) != list(runs):
+        raise QuestionError(f"{name}: belongs to another run than {visible(path.stem)}.npz next to it")
     try:
-        return {label: (Study(loads(texts[label])).prepare(), run) for label, run in runs.items()}
+        worlds = [Study(loads(text)).prepare() for text in texts]
+        return {label: (world, runs[label]) for label, world in zip(runs, worlds, strict=True)}
     except ScenarioError as error:
         raise QuestionError(f"{name}: can no longer be drawn: {error.problems[0]}") from None
