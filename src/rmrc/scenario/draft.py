@@ -331,7 +331,7 @@ class Draft:
                 document.value, context=self.context, by_alias=True, by_name=False
             )
         except ValidationError as error:
-            problems = problems + translate(error, document)
+            problems = problems + translate(error, document.sources, Scenario)
         if problems:
             raise ScenarioError(in_order(problems))
         found._draft = self
@@ -387,7 +387,7 @@ def draft_of(source: Source, overrides: Iterable[str] = ()) -> Draft:
     try:
         text = read(name)
     except TextError as error:
-        raise ScenarioError([_of_text(error, name)]) from None
+        raise ScenarioError([error.problem(name)]) from None
     return Draft(document_of(text, name), Carried(_absolute(Path(name).parent))).overridden(overrides)
 
 
@@ -441,15 +441,11 @@ def document_of(text: str, source: str) -> Document:
     try:
         document = parse(text, source)
     except TextError as error:
-        raise ScenarioError([_of_text(error, source)]) from None
+        raise ScenarioError([error.problem(source)]) from None
     if not isinstance(document.value, dict):
         wrong = document.sources.problem((), f"must be a mapping of keys, got {show(document.value)}")
         raise ScenarioError(in_order(document.problems) or [wrong])
     return document
-
-
-def _of_text(error: TextError, source: str) -> Problem:
-    return Problem((), str(error), Origin(source, *error.mark))
 
 
 # Changes of sections that are there ----------------------------------------------------------------
