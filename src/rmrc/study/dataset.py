@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 
 from rmrc.scenario import angle, inline
 from rmrc.support.errors import QuestionError, ScenarioError
-from rmrc.support.files import written_whole
+from rmrc.support.files import reading, written_whole
 
 _TYPES = {"number": pa.float64(), "count": pa.int64(), "text": pa.string(), "switch": pa.bool_()}
 _MOVE = "move it, or choose another --out"
@@ -94,10 +94,9 @@ class Dataset:
                 raise ScenarioError.about(path, f"is not of a sweep; {_MOVE}")
         self.contents: Contents | None = None
         for path in self._files():
-            try:
-                contents = Contents.read(_read(path, []).schema.metadata[b"rmrc"])
-            except (KeyError, TypeError, ValueError, RecursionError):
-                raise ScenarioError.about(path, f"does not belong to a sweep; {_MOVE}") from None
+            table = _read(path, [])
+            with reading(path, "of this sweep"):
+                contents = Contents.read(left_of(table).about)
             differs = [key for key, text in identity.items() if contents.identity.get(key) != text]
             if differs:
                 what = f"belongs to another sweep ({', '.join(differs)} differ)"
@@ -111,7 +110,7 @@ class Dataset:
         """Return the indices of the rows that are there.
 
         Raises:
-            ScenarioError: A part is damaged.
+            QuestionError: A part is damaged.
         """
         return {index for path in self._files() for index in _read(path, ["index"])["index"].to_pylist()}
 
@@ -129,7 +128,8 @@ class Dataset:
         """Make one file of all parts, in order, and remove them; keep other files and their folder.
 
         Raises:
-            ScenarioError: A part is damaged, or they do not have each row once.
+            QuestionError: A part is damaged.
+            ScenarioError: They do not have each row once.
         """
         if self.file.exists():
             return
@@ -155,12 +155,12 @@ def _read(path: Path, columns: Sequence[str] | None = None) -> Table:
     """Return rows of a file of a sweep.
 
     Raises:
-        ScenarioError: It is damaged.
+        QuestionError: It is damaged.
     """
     try:
         return read_table(path, columns)
-    except QuestionError:
-        raise ScenarioError.about(path, "is damaged; remove it and rerun the command") from None
+    except QuestionError as error:
+        raise QuestionError(f"{error}; move it, or choose another --out") from None
 
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> Table:
@@ -174,11 +174,8 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> Table:
         OSError: It cannot be opened.
         QuestionError: It is another kind of file, or damaged.
     """
-    with path.open("rb") as file:
-        try:
-            return pq.ParquetFile(file).read(columns)
-        except (pa.ArrowException, OSError, KeyError):
-            raise QuestionError(f"{path}: is not a Parquet file, or is damaged") from None
+    with reading(path, "a file of rows"), path.open("rb") as file:
+        return pq.ParquetFile(file).read(columns)
 
 
 class Left(NamedTuple):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rmrc.show.sheets import Sheet, number
 from rmrc.study.dataset import Contents, Left, read_left
 from rmrc.support.errors import QuestionError
+from rmrc.support.files import reading
 
 Array = NDArray[np.float64]
 
@@ -47,14 +48,12 @@ class Swept:
             QuestionError: It is another kind of file, or has no rows.
         """
         rows, about = left or read_left(path)
-        try:
+        with reading(path, "of a sweep"):
             contents = Contents.read(about)
             units = {column.name: column.unit for column in contents.columns}
             keys = list(units)[1 : list(units).index("seed")]
             varied = [key for key in keys if len(set(map(str, rows[key]))) > 1]
             figures = {name: np.array(rows[name], float) for name in contents.metrics}
-        except (KeyError, ValueError, TypeError, RecursionError):
-            raise QuestionError(f"{path}: does not hold the rows of a sweep") from None
         if not rows["index"]:
             raise QuestionError(f"{path}: has no rows to show")
         figures = {name: values for name, values in figures.items() if np.isfinite(values).any()}

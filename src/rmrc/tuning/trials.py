@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.results.metrics import error_sizes
+from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard
-from rmrc.results.tally import Tally
 from rmrc.scenario import Change, Variant, changes_of
 from rmrc.scenario.choices import POLICIES
 from rmrc.simulation.prepare import Prepared
@@ -169,16 +170,17 @@ class Limits:
             j, jerk = self.joints.index(joint), float(card["joint_jerk_cmd.peak"].value)
             yield _over("commanded jerk", joint, jerk, self.jerk[j], f"{self.units[j]}/s³")
 
-    def is_exceeded(self, tally: Tally) -> bool:
+    def is_exceeded(self, run: Run) -> bool:
         """Return whether a run has exceeded the limit of a joint already."""
-        most, rate, acceleration = 1.0 + TOLERANCE, tally.peak("joint_rate"), tally.peak("joint_acceleration")
-        over = (rate.value > most * self.rate) | (acceleration.value > most * self.acceleration)
-        return bool(over.any())
+        qdot, most = run["qdot"], 1.0 + TOLERANCE
+        rate = np.abs(qdot).max(axis=0)
+        acceleration = np.abs(np.diff(qdot, axis=0)).max(axis=0) / run.period
+        return bool(((rate > most * self.rate) | (acceleration > most * self.acceleration)).any())
 
-    def point(self, tally: Tally) -> tuple[float, float]:
+    def point(self, run: Run) -> tuple[float, float]:
         """Return the peak rate and the error of a run so far, as `measure` has them."""
-        position, orientation = (tally.peak(f"{part}_error").value[0] for part in ("position", "orientation"))
-        rate = (tally.peak("joint_rate").value / self.scale).max()
+        rate = (np.abs(run["qdot"]).max(axis=0) / self.scale).max()
+        position, orientation = (size.max() for size in error_sizes(run))
         return float(rate), float(np.maximum(position, self.length * orientation))
 
 
@@ -223,11 +225,11 @@ class Ending:
     limits: Limits
     rivals: NDArray[np.float64]
 
-    def __call__(self, index: int, tally: Tally) -> bool:
+    def __call__(self, index: int, run: Run) -> bool:
         """Return whether a run ends here."""
-        if self.limits.is_exceeded(tally):
+        if self.limits.is_exceeded(run):
             return True
-        rate, error = np.array([self.limits.point(tally)]).T
+        rate, error = np.array([self.limits.point(run)]).T
         return bool(self.bar.beats(rate, error, self.rivals[[index]], 1.0 + ALIKE)[0])
 
 
