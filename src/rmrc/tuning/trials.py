@@ -16,7 +16,7 @@ from rmrc.scenario import Change, Variant, changes_of
 from rmrc.scenario.choices import POLICIES
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.executors import threads
-from rmrc.study.margins.search import bears
+from rmrc.study.margins.margins import bears
 from rmrc.study.study import Listed, OnRuns, Result, Study
 from rmrc.tuning.bar import ALIKE, Bar
 from rmrc.tuning.front import Point
