@@ -453,7 +453,7 @@ def test_a_profile_of_ones_own_is_a_file_beside_the_scenario(tmp_path):
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        (OWN.replace("joints: 7\n", ""), "… mine.yaml… joints … required"),
+        (OWN.replace("joints: 7\n", ""), "… mine.yaml… joints … required…"),
         (OWN.replace("source: measured}\nloop", "speed: 1}\nloop"), "… mine.yaml:4… jerk.source … required …"),
         (OWN + "paint: red\n", "… mine.yaml:6… paint … unknown key …"),
         (OWN.replace("[1, 1, 1, 1, 1, 1, 1]", "[1, 1]"), "… mine.yaml:3… rate.value … 2 … 7 joints"),

@@ -154,7 +154,7 @@ def test_a_scenario_made_in_python_can_be_changed_and_named_in_messages():
         one.set({"arm.start[1]": "10 deg"}).arm.start
         == loads(FULL, overrides=["arm.start[1]=10 deg"]).arm.start
     )
-    with pytest.raises(ScenarioError, match=r"^arm\.start: .* keyframe or a list"):
+    with pytest.raises(ScenarioError, match=r"^arm\.start: .* list"):
         one.set({"arm.start": 3})
 
 

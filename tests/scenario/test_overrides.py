@@ -66,7 +66,7 @@ def test_an_item_of_a_list_that_is_not_written_is_set_in_its_default():
         ("arm.start=[1", "--set arm.start: … YAML: … ']' … '<stream end>'"),
         ("arm.start=# x", "--set arm.start: … empty"),
         ("arm.site=!!python/name:os.system x", "--set arm.site: … !!python/name:os.system …"),
-        ("plant.kv=1\n---\n2", "--set plant.kv: … one YAML document"),
+        ("plant.kv=1\n---\n2", "--set plant.kv: … single document …"),
     ],
 )
 def test_a_wrong_override_is_told_by_its_key(override, line):

@@ -103,9 +103,3 @@ def test_what_cannot_be_varied_is_said_at_once(texts, lines):
 
 def test_fifty_variants_are_not_too_many():
     assert len(variants(["a=0,1,2,3,4", "b=0,1,2,3,4,5,6,7,8,9"])) == 50
-
-
-def test_a_list_of_many_values_is_refused_before_it_is_built():
-    with pytest.raises(ScenarioError) as caught:
-        variants(["a=" + "1," * 11_000])
-    assert str(caught.value) == says("--vary a: … 10000 values …")

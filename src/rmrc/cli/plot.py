@@ -57,7 +57,7 @@ def plot(
         typer.Option(
             metavar="NAME,NAME,...",
             help="Any of path, rates, sigma, error, torque, pace, status and g, drawn in this order from "
-            "the top; for a sweep: distributions, parallel; default: all panels that have data.",
+            "the top; for a sweep: distributions, keys; default: all panels that have data.",
         ),
     ] = None,
     width: Annotated[
@@ -68,7 +68,7 @@ def plot(
 ) -> None:
     """Plot a run, or variants side by side, for a paper: path, rates, singular values, errors, status.
 
-    For a sweep, plots the distributions of its metrics and parallel coordinates with one line per run.
+    For a sweep, plots the distributions of its metrics, and the first one over each varied key.
     """
     wanted = out or run.with_suffix(".pdf")
     if wanted.suffix not in PICTURES:

@@ -4,7 +4,6 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -202,19 +201,11 @@ def replay(
     """Open a recording in the rerun viewer, on this machine only and without telemetry."""
     from rmrc.recording import viewer
 
-    shown = viewer.recording_of(recording)
-    if shown.suffix != ".npz" or not shown.is_file():
-        raise typer.Exit(viewer.replay(shown, web, at, port))
-    from rmrc.study.rerecording import rerecord  # with mujoco
-
-    with TemporaryDirectory(prefix="rmrc-") as folder:
-        made = Path(folder) / f"{shown.stem}.rrd"
-        rerecord(shown, made)
-        raise typer.Exit(viewer.replay(made, web, at, port, shown))
+    raise typer.Exit(viewer.replay(recording, web, at, port))
 
 
 def _stands_for_one(path: Path) -> bool:
-    """Return whether a path is a folder or columns, for which a recording is found or made."""
+    """Return whether a path is a folder or columns, for which a recording is found."""
     return path.is_dir() or path.suffix == ".npz"
 
 

@@ -22,7 +22,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rmrc.scenario.aliases import place_of
     from rmrc.scenario.changes import Change, Variant, changes_of
     from rmrc.scenario.controls import Controls, ControlSource, read_controls, read_task
     from rmrc.scenario.draft import Carried, Draft, Problems, Scenario, Source, draft_of, load, loads
@@ -81,13 +80,13 @@ __all__ = [
     "Section", "Segment", "Set", "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection",
     "TargetSection", "TaskSection", "Tilt", "TiltSegment", "ToolSection", "TuneSection", "Turn",
     "TurnSegment", "Variant", "angle", "block", "changes_of", "draft_of", "grid", "inline", "json_schema",
-    "load", "loads", "place_of", "read_controls", "read_task", "schema_rows", "variants",
+    "load", "loads", "read_controls", "read_task", "schema_rows", "variants",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # type checkers use the imports above, and report names that do not exist
     # In order of dependence: making the sections takes a sixth of a second, which few verbs need to spend.
     _MODULES = (
-        "values", "wording", "path", "changes", "aliases", "sections", "schema", "draft", "controls",
+        "values", "wording", "path", "changes", "sections", "schema", "draft", "controls",
         "variation",
     )  # fmt: skip
 

@@ -51,13 +51,11 @@ class Unread:
     Attributes:
         value: The part that could be read, if any.
         problems: The problems of the text.
-        hidden: Keys without a value to check.
         is_nothing: Whether there is no value at all.
     """
 
     value: Any
     problems: tuple[Problem, ...]
-    hidden: frozenset[Key] = frozenset()
     is_nothing: bool = False
 
 
@@ -101,12 +99,9 @@ def read_change(key: Key, text: str, origin: Origin) -> Change:
     try:
         inner = parse(text if text.strip() else "null", key=key)
     except TextError as error:
-        unread = Unread(None, (Problem(key, str(error), origin),), frozenset([key]), is_nothing=True)
+        unread = Unread(None, (Problem(error.key or key, str(error), origin),), is_nothing=True)
         return Change(key, unread, origin, text)
-    if not inner.problems:
-        return Change(key, inner.value, origin, text)
-    problems = tuple(problem._replace(origin=origin) for problem in inner.problems)
-    return Change(key, Unread(inner.value, problems, inner.hidden), origin, text)
+    return Change(key, inner.value, origin, text)
 
 
 def read_setting(text: str) -> Change:
@@ -132,16 +127,14 @@ def applied(document: Document, change: Change) -> Document:
     """
     key, origin, value = change.key, change.origin or Origin(), change.value
     unread = value if isinstance(value, Unread) else Unread(value, ())
-    found = replace(
-        document, problems=[*document.problems, *unread.problems], hidden=document.hidden | unread.hidden
-    )
+    found = replace(document, problems=[*document.problems, *unread.problems])
     if unread.is_nothing:
         return found
     try:
         found.value = put(document.value, key, unread.value)
     except TextError as error:
         wrong = Problem(key, str(error), origin)
-        return replace(document, problems=[*document.problems, wrong], hidden=document.hidden | {key})
+        return replace(document, problems=[*document.problems, wrong])
     found.sources = document.sources.changed(key, origin)
     return found
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 from pydantic import ValidationError
 
 from rmrc.scenario.draft import Scenario, document_of, load
-from rmrc.scenario.keys import Place, SourceMap, in_order
+from rmrc.scenario.keys import SourceMap, in_order
 from rmrc.scenario.messages import translate
 from rmrc.scenario.reading import Document, TextError, read
 from rmrc.scenario.sections import ArmSection, ControlSection, TaskSection
@@ -91,7 +91,7 @@ def _read(source: ControlSource) -> Controls:
     try:
         text = read(name)
     except TextError as error:
-        raise ScenarioError.about(name, str(error)) from None
+        raise ScenarioError([error.problem(name)]) from None
     document = document_of(text, name)
     if "arm" in document.value:
         scenario = load(Path(name))
@@ -102,11 +102,7 @@ def _read(source: ControlSource) -> Controls:
 def _controls(document: Document) -> Controls:
     """Return the sections of a mapping that is no scenario: sections, or the keys of one."""
     if not document.value.keys() & {"control", "task"}:
-        below = Place(document.sources.root.origin, {"control": document.sources.root})
-        sources = SourceMap(document.sources.source, below)
-        problems = [one._replace(key=("control", *one.key)) for one in document.problems]
-        hidden = frozenset(("control", *key) for key in document.hidden)
-        document = Document({"control": document.value}, sources, problems, hidden)
+        document = Document({"control": document.value}, document.sources.below("control"))
     found = _checked(document)
     return Controls(found.control, found.task)
 
@@ -120,7 +116,7 @@ def _checked(document: Document) -> _Given:
             )
         found = _Given.model_validate(document.value, by_alias=True, by_name=False)
     except ValidationError as error:
-        problems = problems + translate(error, document)
+        problems = problems + translate(error, document.sources, _Given)
     if problems:
         raise ScenarioError(in_order(problems))
     return found

@@ -208,7 +208,7 @@ class Draft:
                 checked until they are used.
             changes: Changes applied to it.
         """
-        self._written, self.files, self._changes = document, files, tuple(changes)
+        self._written, self._files, self._changes = document, files, tuple(changes)
 
     def __eq__(self, other: object) -> bool:
         """Return whether the other is a draft as well."""
@@ -234,12 +234,12 @@ class Draft:
     @property
     def folder(self) -> Path:
         """Where relative paths start."""
-        return self.files.folder if self.files else Path()
+        return self._files.folder if self._files else Path()
 
     @property
     def context(self) -> Mapping[str, Any] | None:
         """Validation context with the files."""
-        return self.files and self.files._asdict()
+        return self._files and self._files._asdict()
 
     @property
     def models(self) -> list[str]:
@@ -290,14 +290,28 @@ class Draft:
         names += [one for name in vary if name.endswith(f".{PROFILE}") for one in vary[name] if one]
         return [name for name in dict.fromkeys(names) if name not in SHIPPED]
 
+    def files(self) -> tuple[Path, ...]:
+        """Return all files and folders that the draft and its sweep name; it is one without mistakes."""
+        return tuple(dict.fromkeys(self._places().values()))
+
+    def moved(self, root: Path) -> "Draft":
+        """Return the draft with each file /a/b at root/a/b."""
+        places = {name: root / path.relative_to(path.anchor) for name, path in self._places().items()}
+        return self.carried(Carried(self.folder, places))
+
+    def _places(self) -> dict[str, Path]:
+        folders = [folder for some in self.packages for folder in some.values()]
+        names = [*self.models, *self.motions, *self.profiles, *folders]
+        return {name: (self.folder / name).resolve() for name in names}
+
     def carried(self, files: Carried) -> "Draft":
         """Return the draft with files at other locations."""
         return Draft(self._written, files, self._changes)
 
     def changed(self, *changes: Change) -> "Draft":
         """Return the draft with other values; later changes win."""
-        base = self if len(self._changes) < _MOST_CHANGES else Draft(self.document, self.files)
-        return Draft(base._written, base.files, (*base._changes, *changes))
+        base = self if len(self._changes) < _MOST_CHANGES else Draft(self.document, self._files)
+        return Draft(base._written, base._files, (*base._changes, *changes))
 
     def overridden(self, texts: Iterable[str]) -> "Draft":
         """Return the draft with `KEY=VALUE` texts of `--set`."""
@@ -331,7 +345,7 @@ class Draft:
                 document.value, context=self.context, by_alias=True, by_name=False
             )
         except ValidationError as error:
-            problems = problems + translate(error, document)
+            problems = problems + translate(error, document.sources, Scenario)
         if problems:
             raise ScenarioError(in_order(problems))
         found._draft = self
@@ -387,7 +401,7 @@ def draft_of(source: Source, overrides: Iterable[str] = ()) -> Draft:
     try:
         text = read(name)
     except TextError as error:
-        raise ScenarioError([_of_text(error, name)]) from None
+        raise ScenarioError([error.problem(name)]) from None
     return Draft(document_of(text, name), Carried(_absolute(Path(name).parent))).overridden(overrides)
 
 
@@ -441,15 +455,11 @@ def document_of(text: str, source: str) -> Document:
     try:
         document = parse(text, source)
     except TextError as error:
-        raise ScenarioError([_of_text(error, source)]) from None
+        raise ScenarioError([error.problem(source)]) from None
     if not isinstance(document.value, dict):
         wrong = document.sources.problem((), f"must be a mapping of keys, got {show(document.value)}")
         raise ScenarioError(in_order(document.problems) or [wrong])
     return document
-
-
-def _of_text(error: TextError, source: str) -> Problem:
-    return Problem((), str(error), Origin(source, *error.mark))
 
 
 # Changes of sections that are there ----------------------------------------------------------------

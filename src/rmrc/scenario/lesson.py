@@ -7,7 +7,7 @@ from pydantic import AfterValidator
 
 from rmrc.scenario.keys import split
 from rmrc.scenario.profile import SUFFIXES, read_section
-from rmrc.scenario.values import Count, Number, Positive, Section, Text, key, rule
+from rmrc.scenario.values import Number, Positive, Section, Text, count, key, rule
 from rmrc.scenario.wording import show
 from rmrc.support.errors import QuestionError, did_you_mean
 
@@ -60,7 +60,7 @@ class Lesson(Section):
     scenario: Text = key("a shipped scenario by its name, or a file beside the lesson")
     about: Text = key("the scene, in a sentence")
     shows: tuple[Mark, ...] = key("of the marks in the picture, those that are shown", ("velocity", "lost"))
-    questions: Annotated[tuple[Question, ...], Count(3, 3)] = key("three of them")
+    questions: Annotated[tuple[Question, ...], count(3, 3)] = key("three of them")
     number: Sought = key("the number to find")
     rows: tuple[Text, ...] = key("rows of docs/textbook.md beside those of the scenario, such as A39", ())
 

@@ -7,7 +7,6 @@ from pydantic import ConfigDict, Discriminator, Tag, field_validator, model_vali
 from rmrc.scenario.values import (
     Angle,
     Choice,
-    Count,
     Direction,
     MotionFile,
     NameOrPositions,
@@ -16,6 +15,7 @@ from rmrc.scenario.values import (
     Quaternion,
     Section,
     Vector,
+    count,
     key,
     rule,
 )
@@ -196,7 +196,7 @@ class SetSegment(Section):
 class ConfigurationsSegment(Section):
     """One segment of the path: `{configurations: ...}`."""
 
-    configurations: Annotated[tuple[NameOrPositions, ...], Count(1)] = key(
+    configurations: Annotated[tuple[NameOrPositions, ...], count(1)] = key(
         "go in straight lines to the site's pose at each of these configurations: a keyframe's name, or "
         "joint positions",
         unit="rad or m",

@@ -6,15 +6,15 @@ A profile is a YAML file, in `profiles/` beside this module or of a user. Every 
 import math
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Self, TypeVar
 
 from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
 from rmrc.scenario.keys import in_order
+from rmrc.scenario.messages import translate
 from rmrc.scenario.reading import TextError, parse, read
 from rmrc.scenario.values import (
     Bounds,
-    Count,
     NotNegative,
     Positions,
     Positive,
@@ -22,10 +22,11 @@ from rmrc.scenario.values import (
     Text,
     Weights,
     checked_file,
+    count,
     key,
     rule,
 )
-from rmrc.scenario.wording import nearby, show
+from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.problems import Origin, Problem
 
@@ -63,7 +64,7 @@ class Ends(Sourced):
 class Taper(Ends):
     """Rate limits near the ends: toward `upper` at most √(2 · deceleration · (upper − q)) − offset."""
 
-    offset: Annotated[tuple[NotNegative, ...], Count(1)] = key("one per joint", unit="rad/s or m/s")
+    offset: Annotated[tuple[NotNegative, ...], count(1)] = key("one per joint", unit="rad/s or m/s")
     deceleration: Weights = key("one per joint", unit="rad/s² or m/s²")
 
 
@@ -158,7 +159,7 @@ def _of_name(name: str, info: ValidationInfo) -> str:
     if Path(name).suffix not in SUFFIXES:
         near = did_you_mean(name, SHIPPED) or f"; the profiles are {', '.join(SHIPPED)}"
         raise rule(f"must be a profile or a file that ends in .yaml, got {show(name)}{near}")
-    found = checked_file(Path(name), info, lambda folder, path: nearby(folder / path, *SUFFIXES))
+    found = checked_file(Path(name), info, *SUFFIXES)
     try:
         load_profile(str(found))
     except ScenarioError as error:
@@ -206,25 +207,12 @@ def read_section(kind: type[S], path: Path) -> S:
     try:
         document = parse(read(str(path)), str(path))
     except TextError as error:
-        raise ScenarioError([Problem((), str(error), Origin(str(path), *error.mark))]) from None
+        raise ScenarioError([error.problem(str(path))]) from None
     problems = list(document.problems)
     try:
         found = kind.model_validate(document.value)
     except ValidationError as error:
-        for one in error.errors(include_url=False):
-            key = one.get("ctx", {}).get("key") or one["loc"]
-            problems.append(document.sources.problem(key, _told(one, kind)))
+        problems += translate(error, document.sources, kind)
     if problems:
         raise ScenarioError(in_order(problems))
     return found
-
-
-def _told(detail: Any, kind: type[Section]) -> str:
-    if detail["type"] == "rule":
-        return str(detail["ctx"]["text"])
-    if detail["type"] == "missing":
-        return "is required"
-    if detail["type"] == "extra_forbidden":
-        names = kind.model_fields if len(detail["loc"]) == 1 else ()
-        return f"unknown key{did_you_mean(str(detail['loc'][-1]), names)}"
-    return f"{str(detail['msg']).lower()}, got {show(detail['input'])}"

@@ -31,7 +31,6 @@ from rmrc.scenario.values import (
     Bounds,
     Changed,
     Choice,
-    Count,
     Folder,
     Frame,
     Gravity,
@@ -61,6 +60,7 @@ from rmrc.scenario.values import (
     Vector,
     Weights,
     Wrench,
+    count,
     key,
     rule,
 )
@@ -116,7 +116,7 @@ class StartPose(Choice):
     position: Vector | None = key(
         "position: [x, y], which keeps z, or [x, y, z]; null: as at `start`", None, "m"
     )
-    orientation: Annotated[tuple[Angle, ...], Count(3, 4)] | None = key(
+    orientation: Annotated[tuple[Angle, ...], count(3, 4)] | None = key(
         "orientation: roll, pitch and yaw about fixed x, y and z, or a quaternion w x y z; null: "
         "unconstrained",
         None,
@@ -480,7 +480,7 @@ class TargetLimitsSection(Section):
 class TargetSection(Section):
     """Target motion of the site."""
 
-    path: Annotated[tuple[Segment, ...], Count(1)] = key("segments of the path, in order")
+    path: Annotated[tuple[Segment, ...], count(1)] = key("segments of the path, in order")
     offset: Vector = key(
         "offset added to every absolute point of the path: line.to, arc.center, set.to",
         (0.0, 0.0, 0.0),

@@ -27,7 +27,7 @@ def plot(
             either, `NAME.npz` or `NAME.sweep.parquet`.
         path: File to write atomically: `.png`, `.svg` or `.pdf`; None: no file.
         panels: Panels among path, rates, sigma, error, torque, pace, status and g, in this order from the
-            top; for a sweep, distributions and parallel; none: all that have data.
+            top; for a sweep, distributions and keys; none: all that have data.
         width: Width of the figure [in]: 3.5 and 7.16 are one and two columns of a journal.
         font: Font size [pt].
 

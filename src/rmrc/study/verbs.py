@@ -102,10 +102,10 @@ def sweep(
         seed: Seed of the samples.
         out: Folder for NAME.sweep.parquet, where an interrupted sweep resumes; created if missing. None:
             stores nothing.
-        threads: Number of threads, one batch each; None: one per core.
-        cluster: Cluster that runs the batches instead: `local:N` worker processes, or the `tcp://HOST:PORT`
+        threads: Number of threads; None: one per core.
+        cluster: Cluster that runs them instead: `local:N` worker processes, or the `tcp://HOST:PORT`
             of a Dask scheduler.
-        on_runs: Called after each batch with its number of runs.
+        on_runs: Called with the number of newly finished runs.
 
     Returns:
         One row per run, as a table of pyarrow: varied keys, end of the run, every metric of its scorecard.
@@ -134,7 +134,6 @@ def sweep(
     one = draft_of(scenario).scenario()
     one = one.set({f"sweep.{key}": value for key, value in section.items() if value is not None})
     with TemporaryDirectory(prefix="rmrc-") as temporary:
-        with Sweep(one, (), Path(out or temporary), threads, cluster) as work:
-            if work.run(on_runs).interrupted:
-                raise KeyboardInterrupt
+        work = Sweep(one, (), Path(out or temporary), threads, cluster)
+        work.run(on_runs)
         return work.dataset.table()
