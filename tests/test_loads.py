@@ -13,7 +13,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.plants.contacts import can_touch
-from rmrc.results import loads
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -240,14 +239,6 @@ def test_a_screw_bears_what_its_slide_does():
 
 
 # What is told --------------------------------------------------------------------------------------
-
-
-def test_a_run_with_contact_says_so_in_a_line_unless_it_is_expected(tmp_path):
-    path = arm(tmp_path)
-    (line,) = loads.told(run(path).scorecard, ())
-    assert "CONTACT" in line and "lower – floor" in line and "expect" in line
-    assert list(loads.told(run(path).scorecard, ("contact.time",))) == []
-    assert list(loads.told(run(path, HOLD).scorecard, ())) == []
 
 
 @pytest.mark.parametrize(("expected", "code"), [({}, 0), ({"contact.time": {"below": 0.001}}, 1)])

@@ -36,13 +36,14 @@ def margins(
     response keeps ringing. For comparison, prints the rule K <= 1/(delay + T/2 + lag) and the exact limit of
     the ideal plant. Exit code 1: the loop is unstable as written.
     """
+    from rmrc.results import ci
     from rmrc.results.leaving import refuse_unwritable
-    from rmrc.study import ci
+    from rmrc.show.sheets import as_markdown
     from rmrc.study.margins.margins import Asking
     from rmrc.study.margins.report import report
 
     files = [path for path in (drawable(picture),) if path is not None]
-    with ci.Files(scenario.stem, junit, summary) as kept:
+    with ci.files(scenario.stem, junit, summary) as results:
         with interruption("interrupted before the first run"):
             work = Asking(scenario, set_ or (), accuracy=accuracy, threads=threads)
             refuse_unwritable(files)
@@ -50,12 +51,14 @@ def margins(
         with progress(f"{work.scenario.name}: margins", _RUNS, quiet or as_json, unit="runs") as on_runs:
             found = work.run(on_runs)
         answer, told = report(found), f"interrupted after {found.runs} runs" if found.interrupted else ""
-        kept.write_answer(work.scenario.name, answer, told)
+        results.name = work.scenario.name
+        results.suites = [ci.Suite(results.name, answer.cases, told, answer.problem)]
+        results.figures = "\n\n".join(map(as_markdown, answer.sheets))
     if told:
         complain(told)
     for path in files:
         if answer.draw is not None:
             answer.draw(path)
-    show(answer, as_json, quiet, [*files, *kept.paths])
+    show(answer, as_json, quiet, [*files, *filter(None, (junit, summary))])
     if found.interrupted:
         raise typer.Exit(EXIT_INTERRUPTED)

@@ -58,32 +58,30 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario; write NAME.rrd, NAME.npz (all columns) and NAME.json (scorecard)."""
-    from rmrc.results import loads, stuck
+    from rmrc.results import ci
+    from rmrc.results.verdict import warnings
     from rmrc.show import tables
-    from rmrc.study import ci
     from rmrc.study.run import Job  # imports numba and mujoco, which `schema` and `replay` do not need
 
     console = output(quiet, pipe=80)
-    with ci.Files(scenario.stem, junit, summary) as files:
+    with ci.files(scenario.stem, junit, summary) as results:
         loaded = scenarios.load(scenario, set_ or ())
         _doubt_times(loaded)
         job = Job(loaded, out, record)
         left = _ran(job, job.name, quiet)
         (one,) = left.results
         figures = tables.markdown(one.scorecard, (), one.beside).partition("\n\n")[2]  # below its heading
-        files.write(job.name, [ci.suite(job.name, one, left.failures)], figures)
+        results.name, results.figures = job.name, figures
+        results.suites = [ci.suite(job.name, one.run, one.outcomes, one.interrupted, left.failures)]
     console.print(tables.render(one.scorecard, one.outcomes, one.beside))
     for assumed in one.prepared.assumed:
         if assumed.is_otherwise:
             print_line(console, f"assumed: {assumed.text}")
     for pair in one.run.resting:
         print_line(console, f"touching from the start, not counted as CONTACT: {' – '.join(pair)}")
-    _list(console, left.files, record, files.paths)
+    _list(console, left.files, record, [*filter(None, (junit, summary))])
     console.print(Text(one.run.verdict), soft_wrap=False)
-    still = stuck.told(one.run, job.prepared.arm)
-    if still:
-        complain(still)
-    for line in loads.told(one.scorecard, job.prepared.scenario.expect):
+    for line in warnings(one.scorecard, job.prepared.scenario.expect):
         complain(line)
     raise typer.Exit(_exit_code(left, one))
 
@@ -144,25 +142,26 @@ def compare(
 
     Expectations do not change the exit code; the table lists those that were missed.
     """
-    from rmrc.results import loads
+    from rmrc.results import ci
+    from rmrc.results.verdict import warnings
     from rmrc.show.terminal import render
-    from rmrc.study import ci
     from rmrc.study.compare import Comparison
     from rmrc.study.compare_table import markdown, sheets
 
     console = output(quiet)
-    with ci.Files(scenario.stem, junit, summary) as files:
+    with ci.files(scenario.stem, junit, summary) as results:
         comparison = Comparison(scenario, scenarios.variants(vary or ()), set_ or (), out, record)
         left = _ran(comparison, f"{comparison.name}: {len(comparison.variants)} variants", quiet)
-        suites = [
-            ci.suite(f"{comparison.name} {one.variant.label}", one, left.failures) for one in left.results
-        ]
-        files.write(comparison.name, suites, markdown(left.results))
+        results.name, results.figures = comparison.name, markdown(left.results)
+        for one in left.results:
+            label = f"{comparison.name} {one.variant.label}"
+            suite = ci.suite(label, one.run, one.outcomes, one.interrupted, left.failures)
+            results.suites = [*results.suites, suite]
     console.print(render(sheets(comparison.name, left.results)))
-    _list(console, left.files, record, files.paths)
+    _list(console, left.files, record, [*filter(None, (junit, summary))])
     runs = [one.run for one in left.results]
     for one in left.results:
-        for line in loads.told(one.scorecard, one.prepared.scenario.expect):
+        for line in warnings(one.scorecard, one.prepared.scenario.expect):
             complain(f'variant "{one.variant.label}": {line}')
         if one.divergence:
             complain(f'error: variant "{one.variant.label}" {one.divergence}')

@@ -142,11 +142,12 @@ class Batch(ABC, Generic[R]):
                 def record(index: int, part: Run) -> None:
                     if not (spare or leaving.attempt(partial(show, index, part))):
                         spare.append(part_path)
+                        part_path.unlink(missing_ok=True)  # so that the arrays have its room
 
                 watchers.insert(0, record)
             results = self._scored(self._study.step(self.worlds, stop, watchers))
             for kinds, write in self._writers(results):
-                leaving.write([self.file(kind) for kind in kinds], write, *spare)
+                leaving.write([self.file(kind) for kind in kinds], write)
             if recording is not None and not spare:
                 markdown = self._markdown(results)
                 leaving.write([self.file(".rrd")], lambda _: recording.finish(markdown))

@@ -87,6 +87,11 @@ def listed(names: Iterable[str], most: int = 20) -> str:
     return f"{', '.join(names[:most])} and {len(names) - most:,} more"
 
 
+def escaped(text: str) -> str:
+    """Return one line that Markdown shows unchanged."""
+    return re.sub(r"([\\|*`<\[\]])", r"\\\1", " ".join(text.split()))
+
+
 def in_ascii(text: str) -> str:
     """Return a text in legible ASCII: `sigma` for σ, `^2` for ², `-` for a rule of a table.
 

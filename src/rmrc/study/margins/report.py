@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from rmrc.results.junit import Case
+from rmrc.results.ci import Case
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.study.margins.margins import Margin, Margins
