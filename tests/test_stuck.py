@@ -7,7 +7,6 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from project import ROOT, mostly_long
-from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -69,17 +68,6 @@ def test_a_run_is_stuck_where_its_columns_say_so_and_nowhere_else(simulate, name
     assert np.any(is_stuck) == (name in STUCK_RUNS)
 
 
-@pytest.mark.parametrize("name", STUCK_RUNS)
-def test_the_figures_say_how_long_and_since_when(simulate, name):
-    _, run = simulate(*STUCK_RUNS[name])
-    card = scorecard(run)
-    first = round(card["stuck.longest_time"].value / run.period)
-    end = first + round(card["stuck.longest"].value / run.period)
-    assert np.all(run["status"][first:end] & Status.STUCK) and end - first > 50
-    assert card["stuck.share"].value == pytest.approx(np.mean(run["status"] & Status.STUCK > 0))
-    assert card["stuck.longest"].value <= card["status_time.STUCK"].value + 1e-9
-
-
 def test_a_locked_arm_is_stuck_until_its_path_ends_and_one_that_comes_back_is_not(simulate):
     _, run = simulate(*STUCK_RUNS["truncated, straight"])
     assert run["status"][-1] & Status.STUCK, "the reference has come to rest, the arm is still not there"
@@ -101,7 +89,7 @@ def test_run_says_so_and_exits_by_what_is_expected(rmrc, tmp_path, expected, cod
     got, out, err = rmrc("run", str(path), "--no-record", "--out", str(tmp_path), *options)
     assert got == code
     lines = err.splitlines()
-    assert sum("full_reach: STUCK for" in line for line in lines) == (not expected)
+    assert sum("full_reach: STUCK: " in line for line in lines) == (not expected)
     assert sum("missed: stuck.longest: expected below 0.5 s" in line for line in lines) == bool(code)
     figures = json.loads((tmp_path / "full_reach.json").read_text())["scorecard"]
     assert figures["stuck"]["longest"] > 1.0 and figures["status_time"]["STUCK"] > 1.0

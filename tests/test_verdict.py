@@ -75,7 +75,8 @@ def test_events_are_told_in_a_line_each_unless_they_are_expected():
     run = dataclasses.replace(run, torque_limit=(1.0, 1.0, 1.0), touching=("link", "floor"))
     run.columns["status"][5:] = Status.STUCK | Status.CONTACT | Status.TORQUE_LIMITED | Status.SLIPPED
     lines = list(warnings(run.scorecard, ()))
-    assert [line.split()[1] for line in lines] == ["STUCK", "CONTACT", "TORQUE_LIMITED", "SLIPPED"]
-    assert all("0.015 s" in line and "expect" in line for line in lines) and "link – floor" in lines[1]
+    assert [line.split(": ")[1] for line in lines] == ["STUCK", "CONTACT", "TORQUE_LIMITED", "SLIPPED"]
+    assert "stuck.longest 0.015" in lines[0] and "contact.first_bodies link – floor" in lines[1]
+    assert all("expect" in line for line in lines)
     expected = ["stuck.longest", "contact.time", "torque_limited.time", "status_time.SLIPPED"]
     assert list(warnings(run.scorecard, expected)) == []

@@ -10,7 +10,6 @@ from project import ROOT
 from rmrc.analysis.check.findings import CODES
 from rmrc.results.facts import versions
 from rmrc.results.run import Run
-from rmrc.study.batch import Batch
 from wording import says
 
 TEXT = f"""
@@ -126,16 +125,6 @@ def test_a_refusal_is_an_error_with_all_its_lines(rmrc, quick):
     assert "❌ quick: 1 of 1 runs incomplete" in (quick / "ci/a.md").read_text("utf-8")
 
 
-@pytest.mark.usefixtures("quick")
-def test_ctrl_c_before_the_first_tick_is_an_error(rmrc, monkeypatch):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Batch, "compile", interrupted)
-    assert rmrc("run", "quick.yaml", *ASKED)[0] == 130
-    assert told(read("ci/a.xml")) == {"run": ("error", "ended before the first result")}
-
-
 @pytest.mark.usefixtures("undrawn")
 def test_each_variant_of_a_comparison_is_a_suite_and_the_exit_code_stays(rmrc, quick):
     varied = ("--vary", "control.feedback=5,10", "--set", "expect.duration.equals=0.2")
@@ -189,22 +178,3 @@ def test_check_leaves_a_case_for_each_code_and_fails_on_an_error_alone(rmrc, qui
         assert first.startswith("### ❌" if code else "### ✅")
         assert f"{len(CODES) - len(failed)} of {len(CODES)} checks passed" in first
         assert sum(line.startswith("- MISSED: home-outside-limits: error: ") for line in lines) == len(failed)
-
-
-@pytest.mark.usefixtures("quick")
-def test_margins_leave_a_case_that_fails_where_the_loop_is_unstable(rmrc):
-    asked = ("--accuracy", "0.5", "--quiet", "--junit", "ci/a.xml", "--summary", "ci/a.md")
-    motion = (
-        "--set",
-        "target.path=[{hold: {for: 0.4}}]",
-        "--set",
-        "control.period=0.01",
-        "--set",
-        "plant.kind=ideal",
-        "--set",
-        "expect={}",
-    )
-    for late, code in (("0", 0), ("0.2", 1)):
-        assert rmrc("margins", "quick.yaml", *motion, "--set", f"plant.delay={late}", *asked)[0] == code
-        failed = {name for name, what in told(read("ci/a.xml")).items() if what is not None}
-        assert failed == ({"stable"} if code else set())

@@ -27,6 +27,11 @@ class Column(NamedTuple):
     width: str = ""
 
 
+_POSE_ERROR = (
+    "[p_ref − p; log(R_ref Rᵀ)] of the true pose, along task.frame; if the site is free about one of its "
+    "axes, the tilt of that axis"
+)
+
 COLUMNS: Mapping[str, Column] = {
     "time": Column("s", "simulated time of the control tick"),
     "q": Column("joint", "true joint positions", "n"),
@@ -39,12 +44,7 @@ COLUMNS: Mapping[str, Column] = {
     "pose": Column("m, quat w x y z", "true pose of the site in the world", "7"),
     "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
     "twist_ref": Column("m/s, rad/s", "reference twist, [v; ω] along world axes", "6"),
-    "pose_error": Column(
-        "m, rad",
-        "[p_ref − p; log(R_ref Rᵀ)] of the true pose, along task.frame; if the site is free about one of its "
-        "axes, the tilt of that axis",
-        "6",
-    ),
+    "pose_error": Column("m, rad", _POSE_ERROR, "6"),
     "sigma": Column("1", "singular values of the scaled task Jacobian, in descending order", "k"),
     "gain": Column("1", "filter g(σ) of the inverse", "k"),
     "damping": Column("1", "λ, in the units of σ"),

@@ -42,15 +42,13 @@ def refuse_unwritable(paths: Iterable[Path], size: int = 0, way_out: str = "") -
     """
     for path in paths:
         folder = next(parent for parent in path.absolute().parents if parent.exists())
-        code = 0
-        if path.is_dir():
-            code = errno.EISDIR
-        elif not folder.is_dir():
-            code = errno.ENOTDIR
-        elif not os.access(folder, os.W_OK | os.X_OK):
-            code = errno.EACCES
-        if code:
-            raise OSError(code, os.strerror(code), str(path))
+        for code, is_wrong in (
+            (errno.EISDIR, path.is_dir()),
+            (errno.ENOTDIR, not folder.is_dir()),
+            (errno.EACCES, not os.access(folder, os.W_OK | os.X_OK)),
+        ):
+            if is_wrong:
+                raise OSError(code, os.strerror(code), str(path))
         free = shutil.disk_usage(folder).free
         if size > free:
             raise OutputError(

@@ -181,8 +181,7 @@ def _errors(run: Recorded) -> Metrics:
     axes = np.array([AXES.index(axis) for axis in run.axes])
     scale = np.sqrt(run.weights or np.ones(len(axes))) / np.where(axes < 3, run.length, 1.0)  # S_x
     errors, u = (np.ascontiguousarray(run[name].T[axes]) for name in ("pose_error", "u_min"))
-    groups: list[tuple[str, str, str, Array]] = []
-    parts: list[tuple[str, str, str, Array]] = []
+    groups, parts = [], []
     for name, unit, what, half, rows in (
         ("position_error", "m", "distance to the reference position", "linear", axes < 3),
         ("orientation_error", "rad", "angle to the reference orientation", "angular", axes >= 3),
