@@ -10,6 +10,8 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from rmrc.study.parcel import pack
+from rmrc.study.picks import Choice
 
 from project import ROOT, mostly_long, told
 from rmrc.results.columns import COLUMNS
@@ -21,8 +23,6 @@ from rmrc.scenario import draft_of, load, loads
 from rmrc.scenario.profile import SHIPPED, Profile, load_profile
 from rmrc.simulation.prepare import expected_profile, prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.parcel import pack
-from rmrc.study.picks import Choice
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 from wording import says
@@ -126,7 +126,7 @@ def refused_by_us(profile, q, commands, period=PERIOD):
     """Return how many commands of one run, (T, n), are refused, and the first."""
     acceleration = np.diff(commands, axis=0, prepend=0.0) / period
     jerk = np.diff(acceleration, axis=0, prepend=0.0) / period
-    return refused(profile, q.T, commands.T, acceleration.T, jerk.T)
+    return refused(profile, np.arange(len(q)) * period, q.T, commands.T, acceleration.T, jerk.T)
 
 
 @pytest.mark.parametrize("count", [300, pytest.param(1000, marks=pytest.mark.long)])
@@ -143,7 +143,7 @@ def test_the_verdict_on_random_runs_is_that_of_the_published_conditions(name, co
             assert (got.condition, got.joint) == ("", -1)
             continue
         condition, joint, tick, value, bound = first
-        assert (got.condition, got.joint, got.tick) == (condition, joint, tick)
+        assert (got.condition, got.joint, got.time) == (condition, joint, tick * PERIOD)
         # differences of the same numbers, divided twice, and a root: a few roundings
         assert got.value == pytest.approx(value, rel=1e-12)
         assert got.bound == pytest.approx(bound, rel=1e-12, abs=1e-14)
@@ -237,7 +237,8 @@ def stream(commands, period=PERIOD, **given):
     }
     columns["time"], columns["qdot_cmd"] = np.arange(len(commands)) * period, np.array(commands)[:, None]
     columns["status"] = np.zeros(len(commands), np.int64)
-    return Run("stream", ("a",), (False,), ("x",), 1.0, period, columns, len(commands), **given)
+    facts = {"joints": ("a",), "is_slide": (False,), "axes": ("x",), "length": 1.0, "period": period}
+    return Run("stream", columns=columns, planned=len(commands), **facts, **given)
 
 
 def test_a_switching_command_chatters_as_often_as_it_switches_and_a_smooth_one_never():
@@ -313,7 +314,7 @@ def test_run_says_what_is_refused_first_and_exits_1(rmrc, tmp_path):
     code, _, err = rmrc("run", str(FR3), *held, *jerky)
     assert code == 1
     (line,) = [one for one in told(err).splitlines() if "profile" in one]
-    assert line == says('… profile: … franka_fr3 … rad/s² … "fr3_joint2" … s … 10 … commands …')
+    assert line == says('… profile: … franka_fr3 … refused… acceleration … "fr3_joint2" … s')
     facts = json.loads((tmp_path / "fr3_elbow.json").read_text())
     (outcome,) = facts["expect"]
     assert outcome["name"] == "profile" and outcome["ok"] is False and outcome["text"] in line

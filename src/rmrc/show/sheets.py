@@ -1,10 +1,11 @@
 """Tables without a form: texts and numbers in cells, to be shown in a terminal or as markdown."""
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
+
+from rmrc.support.legible import escaped
 
 UNDEFINED = "-"
 
@@ -46,11 +47,6 @@ def as_markdown(sheet: Sheet) -> str:
             "\n".join(f"| {' | '.join((row[0], *row[first:last]))} |" for row in (head, rules, *body))
         )
     return "\n\n".join([*parts, *map(escaped, sheet.notes)])
-
-
-def escaped(text: str) -> str:
-    """Return one line that markdown shows unchanged."""
-    return re.sub(r"([\\|*`<\[\]])", r"\\\1", " ".join(text.split()))
 
 
 def number(value: float) -> str:

@@ -87,7 +87,7 @@ class Job:
     def run(self, on_ticks: Callable[[int], None] = lambda _: None) -> None:
         """Run to the end, to divergence or to Ctrl-C, and write the files in each case.
 
-        A failing recording, as on a full disk, does not end the run; it is deleted if the other files need
+        A failing recording, as on a full disk, does not end the run; it is deleted, as the other files need
         the space.
 
         Args:
@@ -95,20 +95,21 @@ class Job:
         """
         leaving = Leaving()
         with interruptible() as stop, ExitStack() as stack:
-            recording, show = self._recording() if self._records else (None, None)
-            if recording:
+            recording: Any = None
+            if self._records:
+                recording, show = self._recording()
                 stack.enter_context(recording)
 
             def watch(index: int, part: Run) -> None:
-                if show and not leaving.failures:
-                    leaving.attempt(partial(show, index, part))
+                if recording and not leaving.failures and not leaving.attempt(partial(show, index, part)):
+                    recording.part_path.unlink(missing_ok=True)  # so that the columns have its room
                 on_ticks(len(part))
 
             self._keep(self._study.step(self.worlds, stop, [watch]))
-            spare = recording.part_path if recording and leaving.failures else None
+            is_recorded = recording and not leaving.failures
             for path, write in zip(self.files[-2:], (self._save_columns, self._save_facts), strict=False):
-                leaving.write([path], write, spare)
-            if recording and spare is None:
+                leaving.write([path], write)
+            if is_recorded:
                 leaving.write(self.files[:1], lambda _: recording.finish(self._markdown()))
             self.files = [path for path in self.files if path in leaving.files]
             self.interrupted, self.failures = stop.is_set(), leaving.failures
