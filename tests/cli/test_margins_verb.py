@@ -86,7 +86,7 @@ def test_a_loop_that_is_unstable_as_written_gives_exit_code_1(rmrc):
         (["--accuracy", "nan"], "--accuracy: must be between 0.005 and 0.5, got nan"),
         (["--set", "control.feedback=0"], "--set control.feedback: must be > 0, got 0: …"),
         (["--picture", "m.jpg"], "--picture m.jpg: must end in .png, .svg or .pdf"),
-        (["--picture", "no/m.png"], "no: …"),
+        (["--picture", "no/m.png"], "no…: …"),
         (["--set", "plant.delay=-1"], "--set plant.delay: … -1"),
     ],
 )

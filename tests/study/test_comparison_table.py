@@ -47,7 +47,7 @@ def row(label="inverse", run=None, expect=None, **values):
     figures = {name: Figure(value, card[name].unit, "") for name, value in values.items()}
     card = Scorecard(card.name, card.joints, {**card.figures, **figures})
     outcomes = tuple(check(card, expect or {}))
-    return label, Ran(0, None, card, outcomes, run.divergence, False, False, run)
+    return label, Ran(0, None, card, outcomes, run.divergence, interrupted=False, run=run)
 
 
 def table(rows, stated=()):
