@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from project import ROOT
 from replacing import replaced
 from rmrc import arm as arms
-from rmrc.scenario.sections import ToolSection
+from rmrc.scenario.arm import ToolSection
 from rmrc.support.errors import ModelError
 
 MODELS = ROOT / "tests/models"

@@ -9,10 +9,11 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from rmrc.scenario import aliases
+from rmrc.scenario.control import ControlSection
 from rmrc.scenario.keys import SourceMap
-from rmrc.scenario.path import SEGMENTS
+from rmrc.scenario.plant import PlantSection, uneven
 from rmrc.scenario.reading import Document
-from rmrc.scenario.sections import ControlSection, PlantSection, Sections, uneven
+from rmrc.scenario.sections import Sections
 from rmrc.scenario.units import instead
 from rmrc.scenario.values import Section, is_spelled_as_number, seconds
 from rmrc.scenario.wording import brief, listed, show
@@ -20,7 +21,7 @@ from rmrc.support.errors import did_you_mean
 from rmrc.support.problems import Key, Problem
 
 # Pydantic names the option of a union that it chose; files do not.
-_TAGS = {"<text>", "<list>", "<one>", *(f"<{name}>" for name in SEGMENTS)}
+_TAGS = {"<text>", "<list>", "<one>"}
 
 
 def translate(error: ValidationError, document: Document) -> list[Problem]:
@@ -120,17 +121,6 @@ def _unknown(_: ErrorDetails, key: Key) -> str:
     return f"unknown key{near or '; the keys are ' + ', '.join(names)}"
 
 
-def _no_segment(detail: ErrorDetails, _: Key) -> str:
-    value, want = detail["input"], detail["msg"]
-    if not isinstance(value, dict):
-        return f"{want}, got {show(value)}"
-    names = list(value)
-    near = did_you_mean(names[0], SEGMENTS) if len(names) == 1 else ""
-    if len(names) == 1 and (ours := aliases.choice(("target", "path"), names[0])):
-        near = f"; write {_SEGMENT_FORMS[ours]}"
-    return f"{want}, got {listed([brief(name) for name in names])}{near}"
-
-
 def _no_option(detail: ErrorDetails, key: Key) -> str:
     value, options = detail["input"], re.findall(r"'([^']*)'", str(detail["ctx"]["expected"]))
     want = ", ".join(f'"{option}"' for option in options)
@@ -174,18 +164,6 @@ def _choice_of(value: str, key: Key) -> str:
     return next((place for place, names in aliases.CHOICES.items() if value in names and place != ours), "")
 
 
-# An example of each segment of a path.
-_SEGMENT_FORMS = {
-    "line": "line: {to: [x, y]}",
-    "arc": "arc: {center: [x, y], angle: 360 deg}",
-    "turn": "turn: {axis: z, angle: 90 deg}",
-    "tilt": "tilt: {axis: z, to: [0, 0, -1]}",
-    "set": "set: {by: [dx, dy], for: 1.0}",
-    "configurations": "configurations: [home]",
-    "file": "file: {path: motion.csv}",
-    "hold": "hold: {for: 1.0}",
-}
-
 # Messages for pydantic's errors: some need the value or the key, the others a requirement and the value.
 _WHOLE: dict[str, Callable[[ErrorDetails, Key], str]] = {
     "rule": lambda detail, _: str(detail["ctx"]["text"]),
@@ -194,7 +172,6 @@ _WHOLE: dict[str, Callable[[ErrorDetails, Key], str]] = {
     "choice": lambda detail, key: (
         f"{detail['msg']}, got {show(detail['input'])}{_write(aliases.mapping(key, detail['input']))}"
     ),
-    "segment": _no_segment,
     "literal_error": _no_option,
     "float_type": _no_number,
 }

@@ -63,9 +63,8 @@ def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: 
         yield from _rows(f"{key}.<{_ABSENT[key][0]}>", inner, kinds, required=False)
     elif "properties" in below:
         return
-    elif any("$ref" in option for option in below.get("items", {}).get("oneOf", ())):
-        for inner in below["items"]["oneOf"]:
-            yield from _rows(f"{key}[]", inner, kinds, required=False)
+    elif "$ref" in below.get("items", {}):
+        yield from _rows(f"{key}[]", below["items"], kinds, required=False)
     else:
         default = "required" if required else schema.get("derived") or inline(schema.get("default"))
         yield SchemaRow(key, _type(schema), schema.get("unit", ""), default, schema["description"])

@@ -1,5 +1,6 @@
 """Building blocks of sections: the mapping, its keys, and the constrained types of their values."""
 
+import inspect
 import math
 import os
 import re
@@ -15,6 +16,7 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
     Tag,
     ValidationInfo,
@@ -40,11 +42,34 @@ _RATE = rf"\s*(?:({UNSIGNED})\s*Hz|1\s*/\s*({UNSIGNED})\s*s?)\s*"
 
 
 class Section(BaseModel):
-    """One mapping of the file: frozen, and without any key that is not named here."""
+    """One mapping of the file: frozen, and without any key that is not named here.
+
+    The meaning of each key stands in the docstring of its class, under `Attributes`.
+    """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", validate_by_name=True, validate_by_alias=True, serialize_by_alias=True
     )
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Take the meanings from the docstring."""
+        attributes = inspect.cleandoc(cls.__doc__ or "").partition("Attributes:\n")[2]
+        for name, text in re.findall(r"^    (\w+): (.+(?:\n {6}.+)*)", attributes, re.M):
+            cls.model_fields[name].description = " ".join(text.split())
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Return the JSON Schema, with the meanings."""
+        schema = handler(core)
+        section = handler.resolve_ref_schema(schema)
+        section["description"] = inspect.cleandoc(cls.__doc__ or "").partition("\n\nAttributes:")[0]
+        for name, field in cls.model_fields.items():
+            if field.description:
+                section["properties"][field.alias or name]["description"] = field.description
+        return schema
 
 
 class Choice(Section):
@@ -59,11 +84,11 @@ class Choice(Section):
         return [name for name in names if getattr(self, name) is not None]
 
 
-def key(meaning: str, default: Any = ..., unit: str | None = None, **more: Any) -> Any:
-    """Return a key of a section with its description for `rmrc schema`; required without a default."""
+def key(default: Any = ..., unit: str | None = None, **more: Any) -> Any:
+    """Return a key of a section with its unit; required without a default."""
     extra: JsonDict = {"unit": unit} if unit else {}
     extra |= more.pop("schema", {})
-    return Field(default, description=meaning, json_schema_extra=extra or None, **more)
+    return Field(default, json_schema_extra=extra or None, **more)
 
 
 def rule(text: str, key: Key = ()) -> PydanticCustomError:
@@ -179,12 +204,11 @@ def _motion_file(path: Path, info: ValidationInfo) -> Path:
 
 def checked_file(path: Path, info: ValidationInfo, near: Callable[[Path, Path], str]) -> Path:
     """Make the path absolute; where a scenario is read (context), the file must be there."""
-    context = info.context or {"folder": Path(), "models": {}}
-    folder: Path = context["folder"]
     try:
-        full: Path = (folder / context["models"].get(str(path), path)).resolve()
+        full = _located(path, info).resolve()
         is_file = not info.context or stat.S_ISREG(full.stat().st_mode)
     except FileNotFoundError:
+        folder = info.context["folder"] if info.context else Path()
         raise rule(f'no such file "{visible(str(full))}"{near(folder, path)}') from None
     except (OSError, ValueError, RuntimeError) as error:  # not permitted; a NUL; a loop of links
         reason = getattr(error, "strerror", None) or str(error)
@@ -194,10 +218,18 @@ def checked_file(path: Path, info: ValidationInfo, near: Callable[[Path, Path], 
     return full
 
 
+def _located(path: Path, info: ValidationInfo) -> Path:
+    """Return a path from the scenario's folder; below its root where all its files were moved there."""
+    context = info.context or {"folder": Path(), "root": None}
+    full: Path = context["folder"] / path
+    if context["root"] is None:
+        return full
+    return Path(context["root"], *Path(os.path.abspath(full)).parts[1:])
+
+
 def _folder(path: Path, info: ValidationInfo) -> Path:
     """Make the path absolute; where a scenario is read (context), the folder must be there."""
-    context = info.context or {"folder": Path(), "models": {}}
-    full: Path = Path(os.path.abspath(context["folder"] / context["models"].get(str(path), path)))
+    full = Path(os.path.abspath(_located(path, info)))
     if info.context and not full.is_dir():
         raise rule(f'no such folder "{visible(str(full))}"')
     return full
@@ -293,13 +325,6 @@ Bounds = Annotated[
     Field(description="lower and upper bound of the key", json_schema_extra={"unit": "as the key"}),
 ]
 Values = Annotated[tuple[Any, ...], Count(1), Field(description="values of the key")]
-Changed = Annotated[
-    Any,
-    Field(
-        description="value of the key, dotted or in sections, in the baseline: a second run that `rmrc "
-        "run` makes for comparison, such as the plain inverse without limits; other verbs ignore it"
-    ),
-]
 Quaternion = Annotated[tuple[Number, ...], Count(4, 4), AfterValidator(_directed)]
 Wrench = Annotated[tuple[Number, ...], Count(6, 6)]
 Point = Annotated[tuple[Number, ...], Count(3, 3)]

@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
-from pydantic import ValidationError
-
-from rmrc.scenario.draft import Scenario, document_of, load
-from rmrc.scenario.keys import Place, SourceMap, in_order
+from rmrc.scenario.arm import ArmSection
+from rmrc.scenario.control import ControlSection
+from rmrc.scenario.document import checked, read_document
+from rmrc.scenario.draft import Scenario, load
+from rmrc.scenario.keys import Place, SourceMap
 from rmrc.scenario.messages import translate
-from rmrc.scenario.reading import Document, TextError, read
-from rmrc.scenario.sections import ArmSection, ControlSection, TaskSection
+from rmrc.scenario.reading import Document
+from rmrc.scenario.task import TaskSection
 from rmrc.scenario.values import Section
-from rmrc.scenario.wording import show
 from rmrc.support import shipped
-from rmrc.support.errors import QuestionError, ScenarioError
+from rmrc.support.errors import QuestionError
 
 ControlSource: TypeAlias = "ControlSection | Scenario | Mapping[str, Any] | str | os.PathLike[str] | None"
 """A section, a scenario, a mapping with the section `control` or with its keys, or a YAML file of these."""
@@ -36,7 +36,7 @@ class Controls(NamedTuple):
     arm: ArmSection | None = None
 
 
-class _Given(Section):
+class _Sections(Section):
     control: ControlSection = ControlSection()
     task: TaskSection | None = None
 
@@ -53,12 +53,12 @@ def read_controls(source: ControlSource, period: float | None = None) -> Control
         ScenarioError: Lists all problems at once.
         QuestionError: The period is not a positive time.
     """
-    found = _read(source)
+    controls = _read(source)
     if period is None:
-        return found
+        return controls
     if not (isinstance(period, int | float) and 0.0 < period < math.inf):
         raise QuestionError(f"period must be > 0 and finite [s], got {period}")
-    return found._replace(control=found.control.model_copy(update={"period": float(period)}))
+    return controls._replace(control=controls.control.model_copy(update={"period": float(period)}))
 
 
 def read_task(source: TaskSection | Mapping[str, Any]) -> TaskSection:
@@ -69,58 +69,32 @@ def read_task(source: TaskSection | Mapping[str, Any]) -> TaskSection:
     """
     if isinstance(source, TaskSection):
         return source
-    found = _checked(Document({"task": dict(source)}, SourceMap()))
-    assert found.task is not None
-    return found.task
+    return checked(_Sections, Document({"task": dict(source)}, SourceMap()), translate).task or TaskSection()
 
 
 def _read(source: ControlSource) -> Controls:
-    if source is None:
-        return Controls(ControlSection())
-    if isinstance(source, ControlSection):
-        return Controls(source)
-    if isinstance(source, Scenario):
-        return Controls(source.control, source.task, source.arm)
+    if isinstance(source, ControlSection | None):
+        return Controls(source or ControlSection())
     if isinstance(source, Mapping):
         return _controls(Document(dict(source), SourceMap()))
-    if not isinstance(source, str | os.PathLike):
+    if isinstance(source, str | os.PathLike):
+        name = os.fspath(shipped.found(source, "scenarios"))
+        document = read_document(name)
+        if "arm" not in document.value:
+            return _controls(document)
+        source = load(Path(name))
+    if not isinstance(source, Scenario):
         raise QuestionError(
             f"control must be a mapping, a file, a ControlSection or a Scenario, got {type(source).__name__}"
         )
-    name = os.fspath(shipped.found(source, "scenarios"))
-    try:
-        text = read(name)
-    except TextError as error:
-        raise ScenarioError.about(name, str(error)) from None
-    document = document_of(text, name)
-    if "arm" in document.value:
-        scenario = load(Path(name))
-        return Controls(scenario.control, scenario.task, scenario.arm)
-    return _controls(document)
+    return Controls(source.control, source.task, source.arm)
 
 
 def _controls(document: Document) -> Controls:
-    """Return the sections of a mapping that is no scenario: sections, or the keys of one."""
+    """Return the sections of a mapping that is no scenario: sections, or the keys of `control`."""
     if not document.value.keys() & {"control", "task"}:
         below = Place(document.sources.root.origin, {"control": document.sources.root})
         sources = SourceMap(document.sources.source, below)
-        problems = [one._replace(key=("control", *one.key)) for one in document.problems]
-        hidden = frozenset(("control", *key) for key in document.hidden)
-        document = Document({"control": document.value}, sources, problems, hidden)
-    found = _checked(document)
-    return Controls(found.control, found.task)
-
-
-def _checked(document: Document) -> _Given:
-    problems = document.problems
-    try:
-        if not isinstance(document.value, dict):
-            raise ScenarioError.about(
-                document.sources.source, f"must be a mapping, got {show(document.value)}"
-            )
-        found = _Given.model_validate(document.value, by_alias=True, by_name=False)
-    except ValidationError as error:
-        problems = problems + translate(error, document)
-    if problems:
-        raise ScenarioError(in_order(problems))
-    return found
+        document = Document({"control": document.value}, sources, document.problems)
+    sections = checked(_Sections, document, translate)
+    return Controls(sections.control, sections.task)
