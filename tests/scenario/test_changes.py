@@ -96,7 +96,7 @@ def test_an_item_of_a_list_that_is_not_written_is_set_in_its_default():
         ("arm.start=[1", "--set arm.start: … YAML: … ']' … '<stream end>'"),
         ("arm.start=# x", "--set arm.start: … empty"),
         ("arm.site=!!python/name:os.system x", "--set arm.site: … !!python/name:os.system …"),
-        ("plant.kv=1\n---\n2", "--set plant.kv: … one YAML document"),
+        ("plant.kv=1\n---\n2", "--set plant.kv: … YAML: … another document"),
     ],
 )
 def test_a_wrong_override_is_told_by_its_key(override, line):
@@ -132,7 +132,7 @@ def test_values_of_python_and_numpy_are_taken_as_a_file_would_have_them():
 def test_a_scenario_made_in_python_can_be_changed_and_named_in_messages():
     one = Scenario.model_validate(loads(FULL).model_dump())
     assert one.set({"arm.start[1]": "10 deg"}).arm.start[1] == math.radians(10)
-    with pytest.raises(ScenarioError, match=r"^arm\.start: .* keyframe or a list"):
+    with pytest.raises(ScenarioError, match=r"^arm\.start: .* list"):
         one.set({"arm.start": 3})
     other = loads(FULL, "x.yaml").model_copy(update={"name": "other"})
     assert other.set({"control.feedback": 1}).name == "other"

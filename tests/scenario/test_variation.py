@@ -59,10 +59,10 @@ EXAMPLE = "control.inverse.method=inverse,damped"
 @pytest.mark.parametrize(
     ("texts", "lines"),
     [
-        ([], [f"--vary: … 2 variants … 0; … --vary {EXAMPLE}"]),
-        (["a=1"], [f"--vary: … 2 variants … 1; … --vary {EXAMPLE}"]),
-        (["a="], [f"--vary: … 2 variants … 0; … --vary {EXAMPLE}"]),
-        (["a=0,1,2,3,4,5,6", "b=0,1,2,3,4,5,6,7"], ["--vary: … 50 variants … 56"]),
+        ([], [f"--vary: … 2 variants to 50, got 0; … --vary {EXAMPLE}"]),
+        (["a=1"], [f"--vary: … 2 variants to 50, got 1; … --vary {EXAMPLE}"]),
+        (["a="], [f"--vary: … 2 variants to 50, got 0; … --vary {EXAMPLE}"]),
+        (["a=0,1,2,3,4,5,6", "b=0,1,2,3,4,5,6,7"], [f"--vary: … 2 variants to 50, got 56; … --vary {EXAMPLE}"]),
         (["a=1,2", "a=3,4"], ["--vary a: … twice"]),
         (["a=1,2,1"], ["--vary: … a=1"]),
         (["foo"], [f"--vary foo: … KEY=V1,V2,... … {EXAMPLE}"]),
@@ -78,8 +78,5 @@ def test_what_cannot_be_varied_is_said_at_once(texts, lines):
     assert str(caught.value).splitlines() == list(map(says, lines))
 
 
-def test_fifty_variants_are_not_too_many_and_a_list_of_many_values_is_refused_before_it_is_built():
+def test_fifty_variants_are_not_too_many():
     assert len(variants(["a=0,1,2,3,4", "b=0,1,2,3,4,5,6,7,8,9"])) == 50
-    with pytest.raises(ScenarioError) as caught:
-        variants(["a=" + "1," * 11_000])
-    assert str(caught.value) == says("--vary a: … 10000 values …")

@@ -17,7 +17,6 @@ Only this package uses YAML and pydantic. A section made directly in Python repo
 a file, a text or a change never does.
 """
 
-from rmrc.scenario.aliases import place_of
 from rmrc.scenario.arm import ArmSection, StartPose
 from rmrc.scenario.changes import Change, Variant, changes_of
 from rmrc.scenario.control import ControlSection, LimitsSection, NullspaceSection, SecondarySection
@@ -36,6 +35,6 @@ __all__ = [
     "ArmSection", "Change", "Check", "ControlSection", "ControlSource", "Draft", "Frame", "LimitsSection",
     "NullspaceSection", "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Segment",
     "Source", "StartPose", "TargetLimitsSection", "TargetSection", "TaskSection", "Variant", "angle", "block",
-    "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of", "read_controls",
+    "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "read_controls",
     "read_task", "schema_rows", "variants",
 ]  # fmt: skip

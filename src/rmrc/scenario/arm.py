@@ -37,7 +37,7 @@ def _is_turn(values: tuple[float, ...]) -> tuple[float, ...]:
     return values
 
 
-Orientation = Annotated[tuple[types.Angle, ...], types.Count(3, 4), AfterValidator(_is_turn)]
+Orientation = Annotated[tuple[types.Angle, ...], types.count(3, 4), AfterValidator(_is_turn)]
 """Roll, pitch and yaw about fixed x, y and z, or a quaternion w x y z."""
 
 

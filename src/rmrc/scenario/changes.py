@@ -83,15 +83,13 @@ def read_change(key: Key, text: str, option: str) -> Change:
         option: The option that has it, with the key as messages name it.
 
     Raises:
-        ScenarioError: The text cannot be read; all problems.
+        ScenarioError: The text cannot be read.
     """
     origin = Origin(option, key=join(key))
     try:
         inner = parse(text if text.strip() else "null", key=key)
     except TextError as error:
-        raise ScenarioError([Problem(key, str(error), origin)]) from None
-    if inner.problems:
-        raise ScenarioError([problem._replace(origin=origin) for problem in inner.problems])
+        raise ScenarioError([Problem(error.key or key, str(error), origin)]) from None
     return Change(key, inner.value, origin, text)
 
 
@@ -102,7 +100,7 @@ def read_setting(text: str) -> Change:
         text: Such as `control.inverse.method=inverse` or `arm.start[1]=10 deg`; VALUE is YAML.
 
     Raises:
-        ScenarioError: It is no such text; all problems.
+        ScenarioError: It is no such text.
     """
     name, equals, value = text.partition("=")
     try:

@@ -108,8 +108,8 @@ PARAMETERS = (
     GAMMA := Parameter("inverse.gamma", range=lambda _: (1e-3, 0.5)),
     PUSH_POSITION := Parameter("inverse.push.position"), PUSH_ROTATION := Parameter("inverse.push.rotation"),
     RATE_BOUND := Parameter("inverse.rate_bound", range=lambda seen: (seen.slowest, seen.fastest)),
-    GAIN := Parameter("nullspace.gain"),
-    POSTURE := Parameter("nullspace.posture", math.nan, is_each=True),  # only the arm knows the start
+    # Only the arm knows the start, which is the posture for null.
+    GAIN := Parameter("nullspace.gain"), POSTURE := Parameter("nullspace.posture", math.nan, is_each=True),
     RATES := Parameter("nullspace.rates", 0.0, is_each=True),
     SECONDARY_DAMPING := Parameter("nullspace.secondary.damping"),
     SLOW_CHANGE := Parameter("slow.change"), SLOW_PATIENCE := Parameter("slow.patience"),
@@ -264,8 +264,7 @@ INVERSES = Choices("inverse.method", "damped", (
 ))  # fmt: skip
 
 METRICS = Choices("inverse.metric", "joints", (
-    Choice("joints", "‖W_q^½ qdot‖, sliding joints over task.length", "Whitney69", acts=False,
-        others="euclidean"),
+    Choice("joints", "‖W_q^½ qdot‖, sliding joints over task.length", "Whitney69", acts=False),
     Choice("inertia", "√(qdotᵀ M qdot), with the inertia M(q) of the arm: dynamically consistent", "Khatib87",
         acts=False, others="dynamically_consistent kinetic_energy"),
 ))  # fmt: skip
@@ -285,28 +284,23 @@ SCHEDULES = Choices("inverse.damping.schedule", "smallest_singular_value", (
 OBJECTIVES = Choices("nullspace.objective", "none", (
     Choice("none", "0", acts=False, others="off"),
     Choice("posture", "gain · (posture − q)", "Liegeois77", (GAIN, POSTURE), others="rest home"),
-    Choice("joint_limits", "towards the middle of the joints' ranges", "Liegeois77", (GAIN,),
-        others="limits limit_avoidance"),
-    Choice("manipulability", "towards a larger w, by the derivative of J", "Yoshikawa85", (GAIN,),
-        others="dexterity"),
+    Choice("joint_limits", "towards the middle of the joints' ranges", "Liegeois77", (GAIN,)),
+    Choice("manipulability", "towards a larger w, by the derivative of J", "Yoshikawa85", (GAIN,)),
     Choice("rates", "constant, as given", "", (RATES,), others="velocity qdot0"),
     Choice("secondary", "the rates of a second task: another site, or other rows; `classical` or `robust` "
         "priority", others="second_task task_priority"),
 ))  # fmt: skip
 
 PRIORITIES = Choices("nullspace.secondary.priority", "robust", (
-    Choice("classical", "solved within the null space of the first task", "Nakamura87", (SECONDARY_DAMPING,),
-        others="strict"),
-    Choice("robust", "solved alone, then projected", "Chiaverini97", (SECONDARY_DAMPING,),
-        others="singularity_robust"),
+    Choice("classical", "solved within the null space of the first task", "Nakamura87", (SECONDARY_DAMPING,)),
+    Choice("robust", "solved alone, then projected", "Chiaverini97", (SECONDARY_DAMPING,)),
 ))  # fmt: skip
 
 LIMITS = Choices("limits.on_excess", "scale", (
     Choice("scale", "all are scaled by one factor: the tip keeps its direction while no joint is at its "
         "position limit", others="proportional"),
     Choice("clamp", "each is clamped by itself: the tip does not keep its direction", others="clip saturate"),
-    Choice("redistribute", "the other joints take over the part of a saturated joint", "Flacco15",
-        others="basic_sns"),
+    Choice("redistribute", "the other joints take over the part of a saturated joint", "Flacco15"),
     Choice("optimal", "the rates within the bounds that are best for the task, by the measure of the damped "
         "inverse; for another inverse, those nearest to its own", "Stark95", others="qp best"),
     Choice("none", "nothing", acts=False, others="off"),

@@ -1,20 +1,18 @@
 """Documents: YAML texts as plain values with their places, and their check against a section."""
 
-from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias, TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from rmrc.scenario.keys import in_order
+from rmrc.scenario.messages import translate
 from rmrc.scenario.reading import Document, TextError, parse, read
 from rmrc.scenario.values import Section
 from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Origin, Problem
 
 S = TypeVar("S", bound=Section)
-Words: TypeAlias = Callable[[ValidationError, Document], list[Problem]]
-"""Puts pydantic's errors about a document in words."""
 
 
 def read_document(source: str, text: str | None = None) -> Document:
@@ -30,32 +28,24 @@ def read_document(source: str, text: str | None = None) -> Document:
     try:
         document = parse(read(source) if text is None else text, source)
     except TextError as error:
-        raise ScenarioError([Problem((), str(error), Origin(source, *error.mark))]) from None
+        raise ScenarioError([error.problem(source)]) from None
     if not isinstance(document.value, dict):
-        wrong = document.sources.problem((), f"must be a mapping of keys, got {show(document.value)}")
-        raise ScenarioError(in_order(document.problems) or [wrong])
+        raise ScenarioError([document.sources.problem((), f"must be a mapping, got {show(document.value)}")])
     return document
 
 
-def checked(
-    section: type[S], document: Document, words: Words, context: Mapping[str, Any] | None = None
-) -> S:
+def checked(section: type[S], document: Document, context: Mapping[str, Any] | None = None) -> S:
     """Return the section that a document has.
 
     Args:
         section: Its class.
         document: The values.
-        words: For the errors.
         context: Where the files are; None: they are not checked.
 
     Raises:
         ScenarioError: Lists all problems at once.
     """
-    problems = document.problems
     try:
-        content = section.model_validate(document.value, context=context, by_alias=True, by_name=False)
+        return section.model_validate(document.value, context=context, by_alias=True, by_name=False)
     except ValidationError as error:
-        problems = problems + words(error, document)
-    if problems:
-        raise ScenarioError(in_order(problems))
-    return content
+        raise ScenarioError(in_order(translate(error, document.sources, section))) from None

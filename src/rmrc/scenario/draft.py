@@ -15,7 +15,6 @@ from rmrc.scenario.control import ControlSection
 from rmrc.scenario.document import checked, read_document
 from rmrc.scenario.expect import PROFILE
 from rmrc.scenario.keys import SourceMap, split
-from rmrc.scenario.messages import translate
 from rmrc.scenario.profile import SHIPPED
 from rmrc.scenario.reading import Document
 from rmrc.scenario.sections import Sections, parse_key
@@ -175,8 +174,7 @@ class Draft:
         """Yield each value that is no mapping or list, with its dotted key: a varied value is of its key."""
         data = self.document.value
         varied = (data.get("sweep") or {}).get("vary") or {}
-        several = [(name, value) for name, values in varied.items() for value in values]
-        waiting = [*data.items(), *(data.get("baseline") or {}).items(), *several]
+        waiting = [*data.items(), *(data.get("baseline") or {}).items(), *varied.items()]
         while waiting:
             key, value = waiting.pop(0)
             if isinstance(value, dict):
@@ -230,7 +228,7 @@ class Draft:
             ScenarioError: Lists all problems at once.
         """
         context = {"folder": self._folder, "root": self._root} if self._folder else None
-        scenario = checked(Scenario, self.document, translate, context)
+        scenario = checked(Scenario, self.document, context)
         scenario._draft = self
         return scenario
 

@@ -22,10 +22,7 @@ class Check(Choice):
     """
 
     model_config = ConfigDict(
-        json_schema_extra={
-            "anyOf": [{"required": [name]} for name in ("below", "above", "equals")],
-            "dependentRequired": {"equals": ["within"], "within": ["equals"]},
-        }
+        json_schema_extra={"dependentRequired": {"equals": ["within"], "within": ["equals"]}}
     )
     below: Number | None = key(None, "as the metric")
     above: Number | None = key(None, "as the metric")

@@ -4,14 +4,13 @@ import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 from rmrc.scenario.arm import ArmSection
 from rmrc.scenario.control import ControlSection
 from rmrc.scenario.document import checked, read_document
 from rmrc.scenario.draft import Scenario, load
-from rmrc.scenario.keys import Place, SourceMap
-from rmrc.scenario.messages import translate
+from rmrc.scenario.keys import SourceMap
 from rmrc.scenario.reading import Document
 from rmrc.scenario.task import TaskSection
 from rmrc.scenario.values import Section
@@ -22,7 +21,7 @@ ControlSource: TypeAlias = "ControlSection | Scenario | Mapping[str, Any] | str 
 """A section, a scenario, a mapping with the section `control` or with its keys, or a YAML file of these."""
 
 
-class Controls(NamedTuple):
+class Controls(Section):
     """The part of a scenario that a loop outside a run needs.
 
     Attributes:
@@ -31,14 +30,9 @@ class Controls(NamedTuple):
         arm: The controlled frame and the actuated joints; None if it is not given.
     """
 
-    control: ControlSection
-    task: TaskSection | None = None
-    arm: ArmSection | None = None
-
-
-class _Sections(Section):
     control: ControlSection = ControlSection()
     task: TaskSection | None = None
+    arm: ArmSection | None = None
 
 
 def read_controls(source: ControlSource, period: float | None = None) -> Controls:
@@ -58,7 +52,8 @@ def read_controls(source: ControlSource, period: float | None = None) -> Control
         return controls
     if not (isinstance(period, int | float) and 0.0 < period < math.inf):
         raise QuestionError(f"period must be > 0 and finite [s], got {period}")
-    return controls._replace(control=controls.control.model_copy(update={"period": float(period)}))
+    control = controls.control.model_copy(update={"period": float(period)})
+    return controls.model_copy(update={"control": control})
 
 
 def read_task(source: TaskSection | Mapping[str, Any]) -> TaskSection:
@@ -69,12 +64,12 @@ def read_task(source: TaskSection | Mapping[str, Any]) -> TaskSection:
     """
     if isinstance(source, TaskSection):
         return source
-    return checked(_Sections, Document({"task": dict(source)}, SourceMap()), translate).task or TaskSection()
+    return checked(Controls, Document({"task": dict(source)}, SourceMap())).task or TaskSection()
 
 
 def _read(source: ControlSource) -> Controls:
     if isinstance(source, ControlSection | None):
-        return Controls(source or ControlSection())
+        return Controls(control=source or ControlSection())
     if isinstance(source, Mapping):
         return _controls(Document(dict(source), SourceMap()))
     if isinstance(source, str | os.PathLike):
@@ -87,14 +82,11 @@ def _read(source: ControlSource) -> Controls:
         raise QuestionError(
             f"control must be a mapping, a file, a ControlSection or a Scenario, got {type(source).__name__}"
         )
-    return Controls(source.control, source.task, source.arm)
+    return Controls(control=source.control, task=source.task, arm=source.arm)
 
 
 def _controls(document: Document) -> Controls:
     """Return the sections of a mapping that is no scenario: sections, or the keys of `control`."""
     if not document.value.keys() & {"control", "task"}:
-        below = Place(document.sources.root.origin, {"control": document.sources.root})
-        sources = SourceMap(document.sources.source, below)
-        document = Document({"control": document.value}, sources, document.problems)
-    sections = checked(_Sections, document, translate)
-    return Controls(sections.control, sections.task)
+        document = Document({"control": document.value}, document.sources.below("control"))
+    return checked(Controls, document)

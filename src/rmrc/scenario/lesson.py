@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from rmrc.scenario.values import Count, Number, Positive, Section, Text, key
+from rmrc.scenario.values import Number, Positive, Section, Text, count, key
 
-Mark = Literal["velocity", "force", "lost"]
 SHIPPED = {file.stem: file for file in sorted(Path(__file__).with_name("lessons").glob("*.yaml"))}
 
 
@@ -59,7 +58,7 @@ class Lesson(Section):
     title: Text
     scenario: Text
     about: Text
-    shows: tuple[Mark, ...] = ("velocity", "lost")
-    questions: Annotated[tuple[Question, ...], Count(3, 3)]
+    shows: tuple[Literal["velocity", "force", "lost"], ...] = ("velocity", "lost")
+    questions: Annotated[tuple[Question, ...], count(3, 3)]
     number: Sought
     rows: tuple[Text, ...] = ()

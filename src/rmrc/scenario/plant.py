@@ -1,12 +1,10 @@
 """The plant of a scenario: what turns commanded rates into motion."""
 
-import math
 from typing import Literal
 
 from rmrc.scenario import values as types
 from rmrc.scenario.choices import PLANTS
 from rmrc.scenario.values import Section, key
-from rmrc.scenario.wording import show
 
 # MuJoCo's longest step where neither the scenario nor the plant sets another [s].
 TIMESTEP = 0.001
@@ -99,15 +97,3 @@ class PlantSection(Section):
         """Whether to switch on gravity compensation of the arm's bodies; if not, the model decides."""
         wanted = self.gravity_compensation
         return not PLANTS[self.kind].own if wanted is None else wanted
-
-
-def uneven(kind: str, period: float, timestep: float | None) -> str | None:
-    """Return why a control period is not a whole number of the given steps of MuJoCo, or None."""
-    if timestep is None or not PLANTS[kind].physics:
-        return None
-    steps = period / timestep
-    # 1e-9: decimal fractions such as 0.003/0.001 are off by some 1e-16, real mistakes by far more.
-    if steps < math.inf and abs(steps - max(1, round(steps))) <= 1e-9 * steps:
-        return None
-    numbers = f"got {show(period)} and {show(timestep)}"
-    return f"must be an integer multiple of plant.timestep, {numbers}; write plant.timestep: null"

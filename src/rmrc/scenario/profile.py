@@ -6,17 +6,15 @@ A profile is a YAML file, in `profiles/` beside this module or of a user. Every 
 import math
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Generic, Self, TypeVar
+from typing import Annotated, Generic, Self, TypeVar
 
-from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from rmrc.scenario import values as types
 from rmrc.scenario.document import S, checked, read_document
-from rmrc.scenario.reading import Document
 from rmrc.scenario.values import Section, checked_file, key, rule
-from rmrc.scenario.wording import nearby, show
+from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError, did_you_mean
-from rmrc.support.problems import Problem
 
 V = TypeVar("V")
 
@@ -55,7 +53,7 @@ class Taper(Ends):
         deceleration: One per joint [rad/s² or m/s²].
     """
 
-    offset: Annotated[tuple[types.NotNegative, ...], types.Count(1)]
+    offset: Annotated[tuple[types.NotNegative, ...], types.count(1)]
     deceleration: types.Weights
 
 
@@ -118,8 +116,9 @@ class Profile(Section):
                     raise rule(f"must be above margin {self.margin:g}, got {min(values):g}", (place, name))
             for j, low in enumerate(part.lower if isinstance(part, Ends) else ()):
                 if not low < part.upper[j]:
-                    text = f"must be below upper[{j}], which is {part.upper[j]:g}, got {low:g}"
-                    raise rule(text, (place, "lower", j))
+                    raise rule(
+                        f"must be below upper[{j}], {part.upper[j]:g}, got {low:g}", (place, "lower", j)
+                    )
         return self
 
     @cached_property
@@ -158,7 +157,7 @@ def _of_name(name: str, info: ValidationInfo) -> str:
     if Path(name).suffix not in SUFFIXES:
         near = did_you_mean(name, SHIPPED) or f"; the profiles are {', '.join(SHIPPED)}"
         raise rule(f"must be a profile or a file that ends in .yaml, got {show(name)}{near}")
-    file = checked_file(Path(name), info, lambda folder, path: nearby(folder / path, *SUFFIXES))
+    file = checked_file(Path(name), info, *SUFFIXES)
     try:
         load_profile(str(file))
     except ScenarioError as error:
@@ -202,23 +201,4 @@ def read_section(section: type[S], path: Path) -> S:
     Raises:
         ScenarioError: It cannot be read, or is no such section; all problems.
     """
-
-    def words(error: ValidationError, document: Document) -> list[Problem]:
-        details = error.errors(include_url=False)
-        places = [detail.get("ctx", {}).get("key") or detail["loc"] for detail in details]
-        texts = [_in_words(detail, section) for detail in details]
-        return list(map(document.sources.problem, places, texts))
-
-    return checked(section, read_document(str(path)), words)
-
-
-def _in_words(detail: Any, section: type[Section]) -> str:
-    if detail["type"] == "rule":
-        return str(detail["ctx"]["text"])
-    if detail["type"] == "extra_forbidden":
-        return f"unknown key{did_you_mean(str(detail['loc'][-1]), section.model_fields)}"
-    return (
-        "is required"
-        if detail["type"] == "missing"
-        else f"{detail['msg'].lower()}, got {show(detail['input'])}"
-    )
+    return checked(section, read_document(str(path)))

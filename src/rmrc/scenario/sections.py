@@ -1,27 +1,24 @@
 """All sections of a scenario: their fields are the keys of a file, with unit, default and meaning."""
 
+import math
 from typing import Literal, Self
 
 from pydantic import ConfigDict, model_validator
 
 from rmrc.scenario.arm import ArmSection
+from rmrc.scenario.choices import PLANTS
 from rmrc.scenario.control import ControlSection
 from rmrc.scenario.expect import PROFILE, Check, Expectations
 from rmrc.scenario.keys import split
-from rmrc.scenario.plant import PlantSection, uneven
+from rmrc.scenario.plant import PlantSection
 from rmrc.scenario.sweep import Baseline, SweepSection, TuneSection
 from rmrc.scenario.target import TargetSection
 from rmrc.scenario.task import TaskSection
 from rmrc.scenario.values import Name, NotNegative, Section, key, rule
+from rmrc.scenario.wording import show
 from rmrc.support.problems import Key
 
-Quantity = Literal[
-    "rates", "joints", "sigma", "error", "rotation", "torque", "pace", "belief", "status", "path"
-]
-_ACCEPTED = (
-    "the commands must stay within the limits that a robot's vendor publishes for its controller: the "
-    "name of a shipped profile, or a file"
-)
+_ACCEPTED = "vendor limits that the commands must stay within: the name of a shipped profile, or a file"
 
 
 class LookSection(Section):
@@ -32,7 +29,9 @@ class LookSection(Section):
         at: time of the mark; null: where the quantity is largest, or worst
     """
 
-    quantity: Quantity
+    quantity: Literal[
+        "rates", "joints", "sigma", "error", "rotation", "torque", "pace", "belief", "status", "path"
+    ]
     at: NotNegative | None = key(None, "s")
 
 
@@ -70,9 +69,13 @@ class Sections(Section):
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Self:
-        problem = uneven(self.plant.kind, self.control.period, self.plant.timestep)
-        if problem:
-            raise rule(problem, ("control", "period"))
+        period, timestep = self.control.period, self.plant.timestep
+        steps = period / timestep if timestep and PLANTS[self.plant.kind].physics else 1.0
+        # 1e-9: decimal fractions such as 0.003/0.001 are off by some 1e-16, real mistakes by far more.
+        if not (steps < math.inf and abs(steps - max(1, round(steps))) <= 1e-9 * steps):
+            numbers = f"got {show(period)} and {show(timestep)}"
+            text = f"must be an integer multiple of plant.timestep, {numbers}; write plant.timestep: null"
+            raise rule(text, ("control", "period"))
         return self
 
 

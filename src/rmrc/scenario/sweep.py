@@ -13,7 +13,6 @@ MOST_DRAWN = 20
 
 # Keys that no variant changes.
 _OF_A_FILE = ("name", "look", "baseline", "sweep", "tune")
-_SEEDS = ("arm.encoder.seed", "plant.seed")
 
 _Whole = Annotated[int, Field(strict=True, ge=1)]
 
@@ -50,7 +49,7 @@ class SweepSection(Section):
     """
 
     vary: dict[str, Values] = key({})
-    draw: dict[str, Bounds] = key({})
+    draw: dict[str, Bounds] = key({}, max_length=MOST_DRAWN)
     sampler: Literal["random", "sobol"] = "random"
     samples: _Whole = 64
     repeat: _Whole = 1
@@ -58,14 +57,11 @@ class SweepSection(Section):
 
     @model_validator(mode="after")
     def _each_key_once(self) -> Self:
-        if len(self.draw) > MOST_DRAWN:
-            raise rule(f"must draw at most {MOST_DRAWN} keys, got {len(self.draw)}")
         for place, names in (("vary", self.vary), ("draw", self.draw)):
             _check_keys(names, ("sweep", place), _OF_A_FILE)
-            for name in names:
-                if name in _SEEDS:
-                    text = "cannot be varied: the sweep sets it for each run; use sweep.repeat and sweep.seed"
-                    raise rule(text, ("sweep", place, name))
+            for name in names.keys() & {"arm.encoder.seed", "plant.seed"}:
+                text = "cannot be varied: the sweep sets it for each run; use sweep.repeat and sweep.seed"
+                raise rule(text, ("sweep", place, name))
         for name in self.draw.keys() & self.vary.keys():
             raise rule("must be in vary or in draw, got both", ("sweep", "draw", name))
         return self

@@ -8,7 +8,7 @@ from rmrc.scenario import values as types
 from rmrc.scenario.values import Choice, Section, key, rule
 from rmrc.scenario.wording import listed
 
-Postures = Annotated[tuple[types.NameOrPositions, ...], types.Count(1)]
+Postures = Annotated[tuple[types.NameOrPositions, ...], types.count(1)]
 PathFrame = Literal["world", "base", "site", "start"]
 
 
@@ -236,7 +236,7 @@ class TargetSection(Section):
         limits: speed limits
     """
 
-    path: Annotated[tuple[Segment, ...], types.Count(1)]
+    path: Annotated[tuple[Segment, ...], types.count(1)]
     offset: types.Vector = key((0.0, 0.0, 0.0), "m")
     frame: PathFrame = "world"
     limits: TargetLimitsSection = TargetLimitsSection()

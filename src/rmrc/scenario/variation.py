@@ -55,21 +55,17 @@ def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
         ['5, damped', '10, damped']
     """
     changes = [[changes_of({name: value})[0] for value in listed] for name, listed in values.items()]
-    axes = [[(_text(change.value), change) for change in each] for each in changes]
+    texts = [[c.value if isinstance(c.value, str) else inline(c.value) for c in each] for each in changes]
+    axes = [list(zip(*axis, strict=True)) for axis in zip(texts, changes, strict=True)]
     return _combined(axes, "vary", '{"control.inverse.method": ["inverse", "damped"]}')
-
-
-def _text(value: object) -> str:
-    return value if isinstance(value, str) else inline(value)
 
 
 def _combined(axes: Sequence[_Axis], option: str, example: str) -> tuple[Variant, ...]:
     """Return all combinations of values."""
     count = math.prod(map(len, axes)) if axes else 0
-    if count < 2:
-        raise ScenarioError.about(option, f"must give 2 variants or more, got {count}; for example {example}")
-    if count > MOST_VARIANTS:
-        raise ScenarioError.about(option, f"must give at most {MOST_VARIANTS} variants, got {count}")
+    if not 2 <= count <= MOST_VARIANTS:
+        text = f"must give 2 variants to {MOST_VARIANTS}, got {count}; for example {example}"
+        raise ScenarioError.about(option, text)
     combined = tuple(map(_variant, itertools.product(*axes)))
     (label, times), *_ = Counter(variant.label for variant in combined).most_common(1)
     if times > 1:
