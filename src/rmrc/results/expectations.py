@@ -10,7 +10,7 @@ from rmrc.results.columns import Recorded, no_ticks
 from rmrc.results.events import CONDITIONS
 from rmrc.results.scorecard import Figure, Scorecard, json_value, scorecard
 from rmrc.scenario import Check, Scenario
-from rmrc.scenario.sections import PROFILE
+from rmrc.scenario.expect import PROFILE
 from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.problems import Problem
 from rmrc.support.spatial import AXES
