@@ -37,13 +37,14 @@ def margins(
     response keeps ringing. For comparison, prints the rule K <= 1/(delay + T/2 + lag) and the exact limit of
     the ideal plant. Exit code 1: the loop is unstable as written.
     """
+    from rmrc.results import ci
     from rmrc.results.leaving import refuse_unwritable
-    from rmrc.study import ci
+    from rmrc.show.sheets import as_markdown
     from rmrc.study.margins.margins import margins as search
     from rmrc.study.margins.report import report
 
     files = [path for path in (drawable(picture),) if path is not None]
-    with ci.Files(scenario.stem, junit, summary) as kept:
+    with ci.files(scenario.stem, junit, summary) as results:
         refuse_unwritable(files)
         loaded = scenarios.load(scenario, set_ or ())
         with (
@@ -53,12 +54,14 @@ def margins(
             result = search(loaded, accuracy=accuracy, threads=threads, on_runs=on_runs)
         answer = report(result)
         cut = f"interrupted after {result.runs} runs" if result.interrupted else ""
-        kept.write_answer(loaded.name, answer, cut)
+        results.name = loaded.name
+        results.suites = [ci.Suite(loaded.name, answer.cases, cut, answer.problem)]
+        results.figures = "\n\n".join(map(as_markdown, answer.sheets))
     if cut:
         complain(cut)
     for path in files:
         if answer.draw is not None:
             answer.draw(path)
-    show(answer, as_json, quiet, [*files, *kept.paths])
+    show(answer, as_json, quiet, [*files, *filter(None, (junit, summary))])
     if cut:
         raise typer.Exit(EXIT_INTERRUPTED)

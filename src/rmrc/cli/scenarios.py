@@ -56,33 +56,31 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario; write NAME.rrd, NAME.npz (all columns) and NAME.json (scorecard)."""
-    from rmrc.results import loads, stuck
+    from rmrc.results import ci
+    from rmrc.results.verdict import warnings
     from rmrc.show import tables
-    from rmrc.study import ci
     from rmrc.study.run import Job  # imports numba and mujoco, which `schema` and `replay` do not need
 
     console = output(quiet, pipe=80)
-    with ci.Files(scenario.stem, junit, summary) as files:
+    with ci.files(scenario.stem, junit, summary) as results:
         loaded = scenarios.load(scenario, set_ or ())
         _doubt_times(loaded)
         job = Job(loaded, out, record)
         _run(job, job.name, quiet)
         one = job.results[0]
         beside = one.run.baseline.scorecard if one.run.baseline else None
-        figures = tables.markdown(one.scorecard, (), beside).partition("\n\n")[2]  # below its heading
-        files.write(job.name, [ci.suite(job.name, one, job.failures)], figures)
+        results.name = job.name
+        results.figures = tables.markdown(one.scorecard, (), beside).partition("\n\n")[2]  # below its heading
+        results.suites = [ci.suite(job.name, one.run, one.outcomes, job.interrupted, job.failures)]
     console.print(tables.render(one.scorecard, one.outcomes, beside))
     for assumed in one.prepared.assumed:
         if assumed.is_otherwise:
             print_line(console, f"assumed: {assumed.text}")
     for pair in one.run.resting:
         print_line(console, f"touching from the start, not counted as CONTACT: {' – '.join(pair)}")
-    _list(console, job, files.paths)
+    _list(console, job, [*filter(None, (junit, summary))])
     console.print(Text(one.run.verdict), soft_wrap=False)
-    still = stuck.told(one.run, one.prepared.arm)
-    if still:
-        complain(still)
-    for line in loads.told(one.scorecard, one.prepared.scenario.expect):
+    for line in warnings(one.scorecard, one.prepared.scenario.expect):
         complain(line)
     raise typer.Exit(_exit_code(job))
 
@@ -143,26 +141,26 @@ def compare(
 
     Expectations do not change the exit code; the table lists those that were missed.
     """
-    from rmrc.results import loads
+    from rmrc.results import ci
+    from rmrc.results.verdict import warnings
     from rmrc.show.terminal import render
-    from rmrc.study import ci
     from rmrc.study.compare_table import markdown
     from rmrc.study.run import Job
 
     console = output(quiet)
-    with ci.Files(scenario.stem, junit, summary) as files:
+    with ci.files(scenario.stem, junit, summary) as results:
         job = Job(scenario, out, record, scenarios.variants(vary or ()), set_ or ())
         _run(job, f"{job.name}: {len(job.variants)} variants", quiet)
         table = job.table()
-        suites = [
-            ci.suite(f"{job.name} {label}", one, job.failures)
+        results.name, results.figures = job.name, markdown(table)
+        results.suites = [
+            ci.suite(f"{job.name} {label}", one.run, one.outcomes, job.interrupted, job.failures)
             for label, one in zip(job.runs, job.results, strict=True)
         ]
-        files.write(job.name, suites, markdown(table))
     console.print(render([table]))
-    _list(console, job, files.paths)
+    _list(console, job, [*filter(None, (junit, summary))])
     for label, one in zip(job.runs, job.results, strict=True):
-        for line in loads.told(one.scorecard, one.prepared.scenario.expect):
+        for line in warnings(one.scorecard, one.prepared.scenario.expect):
             complain(f'variant "{label}": {line}')
         if one.divergence:
             complain(f'error: variant "{label}" {one.divergence}')

@@ -82,5 +82,10 @@ def listed(names: Iterable[str], most: int = 20) -> str:
     return f"{', '.join(names[:most])} and {len(names) - most:,} more"
 
 
+def escaped(text: str) -> str:
+    """Return one line that Markdown shows unchanged."""
+    return re.sub(r"([\\|*`<\[\]])", r"\\\1", " ".join(text.split()))
+
+
 def _escape(character: str) -> str:
     return character.encode("unicode_escape").decode("ascii")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rmrc.results.junit import Case
+from rmrc.results.ci import Case
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.study.margins.margins import Margins
