@@ -1,8 +1,9 @@
 """Reading and compiling a model in bounded memory: errors of one line, warnings that Python can filter."""
 
+import sys
 import threading
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +14,9 @@ from rmrc.arm import urdf
 from rmrc.arm.scan import check_file
 from rmrc.support.errors import ModelError, ModelWarning
 from rmrc.support.legible import listed
+
+if sys.platform != "win32":
+    import resource
 
 # Memory that a model may take to be read and compiled, beyond that of the process. Of some 240 published
 # models the largest takes 3.4 GB, and never touches nearly all of it.
@@ -57,14 +61,20 @@ def read(path: Path, packages: Mapping[str, Path] | None = None) -> Read:
     """
     with in_our_words(path):
         robot = opened(path, packages)
+        if robot is None:
+            spec = mujoco.MjSpec.from_file(str(path))
+            return Read(spec, spec.compile(), None, ())
         failures: list[ValueError] = []
-        while True:
-            spec, notes = _parsed(path, robot, failures)
+        while True:  # parsed anew, because a specification that failed keeps its error
+            spec, notes = mujoco.MjSpec.from_string(robot.text), [*robot.notes]
+            notes += _drop_unreadable(spec) if failures else []
+            notes += urdf.bound_masses(spec, failures[-1]) if len(failures) > 1 else []
+            urdf.hide_collisions(spec)
             try:
                 return Read(spec, spec.compile(), robot, tuple(notes))
             except ValueError as failure:
                 failures.append(failure)
-                if robot is None or len(failures) > 2:
+                if len(failures) > 2:
                     raise
 
 
@@ -81,21 +91,6 @@ def opened(path: Path, packages: Mapping[str, Path] | None) -> urdf.Urdf | None:
     if text.encode(errors="replace").decode() != text:
         raise ModelError(f"{path}: must have a path in UTF-8, as MuJoCo reads no other; rename the folder")
     return robot
-
-
-def _parsed(
-    path: Path, robot: urdf.Urdf | None, failures: Sequence[ValueError]
-) -> tuple[mujoco.MjSpec, list[str]]:
-    """Return a file as MuJoCo parses it and the assumptions; a URDF is repaired where it did not compile."""
-    if robot is None:
-        return mujoco.MjSpec.from_file(str(path)), []
-    spec, notes = mujoco.MjSpec.from_string(robot.text), [*robot.notes]
-    if failures:
-        notes += _drop_unreadable(spec)
-    if len(failures) > 1:
-        notes += urdf.bound_masses(spec, failures[-1])
-    urdf.hide_collisions(spec)
-    return spec, notes
 
 
 def _drop_unreadable(spec: mujoco.MjSpec) -> list[str]:
@@ -176,10 +171,8 @@ def bounded_memory(most: int = MOST_MEMORY) -> Iterator[None]:
     It works only on systems that report the memory of a process, such as Linux.
     """
     try:
-        import resource
-
         taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    except (ImportError, OSError):
+    except (NameError, OSError):
         yield
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
