@@ -21,9 +21,9 @@ from rmrc.scenario import draft_of, load, loads
 from rmrc.scenario.profile import SHIPPED, Profile, load_profile
 from rmrc.simulation.prepare import expected_profile, prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.parcel import pack
-from rmrc.study.picks import Choice
+from rmrc.study.runs import pack
 from rmrc.study.sweep import Sweep
+from rmrc.study.swept import Swept
 from rmrc.support.errors import ScenarioError
 from wording import says
 
@@ -333,10 +333,9 @@ def test_a_sweep_has_the_verdict_of_each_run_in_its_row(tmp_path):
     assert [row["profile.first_condition"] for row in rows] == [None, "jerk"]
     assert rows[0]["profile.refused"] == 0.0 and rows[1]["profile.first_value"] > 100.0
     assert rows[0]["chatter"] == 0.0 and rows[0]["joint_jerk_cmd.peak"] < 100.0
-    assert sweep.summary().extremes[-1].most[1] == 1  # of profile.refused, the run that has the most
-    assert sweep.chosen(Choice.read("worst:1")) == [1]
+    assert Swept.of(sweep.dataset.file).extremes()["profile.refused"] == (0, 1)
     # the file goes along to where the scenario is run
-    assert pack(draft_of(tmp_path / "case.yaml", held)).models["mine.yaml"].file.endswith("mine.yaml")
+    assert tmp_path / "mine.yaml" in pack(sweep.scenario, sweep.plan).files
 
 
 def test_a_profile_sets_what_is_not_written():

@@ -124,8 +124,8 @@ def test_sweep_gives_the_rows_of_the_verb(short, tmp_path, drawn):
         else []
     )
     texts = ["sweep.vary.control.inverse.method=[inverse, damped]", "sweep.seed=7", *drawing]
-    with Sweep(short, texts, tmp_path / "verb") as work:
-        work.run()
+    work = Sweep(short, texts, tmp_path / "verb")
+    work.run()
     theirs = pq.read_table(work.dataset.file)
     assert rows.num_rows == (6 if drawn else 2)
     assert repr(rows.to_pylist()) == repr(theirs.to_pylist())  # NaN among them
