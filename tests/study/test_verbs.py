@@ -100,8 +100,8 @@ def test_sweep_gives_the_rows_of_the_verb_and_writes_them_if_it_is_asked_to(shor
         ["sweep.draw.control.feedback=[5, 40]", "sweep.sampler=random", "sweep.samples=3"] if drawn else []
     )
     texts = ["sweep.vary.control.inverse.method=[inverse, damped]", "sweep.seed=7", *drawing]
-    with Sweep(short, texts, tmp_path / "verb") as work:
-        work.run()
+    work = Sweep(short, texts, tmp_path / "verb")
+    work.run()
     for theirs in map(pq.read_table, (work.dataset.file, tmp_path / "out/short.sweep.parquet")):
         assert repr(rows.to_pylist()) == repr(theirs.to_pylist())  # NaN among them
         assert rows.schema.equals(theirs.schema)

@@ -3,6 +3,7 @@
 import json
 import platform
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -23,7 +24,11 @@ def versions(*more: str) -> dict[str, str]:
     Args:
         more: Libraries beside those that determine every run.
     """
-    return {"python": platform.python_version()} | {lib: version(lib) for lib in (*LIBRARIES, *more)}
+    versions = {"python": platform.python_version()}
+    for library in (*LIBRARIES, *more):
+        with suppress(metadata.PackageNotFoundError):  # a worker of a sweep needs no rerun
+            versions[library] = version(library)
+    return versions
 
 
 def save(path: Path, facts: Mapping[str, Any], *more: str) -> None:

@@ -12,7 +12,6 @@ from rmrc.results.run import Run
 from rmrc.scenario.choices import IN_RUNS
 from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, number
 from rmrc.study.study import Ran
-from rmrc.support.legible import escaped
 
 # A joint that ends this far from its start has flipped [rad]; a sliding one by that share of the
 # characteristic length. Tracking errors are a hundred times smaller, and an elbow on its other side is far

@@ -13,17 +13,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from rmrc.scenario import Change, Problems, Scenario, inline
+from rmrc.scenario import Change, Scenario, inline
 from rmrc.scenario.sections import parse_key
 from rmrc.study.sobol import sobol_point
+from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin
 
 _PLANT_SEED, _ENCODER_SEED = map(parse_key, ("plant.seed", "arm.encoder.seed"))
 
 # Weeks of one core, at some milliseconds each; and the largest number in a 64-bit column.
 _MOST_RUNS, _MOST_SEED = 10**7, 2**63 - 1
-# Keys beside those of the encoders that may make runs random.
-_CHANCE = ("arm", "plant", "plant.jitter", "plant.loss")
 
 Value = object  # in YAML: a number, a text, a switch, null, or a list or a mapping of these
 
@@ -117,9 +116,9 @@ def plan_of(scenario: Scenario) -> Plan:
     Without its own seed, the sweep uses those of the arm's encoders and of the plant.
 
     Raises:
-        ScenarioError: It has one run, too many, identical repeats, or seeds that fit no column.
+        ScenarioError: It has one run or too many, or seeds that fit no column.
     """
-    sweep, encoder, plant = scenario.sweep, scenario.arm.encoder, scenario.plant
+    sweep = scenario.sweep
     places = {key: f"sweep.vary.{key}" for key in sweep.vary} | {k: f"sweep.draw.{k}" for k in sweep.draw}
     plan = Plan(
         sweep.vary,
@@ -127,25 +126,19 @@ def plan_of(scenario: Scenario) -> Plan:
         sweep.sampler,
         sweep.samples if sweep.draw else 1,
         sweep.repeat,
-        encoder.seed if sweep.seed is None else sweep.seed,
-        plant.seed if sweep.seed is None else sweep.seed,
+        scenario.arm.encoder.seed if sweep.seed is None else sweep.seed,
+        scenario.plant.seed if sweep.seed is None else sweep.seed,
         {key: Origin(scenario.locate(place), key=key) for key, place in places.items()},
     )
-    problems, runs = Problems(scenario), math.prod(map(len, plan.vary.values())) * plan.samples * plan.repeat
-    if runs > _MOST_RUNS:
-        way_out = "lower sweep.samples or sweep.repeat"
-        problems.add("sweep", f"must give {_MOST_RUNS} runs or fewer, got {runs}; {way_out}")
-    if runs < 2:
+    runs, seeds = math.prod(map(len, plan.vary.values())), plan.samples * plan.repeat
+    problem = ""
+    if runs * seeds > _MOST_RUNS:
+        problem = f"must give {_MOST_RUNS} runs or fewer, got {runs * seeds}; lower sweep.samples or .repeat"
+    elif runs * seeds < 2:
         way_out = "for example --vary control.inverse.method=damped,pseudoinverse"
-        problems.add("sweep", f"must give 2 runs or more, got {runs}; {way_out}")
-    if plan.seed + plan.samples * plan.repeat > _MOST_SEED:
-        most = _MOST_SEED - plan.samples * plan.repeat
-        key = "arm.encoder.seed" if sweep.seed is None else "sweep.seed"
-        problems.add(key, f"must be <= {most}, got {plan.seed}")
-    is_random = np.any([np.any(one) for one in (encoder.deviation, encoder.noise, plant.jitter, plant.loss)])
-    is_random |= any(key in _CHANCE or key.startswith("arm.encoder") for key in plan.keys)
-    if plan.repeat > 1 and not is_random:
-        way_out = "give arm.encoder.deviation, arm.encoder.noise, plant.jitter or plant.loss"
-        problems.add("sweep.repeat", f"must be 1 without random effects, got {plan.repeat}; {way_out}")
-    problems.raise_any()
+        problem = f"must give 2 runs or more, got {runs * seeds}; {way_out}"
+    elif max(plan.seed, plan.plant_seed) + seeds - 1 > _MOST_SEED:
+        problem = f"must have seeds up to {_MOST_SEED - seeds + 1}, got {plan.seed}; lower sweep.seed"
+    if problem:
+        raise ScenarioError([scenario.problem("sweep", problem)])
     return plan

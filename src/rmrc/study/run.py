@@ -76,8 +76,7 @@ class Job:
     def run(self, on_ticks: Callable[[int], None] = lambda _: None) -> None:
         """Run to the end, to divergence or to Ctrl-C, and write the files in each case.
 
-        A failing recording, as on a full disk, does not end the run; it is deleted if the other files need
-        the space.
+        A failing recording, as on a full disk, does not end the run.
 
         Args:
             on_ticks: Called after each block with its number of ticks.
@@ -94,10 +93,10 @@ class Job:
                 on_ticks(len(part))
 
             self.results = self._scored(self._study.step(self.worlds, stop, [watch]))
-            spare = recording.part_path if recording and leaving.failures else None
+            is_whole = not leaving.failures
             for path, write in zip(self.files[-2:], (self._save_columns, self._save_facts), strict=False):
-                leaving.write([path], write, spare)
-            if recording and spare is None:
+                leaving.write([path], write)
+            if recording and is_whole:
                 leaving.write(self.files[:1], lambda _: recording.finish(self._markdown()))
             self.files = [path for path in self.files if path in leaving.files]
             self.interrupted, self.failures = stop.is_set(), leaving.failures

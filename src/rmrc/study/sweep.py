@@ -8,12 +8,9 @@ from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 
-import numpy as np
-
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Source, draft_of
-from rmrc.scenario.sections import PROFILE
-from rmrc.simulation.footprint import excess, footprint
+from rmrc.scenario.expect import PROFILE
 from rmrc.simulation.prepare import Prepared
 from rmrc.study import dask
 from rmrc.study.dataset import Contents, Dataset
@@ -105,7 +102,7 @@ class Sweep:
         """
         if self.dataset.contents is not None:
             return self.dataset.contents
-        problems, kinds, need = dict[Problem, list[int]](), dict[object, Prepared](), np.zeros(2)
+        problems, kinds = dict[Problem, list[int]](), dict[object, Prepared]()
         for index in range(len(self)):
             try:
                 world = self._runs.check(index)
@@ -115,14 +112,9 @@ class Sweep:
             else:
                 arm = world.arm
                 kinds.setdefault((arm.joints, *arm.is_slide.tolist(), world.scenario.task.axes), world)
-                need = np.maximum(need, footprint([world], keep_columns=False))
             if on_runs is not None:
                 on_runs(1)
         self._raise_any(problems)
-        at_once = 1 if self._cluster else self._threads
-        if too_much := excess(at_once * need):
-            wrong = f"needs {too_much} for {at_once} runs at a time; shorten it, or lower --threads"
-            raise ScenarioError([self.scenario.problem("target.path", wrong)])
         expected = (f"{PROFILE}.refused" if name == PROFILE else name for name in self.scenario.expect)
         columns = columns_of(self.plan, kinds.values())
         metrics = [name for name in dict.fromkeys((*METRICS, *expected)) if name in {c.name for c in columns}]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from rmrc.show.figures import COLUMN, Picture, plain, save
 from rmrc.show.panels import paints
-from rmrc.study.swept import Array, Swept
+from rmrc.study.swept import Swept
 from rmrc.support.errors import QuestionError
 
 # Panels of a figure of a sweep, from the top.
@@ -52,21 +52,12 @@ def plot(
                 axes.scatter(_coordinates(swept, key), values, s=4.0, color=paints(1)[0])
                 axes.set(xlabel=_label(swept, key), ylabel=_label(swept, name), yscale=scale)
             else:
-                axes.hist(seen, _edges(seen, scale), color=paints(1)[0])
+                bins = np.geomspace(seen.min(), seen.max(), BINS + 1) if scale == "log" else BINS
+                axes.hist(seen, bins, color=paints(1)[0])  # type: ignore[arg-type]
                 axes.set(xlabel=_label(swept, name), ylabel="runs", xscale=scale)
         if path is not None:
             save(picture, [path])
     return picture
-
-
-def _edges(values: Array, scale: str) -> list[float]:
-    """Return the edges of the bins of a histogram."""
-    low, high = float(values.min()), float(values.max())
-    if scale == "log":
-        inner = np.geomspace(low, high, BINS + 1)[1:-1]
-    else:
-        inner = np.linspace(low, high, BINS + 1)[1:-1]
-    return [low, *inner.tolist(), high] if high > low else [low - 0.5, low + 0.5]
 
 
 def _coordinates(swept: Swept, key: str) -> list[float] | list[str]:
