@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from project import ROOT, mostly_long
 from rmrc.arm import load
 from rmrc.results.columns import COLUMNS
+from rmrc.scenario import variants
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.run import Job
