@@ -9,8 +9,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from project import ROOT, mostly_long
 from rmrc.arm import load
 from rmrc.results.columns import COLUMNS
+from rmrc.scenario import variants
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
+from rmrc.study.run import Job
 from rmrc.support.errors import ScenarioError
 from wording import says
 
@@ -169,3 +171,11 @@ def test_values_that_will_not_do_are_refused(scenario, override, message):
     with pytest.raises(ScenarioError) as caught:
         scenario(override)
     assert str(caught.value) == says(message)
+
+
+def test_they_can_be_compared(tmp_path):
+    varied = ["plant.payload=0,2", "arm.stretch.link_2=0.9,1.1"]
+    path = ROOT / "scenarios" / "approach_singularity.yaml"
+    job = Job(path, tmp_path, False, variants(varied), ["target.path=[{hold: {for: 0.05}}]"])
+    job.run()
+    assert list(job.runs) == ["0, 0.9", "0, 1.1", "2, 0.9", "2, 1.1"]

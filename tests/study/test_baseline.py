@@ -25,7 +25,6 @@ plant: {{kind: ideal}}
 expect: {{joint_rate_cmd.peak: {{below: 3.001}}}}
 """
 PLAIN = {"control.inverse.method": "inverse", "control.limits.on_excess": "none"}
-NESTED = {"control": {"inverse": {"method": "inverse"}, "limits": {"on_excess": "none"}}}
 
 
 def near(**more):
@@ -36,9 +35,8 @@ def same(one, other):
     return all(one[name].tobytes() == other[name].tobytes() for name in one.columns)
 
 
-@pytest.mark.parametrize("written", [PLAIN, NESTED])
-def test_a_baseline_is_the_scenario_with_its_changes_and_leaves_the_scenario_as_it_is(written):
-    run = rmrc.run(near(baseline=written))
+def test_a_baseline_is_the_scenario_with_its_changes_and_leaves_the_scenario_as_it_is():
+    run = rmrc.run(near(baseline=PLAIN))
     assert same(run, rmrc.run(near())) and rmrc.run(near()).baseline is None
     assert same(run.baseline, rmrc.run(near(**PLAIN)))
     peak, of_scenario = (np.abs(one["qdot_cmd"]).max() for one in (run.baseline, run))
@@ -78,7 +76,7 @@ def test_columns_and_facts_of_both_are_kept_and_the_exit_code_is_that_of_the_sce
     ("written", "told"),
     [
         ({"control.inverse.metod": "x"}, 'baseline.control.inverse.metod: … key … "method"?'),
-        ({"control": {"inverse": {"method": "x"}}}, 'baseline.control.inverse.method: … "inverse" … "x"…'),
+        ({"control": {"inverse": {"method": "x"}}}, 'baseline.control: control.inverse.method: … "inverse" … "x"…'),
         ({"task.axes": ["x", "y", "rz"], **PLAIN}, 'baseline.control.inverse.method: "inverse" … 3 axes … 2 joints…'),
         ({"control.feedback": [1]}, "baseline.control.feedback: … number, got [1]"),
         ({"target.path": [{"line": {"to": [9, 9, 9, 9]}}]}, "baseline.target.path: target.path[0].line.to: … 3 … items, got [9, 9, 9, 9]"),

@@ -75,9 +75,8 @@ def test_only_what_is_missing_is_run_and_the_file_is_the_same(whole, begun, tmp_
         ("sweep.draw={control.period: [0.001, 0.002], control.feedback: [1, 20]}", "sweep"),
     ],
 )
-def test_another_sweep_in_the_same_place_is_refused_with_what_differs(
-    whole, begun, tmp_path, place, override, what
-):
+@pytest.mark.usefixtures("begun")
+def test_another_sweep_in_the_same_place_is_refused_with_what_differs(whole, tmp_path, place, override, what):
     if place == "file":
         shutil.copy(whole[1], tmp_path)
     assert refused(whole, tmp_path, override) == says(f"{tmp_path}/quick.sweep…: … ({what} … --out")

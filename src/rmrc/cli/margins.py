@@ -51,11 +51,12 @@ def margins(
             interruption("interrupted before the first run"),
             progress(f"{loaded.name}: margins", _RUNS, quiet or as_json, unit="runs") as on_runs,
         ):
-            found = search(loaded, accuracy=accuracy, threads=threads, on_runs=on_runs)
-        answer = report(found)
-        cut = f"interrupted after {found.runs} runs" if found.interrupted else ""
-        results.name, results.figures = loaded.name, "\n\n".join(map(as_markdown, answer.sheets))
+            result = search(loaded, accuracy=accuracy, threads=threads, on_runs=on_runs)
+        answer = report(result)
+        cut = f"interrupted after {result.runs} runs" if result.interrupted else ""
+        results.name = loaded.name
         results.suites = [ci.Suite(loaded.name, answer.cases, cut, answer.problem)]
+        results.figures = "\n\n".join(map(as_markdown, answer.sheets))
     if cut:
         complain(cut)
     for path in files:

@@ -1,7 +1,7 @@
 """Verbs about scenarios: run, compare, replay, schema."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -70,16 +70,16 @@ def run(
         _run(job, job.name, quiet)
         one = job.results[0]
         beside = one.run.baseline.scorecard if one.run.baseline else None
-        figures = tables.markdown(one.scorecard, (), beside).partition("\n\n")[2]  # below its heading
-        results.name, results.figures = job.name, figures
-        results.suites = [ci.suite(job.name, one.run, one.outcomes, one.interrupted, job.failures)]
+        results.name = job.name
+        results.figures = tables.markdown(one.scorecard, (), beside).partition("\n\n")[2]  # below its heading
+        results.suites = [ci.suite(job.name, one.run, one.outcomes, job.interrupted, job.failures)]
     console.print(tables.render(one.scorecard, one.outcomes, beside))
     for assumed in one.prepared.assumed:
         if assumed.is_otherwise:
             print_line(console, f"assumed: {assumed.text}")
     for pair in one.run.resting:
         print_line(console, f"touching from the start, not counted as CONTACT: {' – '.join(pair)}")
-    _list(console, job, filter(None, (junit, summary)))
+    _list(console, job, [*filter(None, (junit, summary))])
     console.print(Text(one.run.verdict), soft_wrap=False)
     for line in warnings(one.scorecard, one.prepared.scenario.expect):
         complain(line)
@@ -155,11 +155,11 @@ def compare(
         table = job.table()
         results.name, results.figures = job.name, as_markdown(replace(table, title=""))
         results.suites = [
-            ci.suite(f"{job.name} {label}", one.run, one.outcomes, one.interrupted, job.failures)
+            ci.suite(f"{job.name} {label}", one.run, one.outcomes, job.interrupted, job.failures)
             for label, one in zip(job.labels, job.results, strict=True)
         ]
     console.print(render([table]))
-    _list(console, job, filter(None, (junit, summary)))
+    _list(console, job, [*filter(None, (junit, summary))])
     for label, one in zip(job.labels, job.results, strict=True):
         for line in warnings(one.scorecard, one.prepared.scenario.expect):
             complain(f'variant "{label}": {line}')
@@ -238,7 +238,7 @@ def _cut_short(job: "Job", where: str) -> int:
     return EXIT_INPUT if job.failures else EXIT_INTERRUPTED if job.interrupted else 0
 
 
-def _list(console: Console, job: "Job", more: Iterable[Path]) -> None:
+def _list(console: Console, job: "Job", more: Sequence[Path]) -> None:
     for path in (*job.files, *more):
         print_line(console, f"wrote {path}")
     if job.files and job.files[0].suffix == ".rrd":

@@ -97,7 +97,7 @@ def _refused(address: str, text: str) -> ClusterError:
 
 def _brief(error: BaseException) -> str:
     """Return another's error on one short line."""
-    return shortened(" ".join(f"{type(error).__name__}: {error}".split()), 200)
+    return shortened(" ".join(f"{type(error).__name__}: {error}".split()), 320)
 
 
 @contextmanager
