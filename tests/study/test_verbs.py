@@ -188,7 +188,7 @@ def test_a_folder_that_cannot_be_made_is_told_before_anything_moves(short, tmp_p
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("of", [Job, Comparison, Sweep])
+@pytest.mark.parametrize("of", [Job, Comparison])
 def test_an_interrupt_is_raised_once_the_files_are_there(short, tmp_path, monkeypatch, of):
     real = of.run
 
@@ -202,7 +202,6 @@ def test_an_interrupt_is_raised_once_the_files_are_there(short, tmp_path, monkey
     call = {
         Job: lambda: rmrc.run(short, out=tmp_path / "out"),
         Comparison: lambda: rmrc.compare(short, vary, out=tmp_path / "out"),
-        Sweep: lambda: rmrc.sweep(short, vary, out=tmp_path / "out"),
     }[of]
     with pytest.raises(KeyboardInterrupt):
         call()
