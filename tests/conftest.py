@@ -71,20 +71,8 @@ loading.read = once(loading.read)
 loading.load = arm.load = shared(loading.load)
 
 
-def composed(compose):
-    """Return what composes the nodes of each YAML text once, which takes PyYAML milliseconds; nobody changes nodes."""
-    known = {}
-
-    def recalled(loader):
-        text = loader.buffer
-        if text not in known:
-            known[text] = compose(loader)
-        return known[text]
-
-    return recalled
-
-
-reading._Loader.get_single_node = composed(reading._Loader.get_single_node)
+# Nodes of a YAML text, which nobody changes, take PyYAML milliseconds.
+reading._composed = functools.cache(reading._composed)
 
 # Typer makes all commands anew for each call of the command line, which takes longer than most calls.
 typer.main.get_command = functools.cache(typer.main.get_command)

@@ -1,18 +1,14 @@
 """What may be taken of memory: against files that say it; what runs take: against what the system counts."""
 
-import math
-import os
 import re
-import resource
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 from project import ROOT
-from rmrc.results.columns import COLUMNS, widths
-from rmrc.simulation.footprint import LIBRARIES, excess, footprint
+from rmrc.results.columns import widths
+from rmrc.simulation.footprint import LIBRARIES, footprint
 from rmrc.simulation.prepare import prepare
 from rmrc.support import memory
 from wording import says
@@ -36,10 +32,6 @@ def put(root, path, text):
 def test_it_is_what_the_machine_has_left(tmp_path):
     put(tmp_path, "proc/meminfo", "MemTotal: 16000000 kB\nMemFree: 1 kB\nMemAvailable:   8000000 kB\n")
     assert memory.room(tmp_path) == (8_000_000 * 1024, "the machine")
-
-
-def test_without_proc_it_is_what_the_machine_has(tmp_path):
-    assert memory.room(tmp_path).size == os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 @pytest.mark.parametrize(
@@ -74,14 +66,6 @@ def test_it_is_what_the_limit_of_a_cgroup_leaves(tmp_path, own, files):
     for path, text in files.items():
         put(tmp_path, path, text)
     assert memory.room(tmp_path) == (3 * GB - 2 * GB + GB / 2, "the memory limit of its cgroup")
-
-
-def test_it_is_what_ulimit_leaves(tmp_path, monkeypatch):
-    assert memory.address_room(tmp_path).size == math.inf  # the tests run without
-    monkeypatch.setattr(resource, "getrlimit", lambda _: (4 * GB, 4 * GB))
-    put(tmp_path, "proc/self/statm", "250000 99 9 9 0 9 0\n")
-    used = 250_000 * os.sysconf("SC_PAGE_SIZE")
-    assert memory.address_room(tmp_path) == (4 * GB - used, "ulimit -v")
 
 
 def test_the_least_counts_and_a_share_of_it_may_be_taken(monkeypatch):
@@ -153,53 +137,6 @@ def test_a_sweep_counts_the_runs_at_a_time(rmrc, tmp_path, monkeypatch):
     assert rmrc(*options, "--threads", "1") == (0, "", "")
 
 
-def test_a_wrench_that_is_held_for_too_long_is_refused(rmrc, monkeypatch):
-    monkeypatch.setattr(memory, "room", lambda: memory.Room(GB / 2, "the machine"))
-    model = str(ROOT / "models/planar_2link.xml")
-    code, out, err = rmrc("statics", model, "--wrench", "0,1,0", "--hold", "1000")
-    assert (code, out) == (2, "")
-    assert err == says("rmrc: error: --hold: 1000001 ticks … shorter time\n")
-
-
-@pytest.mark.parametrize(
-    ("options", "least"),
-    [
-        # nodes of a grid of 7200 by 7200: their images, two numbers each, alone
-        (["planar_2link.xml", "--cells", "2000"], 7200**2 * 16),
-        (["puma560.xml", "--cells", "2000"], 2000**2 * 6 * 8),  # a configuration of six joints for each cell
-        (["planar_2link.xml", "--over", "shoulder,elbow", "--cells", "2000"], 2001**2 * 2 * 8),
-    ],
-)
-def test_a_map_that_does_not_fit_is_refused(rmrc, tmp_path, monkeypatch, options, least):
-    monkeypatch.setattr(memory, "room", lambda: memory.Room(GB / 4, "the machine"))
-    code, out, err = rmrc("workspace", str(ROOT / "models" / options[0]), *options[1:])
-    assert (code, out) == (2, "") and not list(tmp_path.rglob("*.png"))
-    size, unit = re.findall(r"([\d.]+) ([MG]B)", err)[0]
-    assert float(size) * {"MB": 1e6, "GB": 1e9}[unit] >= least + LIBRARIES
-    assert err == says("rmrc: error: --cells: 2000 … 200 MB … 80% … machine …; … fewer\n")
-
-
-def test_memory_that_is_out_all_the_same_is_a_line(rmrc, tmp_path, monkeypatch):
-    (tmp_path / "long.yaml").write_text(BASE.replace("8000", "0.1"))
-
-    def out_of_memory(*_):
-        raise MemoryError("Unable to allocate 55.4 GiB for an array")
-
-    monkeypatch.setattr("rmrc.simulation.simulation.World", out_of_memory)
-    said = says("rmrc: error: … memory (Unable to allocate 55.4 GiB for an array); … memory\n")
-    assert rmrc("run", "long.yaml") == (2, "", said)
-
-
-def test_more_steps_than_a_day_has_are_refused(rmrc, tmp_path):
-    (tmp_path / "long.yaml").write_text(BASE)
-    code, _, err = rmrc(
-        "run", "long.yaml", "--set", "plant.timestep=1.0e-8", "--set", "control.slow.longest=2"
-    )
-    assert code == 2
-    wanted = "1.6e+12 … 1e-08 s … 1e+10; … target.path … control.slow.longest"
-    assert err == says(f"rmrc: error: --set plant.timestep: … {wanted}\n")
-
-
 # Not by `getrusage`, which begins with the peak of the process that started this one.
 PROGRAM = """
 import re
@@ -218,8 +155,8 @@ print(peak() - before, LIBRARIES + footprint({prepared}, recorded={recorded})[0]
 """
 RUN = 'from rmrc.study.run import Job; work = Job(scenario.load(Path("long.yaml"), {overrides}), Path("out"), {recorded})'
 COMPARE = (
-    "from rmrc.study.compare import Comparison; "
-    'work = Comparison(Path("long.yaml"), scenario.variants(["control.feedback=1,2,3"]), {overrides}, Path("out"), {recorded})'
+    "from rmrc.study.run import Job; "
+    'work = Job(Path("long.yaml"), Path("out"), {recorded}, scenario.variants(["control.feedback=1,2,3"]), {overrides})'
 )
 
 
@@ -244,22 +181,6 @@ def test_runs_take_no_more_than_their_estimate_and_more_than_a_third_of_it(tmp_p
     assert grown <= estimate
     # of a short run it is almost all libraries, more or less of which were loaded before
     assert estimate <= 3 * grown or seconds == 2
-
-
-def test_an_hour_of_six_joints_fits_into_what_a_laptop_has(scenario, monkeypatch):
-    # 3.6 million ticks of 856 B
-    monkeypatch.setattr(memory, "room", lambda: memory.Room(8 * GB, "the machine"))
-    prepared = prepare(
-        scenario("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home", "task.axes=[x, y, z, rx, ry, rz]",
-                 "target.path=[{hold: {for: 3600}}]")
-    )  # fmt: skip
-    assert excess(footprint([prepared], recorded=True)) is None
-    assert 3.0 * GB < footprint([prepared])[0] < 3.2 * GB
-
-
-def test_a_tick_has_as_many_numbers_as_the_columns_of_a_run(simulate):
-    _, run = simulate("target.path=[{hold: {for: 0.01}}]")
-    assert widths(2, 2, 2) == {name: np.size(run[name][0]) for name in COLUMNS}
 
 
 def test_worlds_whose_columns_are_not_kept_take_that_of_the_largest_in_each_thread(scenario):

@@ -11,13 +11,10 @@ from wording import says
 @pytest.mark.parametrize(
     ("text", "radians"),
     [
-        ("1", 1.0),
         ("-0.5", -0.5),
         ("60 deg", math.pi / 3),
-        ("60deg", math.pi / 3),
         ("-1.5e1 deg", -math.pi / 12),
         ("' 180  deg '", math.pi),
-        ("0.5 rad", 0.5),
         ("1e-3 rad", 0.001),
     ],
 )
@@ -36,29 +33,16 @@ def test_a_model_that_is_not_there_is_told_with_its_neighbor(folder):
     assert problems(MINIMAL.replace("arm.xml", "amr.xml")) == [
         says(f'x.yaml:2:14: arm.model: … "{folder}/amr.xml"; … "arm.xml"…')
     ]
-    assert problems(MINIMAL.replace("arm.xml", ".")) == [says(f'x.yaml:2:14: arm.model: … "{folder}"')]
-    assert problems(MINIMAL.replace("arm.xml", '"a\\0b"')) == [
-        says(r'x.yaml:2:14: arm.model: … null byte … "a\u0000b"')
-    ]
     (folder / "loop").symlink_to("loop")
-    assert len(problems(MINIMAL.replace("arm.xml", "loop"))) == 1
+    for name in (".", '"a\\0b"', "loop"):
+        (line,) = problems(MINIMAL.replace("arm.xml", name))
+        assert line == says(f'x.yaml:2:14: arm.model: … file "{folder}…')
 
 
-@pytest.mark.parametrize(
-    ("text", "shown", "part"),
-    [
-        (".nan", "nan", slice(0, None, 2)),
-        ("-.inf", "-inf", slice(1, None, 2)),
-        *(
-            pytest.param(text, text.replace(".", ""), slice(None), marks=pytest.mark.long)
-            for text in (".nan", ".inf", "-.inf")
-        ),
-    ],
-)
-def test_no_number_of_a_scenario_may_be_nan_or_infinite(text, shown, part):
+@pytest.mark.parametrize(("text", "shown"), [(".nan", "nan"), ("-.inf", "-inf")])
+def test_no_number_of_a_scenario_may_be_nan_or_infinite(text, shown):
     # those of a sweep aside, whose own keys have dots and brackets
     keys = [key for key in full_number_keys() if not key.startswith("sweep.")]
     assert len(keys) > 50
-    keys = keys[part]
-    told = problems(FULL, *(f"{key}={text}" for key in keys))
-    assert [key for key in keys if says(f"--set {key}: … finite … {shown}") not in told] == []
+    lines = problems(FULL, *(f"{key}={text}" for key in keys))
+    assert [key for key in keys if says(f"--set {key}: … finite … {shown}") not in lines] == []

@@ -16,7 +16,7 @@ from rmrc.scenario.changes import read_setting
 from rmrc.simulation import prepare as preparation
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.compare import Comparison
+from rmrc.study.run import Job
 from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
 from wording import says
@@ -138,7 +138,7 @@ def test_a_mistake_names_its_variants_once(tmp_path):
         study.prepare_all([low, low._replace(label="c")])
     assert str(caught.value) == says(shown)
     with pytest.raises(ScenarioError) as caught:
-        Comparison(tmp_path / "none.yaml", [low, high])
+        Job(tmp_path / "none.yaml", variants=[low, high])
     assert str(caught.value) == says(f"{tmp_path}/none.yaml: … file")
 
 

@@ -42,14 +42,11 @@ def usage(error: Any) -> str:
 def _way(option: str | None, verb: str | None, verbs: Mapping[str, Any]) -> str:
     """Return the most likely intention: an option of another verb, a scenario key, or a verb."""
     if option is not None:
-        from rmrc.scenario import place_of
-
         alike = SETTING if verb in SETTING else verbs
         others = [name for name in alike if any(option in known.opts for known in verbs[name].params)]
         if others:
             return f"; it is an option of {' and '.join(others)}"
-        key = place_of(option.lstrip("-").replace("-", "_")) if verb in SETTING else ""
-        return f"; set a scenario key by --set {key}=VALUE" if key else ""
+        return "; set a key of the scenario by --set KEY=VALUE" if verb in SETTING else ""
     first = sys.argv[1] if len(sys.argv) > 1 else ""
     if verb is None and (kind := next((one for one in KINDS if Path(first).suffix in one.suffixes), None)):
         return f"; give a verb first: {command(kind.verb, first)}" if kind.verb else ""

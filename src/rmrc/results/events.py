@@ -1,7 +1,7 @@
 """Countable events of a run: stretches of ticks, chatter, and commands that a profile refuses."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,59 +49,57 @@ def chatter(acceleration: Array, floor: Array, period: float) -> NDArray[np.int6
     return counts
 
 
-@dataclass(frozen=True)
-class Violation:
+class Violation(NamedTuple):
     """A command that a profile refuses.
 
     Attributes:
         condition: Its first violated condition; "": there is no such command.
         joint: The first joint that violates it; -1: there is none.
-        tick: When the command was sent.
+        time: When the command was sent [s].
         value: Value that violates the condition.
         bound: Bound that it reaches.
     """
 
     condition: str = ""
     joint: int = -1
-    tick: int = -1
+    time: float = math.nan
     value: float = math.nan
     bound: float = math.nan
 
 
 def refused(
-    profile: Profile, q: Array, rate: Array, acceleration: Array, jerk: Array
+    profile: Profile, time: Array, q: Array, rate: Array, acceleration: Array, jerk: Array
 ) -> tuple[int, Violation]:
     """Return how many commands a profile refuses, and the first. A bound that is reached is violated.
 
     Args:
         profile: The profile.
+        time: Time of each tick [s], (T,).
         q: Joint positions, (n, T).
         rate: Commanded rates, and so on, (n, T) each.
         acceleration: Their difference quotients.
         jerk: Those of the accelerations.
     """
-    most = [
-        np.array(part.value if part else [math.inf] * len(q))[:, None]
-        for part in (profile.rate, profile.acceleration, profile.jerk)
-    ]
+
+    def column(part: object, name: str, default: float) -> Array:
+        return np.array(getattr(part, name) if part else [default] * len(q))[:, None]
+
+    most = [column(part, "value", math.inf) for part in (profile.rate, profile.acceleration, profile.jerk)]
     bounds = [(-bound, bound) for bound in most]
     if profile.rate_near_ends:
         bounds[0] = _tapered(profile.rate_near_ends, q, most[0])
     ends = profile.position
-    position = (ends.lower, ends.upper) if ends else ([-math.inf] * len(q), [math.inf] * len(q))
-    bounds.insert(0, (np.array(position[0])[:, None], np.array(position[1])[:, None]))
+    bounds.insert(0, (column(ends, "lower", -math.inf), column(ends, "upper", math.inf)))
     values = (q, rate, acceleration, jerk)
-    violates = np.array(
-        [~((value > low) & (value < high)) for value, (low, high) in zip(values, bounds, strict=True)]
-    )  # of NaN as well
-    ticks = np.flatnonzero(violates.any(axis=(0, 1)))
+    violates = [~((x > low) & (x < high)) for x, (low, high) in zip(values, bounds, strict=True)]  # or NaN
+    ticks = np.flatnonzero(np.any(violates, axis=(0, 1)))
     if not len(ticks):
         return 0, Violation()
     tick = int(ticks[0])
-    i, j = map(int, np.argwhere(violates[:, :, tick])[0])
+    i, j = np.argwhere(np.array(violates)[:, :, tick])[0].tolist()
     value = float(values[i][j, tick])
     low, high = (float(np.broadcast_to(bound, q.shape)[j, tick]) for bound in bounds[i])
-    return len(ticks), Violation(CONDITIONS[i], j, tick, value, low if value <= low else high)
+    return len(ticks), Violation(CONDITIONS[i], j, float(time[tick]), value, low if value <= low else high)
 
 
 def _tapered(taper: Taper, q: Array, rate: Array) -> tuple[Array, Array]:
@@ -109,8 +107,8 @@ def _tapered(taper: Taper, q: Array, rate: Array) -> tuple[Array, Array]:
     lower, upper, offset, deceleration = (
         np.array(part)[:, None] for part in (taper.lower, taper.upper, taper.offset, taper.deceleration)
     )
-    for_lower, for_upper = (
+    low, high = (
         np.maximum(0.0, np.sqrt(np.maximum(0.0, 2.0 * deceleration * distance)) - offset)
         for distance in (q - lower, upper - q)
     )
-    return np.maximum(-rate, -for_lower), np.minimum(rate, for_upper)
+    return np.maximum(-rate, -low), np.minimum(rate, high)

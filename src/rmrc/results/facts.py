@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from rmrc.support.files import written_whole
+from rmrc.support.files import write_text
 
 # The libraries that determine the bits and the appearance of a result.
 LIBRARIES = ("rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk")
@@ -40,5 +40,4 @@ def save(path: Path, facts: Mapping[str, Any], *more: str) -> None:
         more: Libraries beside those that determine every run.
     """
     text = json.dumps({**facts, "versions": versions(*more)}, indent=2, ensure_ascii=False, allow_nan=False)
-    with written_whole(path) as temporary:
-        temporary.write_text(f"{text}\n", "utf-8")
+    write_text(path, f"{text}\n")

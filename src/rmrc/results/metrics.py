@@ -1,8 +1,8 @@
 """The metrics of a run, each declared once: name, value, unit and meaning, in the order of display.
 
-Each is computed by numpy from the whole columns of the run. Their names depend on the joints and the task axes
-alone, never on the events of the run: a metric that a run is too short to determine is NaN, or "" for a name.
-So a run without ticks has all names. Arrays are (joints, ticks), each row contiguous over time.
+Each is computed by numpy from the whole columns of the run. Their names depend on the joints and the task
+axes alone, never on the events of the run: a metric that a run is too short to determine is NaN, or "" for a
+name. So a run without ticks has all names. Arrays are (joints, ticks), each row contiguous over time.
 """
 
 import math
@@ -30,18 +30,15 @@ NO_PART = 1e-9
 
 def metrics(run: Recorded) -> Metrics:
     """Yield the metrics of a run of any length, even 0."""
-    q, qdot, qdot_cmd, qdot_plain, tau, gravity = (
-        np.ascontiguousarray(run[name].T)
-        for name in ("q", "qdot", "qdot_cmd", "qdot_plain", "tau", "tau_gravity")
-    )
+    names = ("q", "qdot", "qdot_cmd", "qdot_plain", "tau", "tau_gravity")
+    q, qdot, qdot_cmd, qdot_plain, tau, gravity = (np.ascontiguousarray(run[name].T) for name in names)
     # difference quotients, each at the later of its ticks; commands begin at rest
     acceleration = np.diff(qdot) / run.period
     acceleration_cmd = np.diff(qdot_cmd, prepend=0.0) / run.period
     jerk_cmd = np.diff(acceleration_cmd, prepend=0.0) / run.period
-    status = run.columns["status"].astype(np.int64)
-
     measured, quotient = (f"difference quotient of the {of} rate" for of in ("measured", "commanded"))
-    force, total = "actuator torque or force", "torque or force with that of gravity compensation"
+    total = "torque or force with that of gravity compensation"
+
     yield from _joints(run, "joint_rate", "measured rate", qdot, "/s", "rms times")
     yield from _joints(run, "joint_rate_cmd", "commanded rate", qdot_cmd, "/s", "rms times")
     yield from _joints(run, "joint_rate_plain", "rate of the plain inverse", qdot_plain, "/s")
@@ -49,13 +46,12 @@ def metrics(run: Recorded) -> Metrics:
     yield from _joints(run, "joint_acceleration_cmd", quotient, acceleration_cmd, "/s²", "rms")
     yield from _joints(run, "joint_jerk_cmd", f"second {quotient}", jerk_cmd, "/s³")
     yield from _chatter(run, acceleration_cmd)
-    yield from _joints(run, "tau", force, tau, "", "each share")
+    yield from _joints(run, "tau", "actuator torque or force", tau, "", "each share")
     yield from _joints(run, "tau_total", total, tau + gravity, "", "share")
     yield from _errors(run)
     yield from _return(run)
-    yield from _singularity(run)
-    yield from _statuses(run, status)
-    yield from _loads(run, status, tau)
+    yield from _extremes(run)
+    yield from _statuses(run, tau)
     yield from _profile(run, q, qdot_cmd, acceleration_cmd, jerk_cmd)
     yield from _effort(run)
 
@@ -77,6 +73,22 @@ def peaks(time: Array, values: Array) -> tuple[Array, Array]:
     return peak, np.where(np.isnan(peak), math.nan, time[first - ticks])
 
 
+def _largest(values: Array, times: Array) -> tuple[int, float, float]:
+    """Return which value is the largest, its value and its time."""
+    j = int(values.argmax())
+    return j, float(values[j]), float(times[j])
+
+
+def _rms(values: Array) -> Array:
+    """Return the root of the mean square over the ticks, of (c, T)."""
+    return np.asarray(np.sqrt(np.einsum("ct,ct->c", values, values) / (values.shape[1] or math.nan)))
+
+
+def _norm(rows: Array) -> Array:
+    """Return the norms of vectors, (r, T)."""
+    return np.asarray(np.sqrt(np.einsum("rt,rt->t", rows, rows)))
+
+
 # Joints -----------------------------------------------------------------------------------------
 
 
@@ -92,11 +104,11 @@ def _joints(run: Recorded, group: str, what: str, values: Array, per: str, more:
         more: Metrics beside the peak: `rms`, the largest of the joints; `each` joint's peak, or these with
             their `times` and rms; `share` of the torque limit.
     """
-    n = len(run.joints)
-    units = [f"{run.joint_unit(j)}{per}" if per else ("N·m", "N")[run.is_slide[j]] for j in range(n)]
+    units = [f"{'m' if s else 'rad'}{per}" if per else ("N" if s else "N·m") for s in run.is_slide]
     unit = " or ".join(dict.fromkeys(units))
     each, times = peaks(run["time"], np.abs(values))
-    peak, time, name = _largest(run, each, times)
+    j, peak, time = _largest(each, times)
+    name = "" if math.isnan(peak) else run.joints[j]
     yield f"{group}.peak", peak, unit, f"largest {what}, of all joints and ticks"
     yield f"{group}.peak_time", time, "s", f"when the largest {what} was reached first"
     yield f"{group}.peak_joint", name, "", f"joint with the largest {what}"
@@ -109,32 +121,21 @@ def _joints(run: Recorded, group: str, what: str, values: Array, per: str, more:
             yield f"{group}.{name}.peak_time", float(times[j]), "s", f"when {name} was fastest first"
             yield f"{group}.{name}.rms", float(rms[j]), units[j], f"{what} of {name}, rms over time"
     if "share" in more:
-        limit = np.array(run.torque_limit or (math.inf,) * n)
-        shares = (each / limit)[np.isfinite(limit) & (limit > 0.0)]
+        limit = np.array(run.torque_limit or (math.inf,) * len(each))
+        share = max((each / limit)[np.isfinite(limit) & (limit > 0.0)], default=math.nan)
         meaning = f"largest {what} as a share of its joint's limit; undefined without a limit"
-        yield f"{group}.share_of_limit", float(shares.max()) if len(shares) else math.nan, "1", meaning
-
-
-def _largest(run: Recorded, each: Array, times: Array) -> tuple[float, float, str]:
-    """Return the largest value of all joints, its time, and the name of its joint."""
-    j = int(each.argmax())
-    return float(each[j]), float(times[j]), "" if math.isnan(each[j]) else run.joints[j]
-
-
-def _rms(values: Array) -> Array:
-    """Return the root of the mean square over the ticks, of (c, T)."""
-    return np.asarray(np.sqrt(np.einsum("ct,ct->c", values, values) / (values.shape[1] or math.nan)))
+        yield f"{group}.share_of_limit", float(share), "1", meaning
 
 
 def _chatter(run: Recorded, acceleration: Array) -> Metrics:
     """Yield the rate of quick sign changes of the commanded acceleration, (n, T)."""
     floor = np.array(run.chatter_floor or (CHATTER_FLOOR,) * len(run.joints))
-    counts = chatter(acceleration, floor, run.period)
-    joint = int(counts.argmax())
-    rate = int(counts[joint]) / (len(run) * run.period) if len(run) else math.nan
+    counts = chatter(acceleration, floor, run.period).tolist()
+    count = max(counts)
     what = "sign changes of the commanded acceleration per second, counting those in quick succession"
-    yield "chatter", rate, "1/s", f"{what}; of the joint with the most"
-    yield "chatter_joint", run.joints[joint] if counts[joint] else "", "", "joint with the most chatter"
+    name = run.joints[counts.index(count)] if count else ""
+    yield "chatter", count / (len(run) * run.period or math.nan), "1/s", f"{what}; of the joint with the most"
+    yield "chatter_joint", name, "", "joint with the most chatter"
 
 
 def joint_changes(run: Recorded) -> Array:
@@ -160,9 +161,10 @@ def joint_changes(run: Recorded) -> Array:
 def _return(run: Recorded) -> Metrics:
     """Yield the distance of the joints from the start, if the path leads back to it."""
     changes = joint_changes(run)
-    change, _, name = _largest(run, changes, changes)
-    unit = " or ".join(dict.fromkeys(run.joint_unit(j) for j in range(len(run.joints))))
+    j, change, _ = _largest(changes, changes)
+    unit = " or ".join(dict.fromkeys("m" if slides else "rad" for slides in run.is_slide))
     what = "from the first tick to the last, of a closed path"
+    name = "" if math.isnan(change) else run.joints[j]
     yield "return.joint_change", change, unit, f"largest change of a joint {what}"
     yield "return.change_joint", name, "", f"joint with the largest change {what}"
 
@@ -185,35 +187,21 @@ def _errors(run: Recorded) -> Metrics:
         ("orientation_error", "rad", "angle to the reference orientation", "angular", axes >= 3),
     ):
         if rows.any():
-            size, *sides = _split(errors[rows], scale[rows, None] * u[rows], _norm(u[rows]))
+            size, along, across = _split(errors[rows], scale[rows, None] * u[rows], _norm(u[rows]))
             groups.append((name, unit, what, size))
-            for side, values in zip(("along", "across"), sides, strict=True):
+            for side, values in (("along", along), ("across", across)):
                 meaning = f"{name.replace('_', ' ')} {side} the {half} part of the lost direction"
                 parts.append((f"{name}_{side}", unit, meaning, values))
-    groups += [
-        *parts,
-        ("secondary_error", "m, rad", "error of the second task", np.abs(run["secondary_error"])),
-    ]
+    second = np.abs(run["secondary_error"])
+    groups += [*parts, ("secondary_error", "m, rad", "error of the second task", second)]
     values = np.vstack([values for *_, values in groups])
     (peak, times), rms = peaks(run["time"], values), _rms(values)
+    ends = values[:, -1] if len(run) else peak
     for i, (group, unit, what, _) in enumerate(groups):
         yield f"{group}.rms", float(rms[i]), unit, f"{what}, rms over time"
         yield f"{group}.max", float(peak[i]), unit, f"{what}, largest"
         yield f"{group}.max_time", float(times[i]), "s", f"{what}, when it was largest first"
-        yield (
-            f"{group}.end",
-            float(values[i, -1]) if len(run) else math.nan,
-            unit,
-            f"{what}, at the last tick",
-        )
-
-
-def error_sizes(run: Recorded) -> tuple[Array, Array]:
-    """Return the errors of positions and of orientations at each tick, of the controlled axes, (T,) each."""
-    linear, angular = (
-        [AXES.index(axis) for axis in run.axes if axis in some] for some in (AXES[:3], AXES[3:])
-    )
-    return _norm(run["pose_error"][:, linear].T), _norm(run["pose_error"][:, angular].T)
+        yield f"{group}.end", float(ends[i]), unit, f"{what}, at the last tick"
 
 
 def _split(error: Array, lost: Array, share: Array) -> tuple[Array, Array, Array]:
@@ -231,91 +219,73 @@ def _split(error: Array, lost: Array, share: Array) -> tuple[Array, Array, Array
     return size, np.minimum(np.abs(along), size), np.minimum(_norm(error - along * direction), size)
 
 
-def _norm(rows: Array) -> Array:
-    """Return the norms of vectors, (r, T)."""
-    return np.asarray(np.sqrt(np.einsum("rt,rt->t", rows, rows)))
-
-
-def _singularity(run: Recorded) -> Metrics:
+def _extremes(run: Recorded) -> Metrics:
     """Yield the extremes of the measures of singularity, of the pace, and of the second task."""
-    smallest, time = _extreme(run, -run["sigma"][:, -1])
-    yield "sigma.min", -smallest, "1", "smallest singular value of the run"
-    yield "sigma.min_time", time, "s", "when the smallest singular value was reached first"
-    yield "condition.max", _extreme(run, run["condition"])[0], "1", "largest κ = σ₁/σ_k"
-    yield "manipulability.min", -_extreme(run, -run["manipulability"])[0], "1", "smallest w = ∏σ"
-    yield "damping.max", _extreme(run, run["damping"])[0], "1", "largest λ"
-    yield "path_rate.min", -_extreme(run, -run["path_rate"])[0], "1", "smallest pace along the path"
-    smallest = -_extreme(run, -run["secondary_sigma"])[0]
-    yield "secondary_sigma.min", smallest, "1", "smallest singular value left to the second task"
-
-
-def _extreme(run: Recorded, values: Array) -> tuple[float, float]:
-    """Return the largest of some values, (T,), and its first time."""
-    peak, time = peaks(run["time"], values[None])
-    return float(peak[0]), float(time[0])
+    second = "smallest singular value left to the second task"
+    for name, sign, values, meaning in (
+        ("sigma.min", -1.0, run["sigma"][:, -1], "smallest singular value of the run"),
+        ("condition.max", 1.0, run["condition"], "largest κ = σ₁/σ_k"),
+        ("manipulability.min", -1.0, run["manipulability"], "smallest w = ∏σ"),
+        ("damping.max", 1.0, run["damping"], "largest λ"),
+        ("path_rate.min", -1.0, run["path_rate"], "smallest pace along the path"),
+        ("secondary_sigma.min", -1.0, run["secondary_sigma"], second),
+    ):
+        _, value, time = _largest(*peaks(run["time"], sign * values[None]))
+        yield name, sign * value, "1", meaning
+        if name == "sigma.min":
+            yield f"{name}_time", time, "s", "when the smallest singular value was reached first"
 
 
 # Events -----------------------------------------------------------------------------------------
 
 
-def _statuses(run: Recorded, status: NDArray[np.int64]) -> Metrics:
-    """Yield the duration of each status, and the longest standstill."""
-    counts = np.count_nonzero(status & np.array(IN_RUNS)[:, None], axis=1).tolist()
-    without = len(run) - int(np.count_nonzero(status))
-    yield "status_time.OK", without * run.period, "s", "time without any status"
-    for one, count in zip(IN_RUNS, counts, strict=True):
-        yield f"status_time.{one.name}", count * run.period, "s", f"time with status {one.name}"
-    is_stuck = (status & Status.STUCK) != 0
-    longest, time = 0, math.nan
-    for first, end in stretches(is_stuck).tolist():
-        if end - first > longest:
-            longest, time = end - first, float(run["time"][first])
-    share = int(np.count_nonzero(is_stuck)) / (len(run) or math.nan)
-    yield "stuck.longest", longest * run.period, "s", "longest time stuck without interruption"
-    yield "stuck.longest_time", time, "s", "when that began"
+def _statuses(run: Recorded, tau: Array) -> Metrics:
+    """Yield the duration of each status, and of standstill, contact, slip and actuators at their limit."""
+    status = run.columns["status"].astype(np.int64)
+    seconds = {one: run.period * int(np.count_nonzero(status & one)) for one in IN_RUNS}
+
+    def first_time(ticks: NDArray[np.int64]) -> float:
+        return float(run["time"][ticks[0]]) if len(ticks) else math.nan
+
+    without = run.period * int(np.count_nonzero(status == 0))
+    yield "status_time.OK", without, "s", "time without any status"
+    for one in IN_RUNS:
+        yield f"status_time.{one.name}", seconds[one], "s", f"time with status {one.name}"
+    stuck = stretches((status & Status.STUCK) != 0)
+    longest = stuck[np.diff(stuck).argmax()] if len(stuck) else np.zeros(0, np.int64)
+    share = seconds[Status.STUCK] / (len(run) * run.period or math.nan)
+    most = run.period * int(np.diff(longest).sum())
+    yield "stuck.longest", most, "s", "longest time stuck without interruption"
+    yield "stuck.longest_time", first_time(longest), "s", "when that began"
     yield "stuck.share", share, "1", "fraction of the ticks in which it is stuck"
-
-
-def _loads(run: Recorded, status: NDArray[np.int64], tau: Array) -> Metrics:
-    """Yield duration and start of contacts and of actuators at their limit, and the slip of followers."""
-    seconds, first = _duration(run, (status & Status.CONTACT) != 0)
-    yield "contact.time", seconds, "s", "time in contact"
+    first = first_time(np.flatnonzero(status & Status.CONTACT))
+    yield "contact.time", seconds[Status.CONTACT], "s", "time in contact"
     yield "contact.first_time", first, "s", "time of the first contact"
     yield "contact.first_bodies", " – ".join(run.touching), "", "bodies of the first contact"
-    slip, time = _extreme(run, run["slip"])
+    _, slip, time = _largest(*peaks(run["time"], run["slip"][None]))
     yield "slip.max", slip, "rad or m", "largest distance of a follower from its equality; undefined without"
     yield "slip.max_time", time, "s", "when the largest slip was reached first"
-    is_limited = (status & Status.TORQUE_LIMITED) != 0
-    seconds, first = _duration(run, is_limited)
-    limit = np.array(run.torque_limit or (math.inf,) * len(run.joints))
-    shares = np.nan_to_num(np.abs(tau[:, is_limited]) / limit[:, None])
-    ticks = np.flatnonzero(shares.any(axis=0))
-    joint = run.joints[shares[:, ticks[0]].argmax()] if len(ticks) else ""
-    yield "torque_limited.time", seconds, "s", "time with an actuator at its limit"
-    yield "torque_limited.first_time", first, "s", "first time with an actuator at its limit"
-    yield "torque_limited.first_joint", joint, "", "joint whose actuator was at its limit first"
-
-
-def _duration(run: Recorded, holds: NDArray[np.bool_]) -> tuple[float, float]:
-    """Return how long something holds, and when first (NaN: never) [s]."""
-    ticks = np.flatnonzero(holds)
-    return len(ticks) * run.period, float(run["time"][ticks[0]]) if len(ticks) else math.nan
+    limited = np.flatnonzero(status & Status.TORQUE_LIMITED)
+    limit = np.array(run.torque_limit or (math.inf,) * len(tau))[:, None]
+    shares = np.nan_to_num(np.abs(tau[:, limited]) / limit)
+    shares = shares[:, shares.any(axis=0)]
+    name = run.joints[shares[:, 0].argmax()] if shares.size else ""
+    yield "torque_limited.time", seconds[Status.TORQUE_LIMITED], "s", "time with an actuator at its limit"
+    yield "torque_limited.first_time", first_time(limited), "s", "first time with an actuator at its limit"
+    yield "torque_limited.first_joint", name, "", "joint whose actuator was at its limit first"
 
 
 def _profile(run: Recorded, q: Array, rate: Array, acceleration: Array, jerk: Array) -> Metrics:
     """Yield the number of commands that a profile refuses, and the condition that the first violates."""
     count, violation = math.nan, Violation()
     if run.profile:
-        count, violation = refused(run.profile, q, rate, acceleration, jerk)
+        count, violation = refused(run.profile, run["time"], q, rate, acceleration, jerk)
     counted = "number of commands that the profile refuses; undefined without a profile"
     first = "the first command that the profile refuses"
-    joint, time = ("", math.nan) if violation.tick < 0 else (
-        run.joints[violation.joint], float(run["time"][violation.tick])
-    )  # fmt: skip
-    yield "profile.refused", float(count), "1", counted
-    yield "profile.first_time", time, "s", f"when {first} was sent"
-    yield "profile.first_joint", joint, "", f"joint of {first}"
     violated = f"condition that {first} violates: {', '.join(CONDITIONS)}"
+    yield "profile.refused", float(count), "1", counted
+    yield "profile.first_time", violation.time, "s", f"when {first} was sent"
+    yield "profile.first_joint", run.joints[violation.joint] if count > 0 else "", "", f"joint of {first}"
     yield "profile.first_condition", violation.condition, "", violated
     yield "profile.first_value", violation.value, "SI", f"value of {first}"
     yield "profile.first_bound", violation.bound, "SI", f"bound that {first} violates"
@@ -324,9 +294,8 @@ def _profile(run: Recorded, q: Array, rate: Array, acceleration: Array, jerk: Ar
 def _effort(run: Recorded) -> Metrics:
     """Yield how much was simulated, and how fast."""
     duration, wall = len(run) * run.period, run.wall_time
-    completed = run.completed if len(run) or run.planned else math.nan
     yield "duration", duration, "s", "simulated time, one period per tick"
     yield "ticks", len(run), "1", "control ticks recorded"
-    yield "completed", completed, "1", "completed fraction of the path; 1: all"
+    yield "completed", run.completed, "1", "completed fraction of the path; 1: all"
     yield "wall_time", wall, "s", "wall time of the stepping"
-    yield "speed", duration / wall if wall > 0.0 else math.nan, "1", "simulated time over wall time"
+    yield "speed", duration / (wall or math.nan), "1", "simulated time over wall time"

@@ -1,57 +1,50 @@
 """Keys of a scenario, and the origin of each value."""
 
 import re
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import NamedTuple
 
 from rmrc.support.problems import Key, Origin, Problem, join
 
 
-@dataclass
-class Place:
-    """The start of a value, the place of its key, and the places of its parts."""
+class Place(NamedTuple):
+    """Where a value starts, and its key; an item of a list has none of its own."""
 
-    origin: Origin | None = None
-    below: dict[str | int, "Place"] = field(default_factory=dict)
-    key: Origin | None = None
+    value: Origin
+    key: Origin
 
 
-@dataclass
+@dataclass(frozen=True)
 class SourceMap:
-    """The place where each value was given."""
+    """The places where values were given.
+
+    Attributes:
+        source: The file.
+        places: By key.
+    """
 
     source: str = ""
-    root: Place = field(default_factory=Place)
-
-    def find(self, key: Key) -> Place:
-        """Return the place of a value, or of its nearest parent that has one."""
-        place = parent = self.root
-        for step in key:
-            if step not in place.below:
-                return parent
-            place = place.below[step]
-            parent = place if place.origin else parent
-        while place.below and not place.origin:  # a mapping made for a change
-            place = next(iter(place.below.values()))
-        return place
-
-    def changed(self, key: Key, origin: Origin) -> "SourceMap":
-        """Return the places of all values after one value was given elsewhere.
-
-        Mappings made for it have only its own place. The rest is shared.
-        """
-
-        def put(place: Place, steps: Key) -> Place:
-            if not steps:
-                return Place(origin)
-            below = put(place.below.get(steps[0], Place()), steps[1:])
-            return replace(place, below={**place.below, steps[0]: below})
-
-        return SourceMap(self.source, put(self.root, key))
+    places: Mapping[Key, Place] = field(default_factory=dict)
 
     def origin(self, key: Key) -> Origin:
-        """Return the origin of a value, or of its nearest parent that has one."""
-        return self.find(key).origin or Origin(self.source)
+        """Return where a value was given, or else a part of it, or else its nearest parent."""
+        if key in self.places:
+            return self.places[key].value
+        below = [place.value for part, place in self.places.items() if part[: len(key)] == key]
+        parents = (key[:depth] for depth in reversed(range(len(key))))
+        above = [self.places[parent].value for parent in parents if parent in self.places]
+        return next(iter(below + above), Origin(self.source))
+
+    def changed(self, key: Key, origin: Origin) -> "SourceMap":
+        """Return the places of all values after one value was given elsewhere."""
+        others = {part: place for part, place in self.places.items() if part[: len(key)] != key}
+        return SourceMap(self.source, {**others, key: Place(origin, origin)})
+
+    def below(self, step: str) -> "SourceMap":
+        """Return the places of the values if they stood below another key."""
+        return SourceMap(self.source, {(step, *key): place for key, place in self.places.items()})
 
     def problem(self, key: Key, text: str) -> Problem:
         """Return the problem of a value."""
@@ -62,11 +55,11 @@ class SourceMap:
         return self.origin(key).of(join(key))
 
 
-def in_order(problems: list[Problem]) -> list[Problem]:
+def in_order(problems: Iterable[Problem]) -> list[Problem]:
     """Return problems in their order of reporting: those of the file by line, then those of options."""
 
-    def place(one: Problem) -> tuple[bool, int, int]:
-        origin = one.origin or Origin()
+    def place(problem: Problem) -> tuple[bool, int, int]:
+        origin = problem.origin or Origin()
         return not origin.line, origin.line, origin.column
 
     return sorted(problems, key=place)

@@ -9,15 +9,12 @@ from rmrc.scenario.sections import Sections
 from rmrc.scenario.wording import inline, show
 
 # Mappings whose keys are names: the kind of name, and the default of an absent one.
-_ABSENT: dict[str, tuple[str, object]] = {
-    "expect": ("metric", None),
-    "arm.packages": ("package", None),
-    "arm.stretch": ("body", 1),
-    "plant.stretch": ("body", 1),
-    "baseline": ("key", None),
-    "sweep.vary": ("key", None),
-    "sweep.draw": ("key", None),
-}
+_NAMES = {
+    "expect": ("metric", None), "arm.packages": ("package", None),
+    "arm.stretch": ("body", 1), "plant.stretch": ("body", 1),
+}  # fmt: skip
+_SIGNS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
+_WORDS = {"string": "text", "boolean": "true | false", "any": "value"}
 
 
 class SchemaRow(NamedTuple):
@@ -47,35 +44,34 @@ def schema_rows() -> tuple[SchemaRow, ...]:
     return tuple(_rows("", schema, schema["$defs"], required=True))
 
 
-def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: bool) -> Iterator[SchemaRow]:
-    below = _resolve(schema, kinds)
-    if "properties" in below:
-        for name, inner in below["properties"].items():
-            needed = name in below.get("required", ())
-            yield from _rows(f"{key}.{name}".removeprefix("."), inner, kinds, required=needed)
-    if isinstance(below.get("additionalProperties"), dict):
-        told = {
+def _rows(key: str, schema: dict[str, Any], defs: dict[str, Any], *, required: bool) -> Iterator[SchemaRow]:
+    below = _resolve(schema, defs)
+    named = below.get("additionalProperties")
+    items = below.get("items", {})
+    for name, inner in below.get("properties", {}).items():
+        needed = name in below.get("required", ())
+        yield from _rows(f"{key}.{name}".removeprefix("."), inner, defs, required=needed)
+    if isinstance(named, dict):
+        name, default = _NAMES.get(key, ("key", None))
+        named = {
             "description": schema["description"],
             "unit": schema.get("unit", ""),
-            "default": _ABSENT[key][1],
+            "default": default,
+            **named,
         }
-        inner = {**told, **below["additionalProperties"]}
-        yield from _rows(f"{key}.<{_ABSENT[key][0]}>", inner, kinds, required=False)
-    elif "properties" in below:
-        return
-    elif any("$ref" in option for option in below.get("items", {}).get("oneOf", ())):
-        for inner in below["items"]["oneOf"]:
-            yield from _rows(f"{key}[]", inner, kinds, required=False)
-    else:
-        default = "required" if required else schema.get("derived") or inline(schema.get("default"))
-        yield SchemaRow(key, _type(schema), schema.get("unit", ""), default, schema["description"])
+        yield from _rows(f"{key}.<{name}>", named, defs, required=False)
+    elif "$ref" in items:
+        yield from _rows(f"{key}[]", items, defs, required=False)
+    elif "properties" not in below:
+        standard = "required" if required else schema.get("derived") or inline(schema.get("default"))
+        yield SchemaRow(key, _type(schema), schema.get("unit", ""), standard, schema["description"])
 
 
-def _resolve(schema: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
+def _resolve(schema: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any]:
     """Follow a reference, also through "or null" and "or a text"."""
     for option in (schema, *schema.get("anyOf", ()), *schema.get("oneOf", ())):
         if "$ref" in option:
-            resolved: dict[str, Any] = kinds[option["$ref"].rpartition("/")[2]]
+            resolved: dict[str, Any] = defs[option["$ref"].rpartition("/")[2]]
             return resolved
     return schema
 
@@ -86,18 +82,16 @@ def _type(schema: dict[str, Any]) -> str:
     if schema.get("title", "")[:1].islower():  # a title of our own
         return str(schema["title"])
     if options:
-        return " or ".join(_type(o) for o in options if o.get("type") != "null")
+        return " or ".join(_type(option) for option in options if option.get("type") != "null")
     if "enum" in schema or "const" in schema:
         return " | ".join(schema.get("enum", [schema.get("const")]))
-    kind = schema.get("type", "any")
-    if kind == "array":
+    name = schema.get("type", "any")
+    if name == "array":
         low, high = schema["minItems"], schema.get("maxItems")
         count = "" if high is None else f"{low} " if low == high else f"{low} or {high} "
         item = re.sub("^(number|angle)", r"\1s", _type(schema["items"])) if schema["items"] else "values"
         return f"list of {count}({item})" if "|" in item or " or " in item else f"list of {count}{item}"
-    if kind in ("number", "integer"):
-        signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
-        bounds = [f"{sign} {show(schema[k])}" for k, sign in signs.items() if k in schema]
-        return " ".join([kind, ", ".join(bounds)]).strip()
-    words = {"string": "text", "boolean": "true | false", "any": "value"}
-    return "path" if schema.get("format") == "path" else words[kind]
+    if name in ("number", "integer"):
+        bounds = [f"{sign} {show(schema[bound])}" for bound, sign in _SIGNS.items() if bound in schema]
+        return f"{name} {', '.join(bounds)}".strip()
+    return "path" if schema.get("format") == "path" else _WORDS[name]

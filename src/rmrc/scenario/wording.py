@@ -16,12 +16,9 @@ def show(value: object) -> str:
     if value is None:
         return "nothing"
     if isinstance(value, float):
-        short = f"{value:.12g}"
-        return short if float(short) == value or not math.isfinite(value) else repr(value)
+        return repr(value).removesuffix(".0")
     if isinstance(value, list):
         return brief(f"[{', '.join(show(item) for item in value[:20])}]")
-    if isinstance(value, dict):
-        return brief(f"{{{', '.join(f'{key}: {show(item)}' for key, item in list(value.items())[:20])}}}")
     if isinstance(value, int) and abs(value) >= 10**80:  # Python writes 4300 digits at most
         return "a huge integer"
     return brief(json.dumps(value, ensure_ascii=False, default=repr))
@@ -45,13 +42,13 @@ def brief(text: str) -> str:
 
 def listed(names: Sequence[str]) -> str:
     """Return `a and b`, or that there are none."""
-    return " and ".join(names) if names else "none"
+    return " and ".join(names) or "none"
 
 
 def nearby(path: Path, *suffixes: str) -> str:
     """Suggest a file beside one that does not exist."""
     try:
-        names = [entry.name for entry in path.parent.iterdir() if entry.suffix in suffixes]
-    except OSError:
+        names = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix in suffixes)
+    except (OSError, ValueError):  # a NUL
         return ""
-    return did_you_mean(path.name, sorted(names))
+    return did_you_mean(path.name, names)

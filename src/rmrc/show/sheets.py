@@ -1,9 +1,10 @@
 """Tables without a form: texts and numbers in cells, to be shown in a terminal or as markdown."""
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+from rmrc.support.legible import escaped
 
 UNDEFINED = "-"
 
@@ -38,11 +39,6 @@ def as_markdown(sheet: Sheet) -> str:
     table = [f"| {row} |" for row in (head, " | ".join(rules), *body)] if sheet.headings else []
     title = [f"## {sheet.title}"] if sheet.title else []
     return "\n\n".join([*title, *filter(None, ["\n".join(table)]), *map(escaped, sheet.notes)])
-
-
-def escaped(text: str) -> str:
-    """Return one line that markdown shows unchanged."""
-    return re.sub(r"([\\|*`<\[\]])", r"\\\1", " ".join(text.split()))
 
 
 def number(value: float) -> str:

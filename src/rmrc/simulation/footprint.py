@@ -54,7 +54,7 @@ def footprint(
 
 def excess(need: Array) -> str | None:
     """Return the reason why a footprint is too much, or None: see `rmrc.support.memory.excess`."""
-    return memory.excess(LIBRARIES + need[0], need[1])
+    return memory.excess(LIBRARIES + float(need[0]))
 
 
 def refuse_excess(

@@ -225,7 +225,6 @@ def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run
     arm, scenario = prepared.arm, prepared.scenario
     chain, inverse = prepared.true_arm.chain, scenario.control.inverse
     read = read_by(inverse.method, inverse.damping.schedule)
-    reach = 0.0 if arm.idle else chain.reach  # a joint without an actuator may move the links apart
     return Run(
         name=scenario.name,
         joints=arm.joints,
@@ -243,9 +242,7 @@ def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run
         chatter_floor=prepared.chatter_floor,
         profile=expected_profile(scenario),
         rate_limit=tuple(prepared.law.rate_limit.tolist()),
-        damping_below=float(inverse.damping.below) if DAMPING_BELOW in read else 0.0,
-        shoulder=tuple(chain.step[0].tolist()) if reach else (),
-        reach=reach,
+        damping_below=float(inverse.damping.below or 0.0) if DAMPING_BELOW in read else 0.0,
         screws=() if arm.idle else chain.screws,
         leaders=() if arm.idle else tuple(chain.leader.tolist()),
         joint_scale=() if arm.idle else tuple(prepared.task.joint_scale.tolist()),

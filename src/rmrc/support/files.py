@@ -58,6 +58,12 @@ def written_whole(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text in UTF-8, atomically."""
+    with written_whole(path) as temporary:
+        temporary.write_text(text, "utf-8")
+
+
 @contextmanager
 def _about(path: Path, temporary: Path) -> Iterator[None]:
     """Have errors name the requested file, not its temporary one, or none, as for a full disk."""

@@ -67,7 +67,7 @@ class Problem(NamedTuple):
     def __str__(self) -> str:
         """Return `WHO: ORIGIN: KEY: TEXT`, without empty parts."""
         place = (self.origin or Origin()).of(join(self.key))
-        return ": ".join(part for part in (self.who, place, self.text) if part)
+        return visible(": ".join(part for part in (self.who, place, self.text) if part))
 
 
 def join(key: Key) -> str:

@@ -9,15 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.results.metrics import error_sizes
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard
 from rmrc.scenario import Change, Variant, changes_of
 from rmrc.scenario.choices import POLICIES
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.executors import threads
-from rmrc.study.margins.search import bears
+from rmrc.study.margins.margins import bears
 from rmrc.study.study import Listed, OnRuns, Result, Study
+from rmrc.support.spatial import AXES
 from rmrc.tuning.bar import ALIKE, Bar
 from rmrc.tuning.front import Point
 from rmrc.tuning.space import Setting
@@ -180,7 +180,10 @@ class Limits:
     def point(self, run: Run) -> tuple[float, float]:
         """Return the peak rate and the error of a run so far, as `measure` has them."""
         rate = (np.abs(run["qdot"]).max(axis=0) / self.scale).max()
-        position, orientation = (size.max() for size in error_sizes(run))
+        position, orientation = (
+            np.linalg.norm(run["pose_error"][:, [i for i in some if AXES[i] in run.axes]], axis=1).max()
+            for some in (range(3), range(3, 6))
+        )
         return float(rate), float(np.maximum(position, self.length * orientation))
 
 
