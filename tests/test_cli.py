@@ -14,7 +14,7 @@ import pytest
 from project import ROOT
 from rmrc.results.columns import COLUMNS
 from rmrc.results.run import Run
-from rmrc.scenario import InverseSection
+from rmrc.scenario.control import InverseSection
 from rmrc.study.run import Job
 from wording import says
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from project import ROOT
 from replacing import replaced
 from rmrc import arm as arms
-from rmrc.scenario.sections import ToolSection
+from rmrc.scenario.arm import ToolSection
 from rmrc.support.errors import ModelError
 
 MODELS = ROOT / "tests/models"
@@ -101,7 +101,7 @@ def test_a_body_is_a_frame_as_mujoco_has_it(data):
     assert_allclose(arm.jacobian([0.4, -0.7, 0.3]), full[:, :3], atol=1e-15)
 
 
-@pytest.mark.parametrize("turned", [{"rpy": (0.1, 0.2, 0.3)}, {"quat": (1.0, 2.0, 3.0, 4.0)}, {}])
+@pytest.mark.parametrize("turned", [{"orientation": (0.1, 0.2, 0.3)}, {"orientation": (1.0, 2.0, 3.0, 4.0)}, {}])
 @pytest.mark.parametrize(
     "mass", [{}, {"mass": 0.7, "center": (0.0, 0.01, 0.05), "inertia": (3e-3, 4e-3, 5e-3)}]
 )
@@ -111,8 +111,9 @@ def test_a_tool_is_a_frame_and_a_mass_on_a_body(data, turned, mass):
     position, turn = pose_of(arm)
     palm = Rotation.from_matrix(data.body("palm").xmat.reshape(3, 3))
     assert_allclose(position, data.body("palm").xpos + palm.apply([0.1, 0.2, 0.3]), atol=1e-15)
-    rpy, quat = turned.get("rpy", (0, 0, 0)), turned.get("quat")
-    own = Rotation.from_quat(quat, scalar_first=True) if quat else Rotation.from_euler("xyz", rpy)
+    values = turned.get("orientation", (0, 0, 0))
+    is_quaternion = len(values) == 4
+    own = Rotation.from_quat(values, scalar_first=True) if is_quaternion else Rotation.from_euler("xyz", values)
     assert_allclose(turn.as_matrix(), (palm * own).as_matrix(), atol=1e-14)
     # the weight that the drives bear more is m g at the center of mass: J^T f, by differences of its height
     plain = arms.load(MODELS / "gripper.xml", body="palm")
@@ -155,7 +156,7 @@ def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes_of_its_own
         '<geom size="0.1"/></body></body></worldbody><keyframe><key name="open" qpos="0 0 0 1 0 0 0 0.05"/></keyframe></mujoco>'
     )
     path = ROOT / "models/planar_3link.xml"
-    tool = ToolSection(body="link_3", position=(1.0, 0.0, 0.0), rpy=(0.0, 0.5, 0.0), model=hand)
+    tool = ToolSection(body="link_3", position=(1.0, 0.0, 0.0), orientation=(0.0, 0.5, 0.0), model=hand)
     arm = arms.load(path, tool=tool)
     assert arm.site == "tool_pinch" and arm.n == 3
     assert arms.load(path, tool=tool.model_copy(update={"site": "other"})).site == "tool_other"

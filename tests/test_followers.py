@@ -19,7 +19,7 @@ from rmrc.analysis.survey import jacobians, survey
 from rmrc.law.controller import Controller
 from rmrc.law.task import Task, choose
 from rmrc.scenario import Scenario
-from rmrc.scenario.sections import ControlSection
+from rmrc.scenario.control import ControlSection
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ModelError

@@ -10,18 +10,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from paths import acceleration, pieces
-from rmrc.scenario import (
-    Arc,
-    ArcSegment,
-    Hold,
-    HoldSegment,
-    Line,
-    LineSegment,
-    TargetLimitsSection,
-    TargetSection,
-    Turn,
-    TurnSegment,
-)
+from rmrc.scenario import Segment, TargetLimitsSection, TargetSection
+from rmrc.scenario.target import Arc, Hold, Line, Turn
 from rmrc.simulation import trajectory
 from rmrc.support.errors import TargetError
 from wording import says
@@ -40,19 +30,19 @@ def make_reference(segments, limits, pose, period, offset=(0.0, 0.0, 0.0)):
 
 
 def line(by=None, *, to=None, turn=None):
-    return LineSegment(line=Line(by=by, to=to, turn=turn))
+    return Segment(line=Line(by=by, to=to, turn=turn))
 
 
 def arc(center, angle, axis="z", turn=None):
-    return ArcSegment(arc=Arc(center=center, angle=angle, axis=axis, turn=turn))
+    return Segment(arc=Arc(center=center, angle=angle, axis=axis, turn=turn))
 
 
 def turn(**form):
-    return TurnSegment(turn=Turn(**form))
+    return Segment(turn=Turn(**form))
 
 
 def hold(duration):
-    return HoldSegment(hold=Hold(**{"for": duration}))
+    return Segment(hold=Hold(**{"for": duration}))
 
 
 def as_rotation(quat):
@@ -130,7 +120,7 @@ def paths(draw):
             new = draw(turns)
             if norms((turned(rotation, new) * rotation.inv()).as_rotvec()) < 1e-6:
                 continue
-            segments.append(TurnSegment(turn=new))
+            segments.append(Segment(turn=new))
             rotation = turned(rotation, new)
         else:
             segments.append(hold(draw(st.floats(0.001, 0.5))))
@@ -493,7 +483,7 @@ TOO_LONG = "target.path: … {} s … {} … 0.001 s … 10000000; … target.li
         ),
         ([turn(axis="x", angle=0.0)], "target.path[0].turn: … 0 … [0.5, 0, 0.3]; … hold …"),
         ([turn(to=(-1, 0, 0, 0))], "target.path[0].turn: … 0 … [0.5, 0, 0.3]; … hold …"),
-        ([LineSegment.model_construct(line=UNCHECKED)], "target.path[0].line: … finite; … numbers"),
+        ([Segment.model_construct(line=UNCHECKED)], "target.path[0].line: … finite; … numbers"),
         ([line((1e308, 1e308, 1e308))], "target.path[0].line: … finite; … numbers"),
         ([arc((-1e308, 1e308), 1.0)], "target.path[0].arc: … finite; … numbers"),
         ([hold(1e300)], TOO_LONG.format("1e+300", "1e+303")),
@@ -553,8 +543,7 @@ def written_further(segments, offset):
         for kind, point in (("line", "to"), ("arc", "center")):
             if text.get(kind, {}).get(point):
                 text[kind][point] = [x + d for x, d in zip(text[kind][point], [*offset, 0.0], strict=False)]
-    kinds = {"line": LineSegment, "arc": ArcSegment, "turn": TurnSegment, "hold": HoldSegment}
-    return [kinds[next(iter(text))].model_validate(text) for text in texts]
+    return [Segment.model_validate(text) for text in texts]
 
 
 @st.composite

@@ -86,7 +86,7 @@ def choices() -> Iterator[tuple[str, list[tuple[str, ...]]]]:
             yield f"control.{some.key}", [(*row, need) for row, need in zip(cells, needs, strict=True)]
         elif some is not PRIORITIES:  # which the objective `secondary` names
             yield f"control.{some.key}", cells
-    yield "plant.kind", [(code(one.name), one.equation) for one in PLANTS.options]
+    yield "plant.kind", [(code(one.name), one.meaning) for one in PLANTS.options]
 
 
 def with_choices(text: str) -> str:

@@ -17,7 +17,7 @@ from rmrc.analysis.statics.balance import Cost, balance, elsewhere, link_frames,
 from rmrc.analysis.statics.hold import FEEDBACK, STILL
 from rmrc.analysis.statics.report import verdict
 from rmrc.analysis.statics.statics import statics
-from rmrc.scenario.sections import ToolSection
+from rmrc.scenario.arm import ToolSection
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import pose_error, quat_to_matrix
 from screws import screw_chain

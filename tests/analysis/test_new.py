@@ -282,7 +282,7 @@ PLANAR = rmrc.load("line_tracking").arm.model
 FRAMES = {
     "site": {"site": "tip"},
     "body": {"body": "link_2"},
-    "tool": {"tool": {"position": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, "30 deg"], "mass": 0.2}},
+    "tool": {"tool": {"position": [0.1, 0.0, 0.0], "orientation": [0.0, 0.0, "30 deg"], "mass": 0.2}},
     "joints": {"site": "tip", "joints": ["elbow"]},
 }
 

@@ -81,7 +81,6 @@ RIGHT = {
     "task.frame": ("world", "base", "site"),
     "arm.pose": ({"position": [0.5, 0.3]}, {"position": [9.0, 9.0, 9.0]}, {"orientation": ["180 deg", 0, 0]}),
     "arm.body": ("link_2", "link1"),
-    "arm.base": ("fixed", "free"),
     "arm.others": ("hold", "free"),
     "plant": [{"kind": name} for name in PLANTS.names],
     "plant.payload": (2.0,),

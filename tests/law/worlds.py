@@ -3,6 +3,7 @@
 `formula` is the law's filters once more, from docs/theory.md: LAPACK's decomposition, numpy, no records.
 """
 
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 from codes import Method, Schedule
 from oracle_inverse import damping
 from records import blank, put, resolve
+from rmrc.scenario import ControlSection
 from rmrc.scenario.choices import INVERSES, PARAMETERS
 
 matrices = arrays(
@@ -25,7 +27,7 @@ SHAPES = [(1, 1), (2, 2), (2, 4), (3, 7), (4, 2), (6, 3), (6, 6), (6, 7)]
 # What inverses and schedules read, as `resolve_rates` calls it: its defaults, without an arm, and some error.
 SHORT = {"damping_manipulability_below": "manipulability_below", "damping_error_gain": "error_gain"}
 DEFAULTS = {
-    SHORT.get(name, name): one.null if one.default is None else one.default
+    SHORT.get(name, name): one.null if (value := attrgetter(one.key)(ControlSection())) is None else value
     for one in PARAMETERS
     if one.field.startswith("inverse_")
     for name in [one.field.removeprefix("inverse_")]

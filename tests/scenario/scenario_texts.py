@@ -45,7 +45,7 @@ arm: {model: arm.xml, site: tip, start: [60 deg, 0.5], joints: [a, b],
       pose: {position: [0.5, 0.1], orientation: [0.0, 10 deg, 0.0], frame: base},
       encoder: {offset: [-0.1 deg, 0.2], deviation: 0.1 deg, seed: 7, noise: 1.0e-5,
                 resolution: [0.001 deg, 0.0], delay: 0.002}, stretch: {link_1: 1.1},
-      base: fixed, packages: {arm_description: ..}}
+      packages: {arm_description: ..}}
 task: {axes: [x, y], frame: site, length: 0.5, weights: [1.0, 2.0]}
 control:
   period: 0.002
@@ -113,10 +113,10 @@ OTHER_FRAMES = (
     ("arm.site=null", "arm.body=link_2"),
     (
         "arm.site=null",
-        "arm.tool={body: link_2, position: [0.1, 0, 0], quat: [1, 0, 0, 0], mass: 0.5, center: [0, 0, 0.1], "
+        "arm.tool={body: link_2, position: [0.1, 0, 0], orientation: [1, 0, 0, 0], mass: 0.5, center: [0, 0, 0.1], "
         "inertia: [0.1, 0.1, 0.1]}",
     ),
-    ("arm.site=null", "arm.tool={rpy: [90 deg, 0, 0], model: arm.xml, site: tip}"),
+    ("arm.site=null", "arm.tool={orientation: [90 deg, 0, 0], model: arm.xml, site: tip}"),
 )
 
 

@@ -25,7 +25,6 @@ plant: {{kind: ideal}}
 expect: {{joint_rate_cmd.peak: {{below: 3.001}}}}
 """
 PLAIN = {"control.inverse.method": "inverse", "control.limits.on_excess": "none"}
-NESTED = {"control": {"inverse": {"method": "inverse"}, "limits": {"on_excess": "none"}}}
 
 
 def near(**more):
@@ -36,27 +35,13 @@ def same(one, other):
     return all(one[name].tobytes() == other[name].tobytes() for name in one.columns)
 
 
-@pytest.mark.parametrize(
-    "written",
-    [PLAIN, NESTED, {"control.inverse": {"method": "inverse"}, "control": {"limits.on_excess": "none"}}],
-)
-def test_a_baseline_is_the_scenario_with_its_changes_and_leaves_the_scenario_as_it_is(written):
-    run = rmrc.run(near(baseline=written))
+def test_a_baseline_is_the_scenario_with_its_changes_and_leaves_the_scenario_as_it_is():
+    run = rmrc.run(near(baseline=PLAIN))
     assert same(run, rmrc.run(near())) and rmrc.run(near()).baseline is None
     assert same(run.baseline, rmrc.run(near(**PLAIN)))
     assert (
         np.abs(run.baseline["qdot_cmd"]).max() > 3.001 > np.abs(run["qdot_cmd"]).max()
     )  # of another rate limit
-
-
-def test_later_changes_are_those_of_deeper_keys_and_a_mapping_of_no_section_takes_the_place():
-    changes = near(
-        baseline={"arm.start[1]": -0.2, "arm": {"start": [0.1, -0.3]}, "plant.stretch": {"link_1": 1.1}}
-    )
-    keys = [change.key for change in changes.baseline_changes]
-    assert keys == [("arm", "start"), ("plant", "stretch"), ("arm", "start", 1), ("expect",), ("baseline",)]
-    assert changes.changed(*changes.baseline_changes).arm.start == (0.1, -0.2)
-    assert not near().baseline_changes
 
 
 @pytest.fixture
@@ -93,7 +78,7 @@ def test_a_recording_holds_its_columns_bit_for_bit(left):
     ("written", "told"),
     [
         ({"control.inverse.metod": "x"}, 'baseline.control.inverse.metod: … key … "method"?'),
-        ({"control": {"inverse": {"method": "x"}}}, 'baseline.control.inverse.method: … "inverse" … "x"…'),
+        ({"control": {"inverse": {"method": "x"}}}, 'baseline.control: control.inverse.method: … "inverse" … "x"…'),
         ({"task.axes": ["x", "y", "rz"], **PLAIN}, 'baseline.control.inverse.method: "inverse" … 3 axes … 2 joints…'),
         ({"control.feedback": [1]}, "baseline.control.feedback: … number, got [1]"),
         ({"target.path": [{"line": {"to": [9, 9, 9, 9]}}]}, "baseline.target.path: target.path[0].line.to: … 3 … items, got [9, 9, 9, 9]"),

@@ -19,7 +19,7 @@ from rmrc.arm.mounting import Asked, mounted
 from rmrc.arm.scan import check_file
 from rmrc.arm.ties import find_ties
 from rmrc.arm.wiring import SLIDE, find_chain, joints_above
-from rmrc.scenario.sections import ArmSection, ToolSection
+from rmrc.scenario.arm import ArmSection, ToolSection
 from rmrc.support.errors import ModelError, did_you_mean
 from rmrc.support.legible import listed
 from rmrc.support.shipped import suggestion
@@ -173,7 +173,7 @@ def load_asked(section: ArmSection) -> Arm:
         ModelError: See `load`.
     """
     return load(
-        section.model, section.site, section.joints, body=section.body, tool=section.tool, base=section.base,
+        section.model, section.site, section.joints, body=section.body, tool=section.tool,
         packages=section.packages,
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ from rmrc.arm.frames import default_frame
 from rmrc.arm.keyframes import starting_key
 from rmrc.arm.notes import Note
 from rmrc.arm.wiring import HINGE, SLIDE, find_body, find_site, joints_above
-from rmrc.scenario.sections import ToolSection
+from rmrc.scenario.arm import ToolSection
 from rmrc.support.errors import ModelError
 from rmrc.support.legible import listed
 from rmrc.support.spatial import quat_multiply, rotate

@@ -25,8 +25,8 @@ def fitted(control: ControlSection, task: Task, length: float | None) -> tuple[C
         below = damping_below(usual) if usual > 0.0 else float(DAMPING_BELOW.null or 0.0)
         why = "" if usual > 0.0 else "; the joints do not move the task"
     numbers = {"maximum": damping.maximum or damping_maximum(below), "below": below}
-    read = {one.name for one in read_by(inverse.method, damping.schedule)}
-    new = [name for name in numbers if getattr(damping, name) is None and name in read]
+    read = {each.key for each in read_by(inverse.method, damping.schedule)}
+    new = [name for name in numbers if getattr(damping, name) is None and f"inverse.damping.{name}" in read]
     if new:
         texts.append(f"damping {', '.join(f'{name} {numbers[name]:g}' for name in new)}{why}")
     inverse = inverse.model_copy(update={"damping": damping.model_copy(update=numbers)})

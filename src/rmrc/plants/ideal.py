@@ -9,7 +9,7 @@ from rmrc.law.compiling import Method, Record
 from rmrc.plants.fields import qpos_of, qvel_of
 from rmrc.plants.plant import Plant
 from rmrc.scenario.choices import PLANTS
-from rmrc.scenario.sections import TIMESTEP
+from rmrc.scenario.plant import TIMESTEP
 
 
 @Method
@@ -38,7 +38,8 @@ class Ideal(Plant):
             "friction": self.rubs, "backlash": np.any(section.backlash),
             "resonance": section.resonance.frequency,
         }  # fmt: skip
-        way = f"leave it out, write plant.lag for slow actuators, or choose from {PLANTS.physical}"
+        physical = ", ".join(each.name for each in PLANTS.options if each.physics)
+        way = f"leave it out, write plant.lag for slow actuators, or choose from {physical}"
         for key in (f"plant.{name}" for name, is_used in used.items() if is_used):
             yield key, f'"{self.name}" obeys exactly, without {key}; {way}'
 

@@ -15,7 +15,7 @@ from rmrc.law.compiling import Array, Record, at, compiled
 from rmrc.law.kinematics import turned
 from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.resistance import write_resistance
-from rmrc.scenario.sections import TIMESTEP
+from rmrc.scenario.plant import TIMESTEP
 from rmrc.support.legible import listed
 
 # Ten billion steps of MuJoCo take a day for a small arm on one core: more is an error of units.

@@ -77,7 +77,7 @@ class Panels:
         self.rate_limit = prepared.law.rate_limit
         has_torque = prepared.plant.has_physics
         self.torque_limit = arm.torque_limit if has_torque else np.full(arm.n, np.inf)
-        self.damping_below = scenario.control.inverse.damping.below
+        self.damping_below = float(scenario.control.inverse.damping.below or 0.0)
         slides = [bool(one) for one in arm.is_slide]
         self._per = _of_kinds(slides, "rad/s", "m/s")
         self._load = _of_kinds(slides, "N·m", "N")

@@ -11,7 +11,7 @@ from rmrc.results.events import CONDITIONS
 from rmrc.results.scorecard import Figure, Scorecard, figures, json_value
 from rmrc.results.tally import Tally
 from rmrc.scenario import Check, Scenario
-from rmrc.scenario.sections import PROFILE
+from rmrc.scenario.expect import PROFILE
 from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.problems import Problem
 from rmrc.support.spatial import AXES

@@ -2,13 +2,14 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from rmrc.scenario.reading import Document, TextError, parse
-from rmrc.scenario.sections import listed_default, parse_key
+from rmrc.scenario.sections import Sections, parse_key
 from rmrc.scenario.values import Section
 from rmrc.scenario.wording import brief, inline, show
+from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Key, Origin, Problem, join
 
 
@@ -44,21 +45,6 @@ class Variant(NamedTuple):
     changes: tuple[Change, ...] = ()
 
 
-@dataclass(frozen=True)
-class Unread:
-    """A placeholder for the value of a text that could not be read completely.
-
-    Attributes:
-        value: The part that could be read, if any.
-        problems: The problems of the text.
-        is_nothing: Whether there is no value at all.
-    """
-
-    value: Any
-    problems: tuple[Problem, ...]
-    is_nothing: bool = False
-
-
 def changes_of(values: Mapping[str, object], option: str = "") -> tuple[Change, ...]:
     """Return changes made in Python.
 
@@ -78,68 +64,68 @@ def changes_of(values: Mapping[str, object], option: str = "") -> tuple[Change, 
 def _plain(value: Any) -> Any:
     """Return a value as a file would have it: lists for tuples and arrays, Python's numbers for numpy's."""
     if isinstance(value, Mapping):
-        return {name: _plain(one) for name, one in value.items()}
+        return {name: _plain(inner) for name, inner in value.items()}
     if isinstance(value, Section):
         return value.model_dump(mode="json")
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_plain(item) for item in value]
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
-def read_change(key: Key, text: str, origin: Origin) -> Change:
-    """Return the change of a key by a text; the function that applies it reports problems of the text.
+def read_change(key: Key, text: str, option: str) -> Change:
+    """Return the change of a key by a text.
 
     Args:
         key: The key to change.
         text: The value as YAML; an empty text means null.
-        origin: The place where it was given.
+        option: The option that has it, with the key as messages name it.
+
+    Raises:
+        ScenarioError: The text cannot be read.
     """
+    origin = Origin(option, key=join(key))
     try:
         inner = parse(text if text.strip() else "null", key=key)
     except TextError as error:
-        unread = Unread(None, (Problem(error.key or key, str(error), origin),), is_nothing=True)
-        return Change(key, unread, origin, text)
+        raise ScenarioError([Problem(error.key or key, str(error), origin)]) from None
     return Change(key, inner.value, origin, text)
 
 
 def read_setting(text: str) -> Change:
-    """Return the change for a text `KEY=VALUE`; a change from any other text cannot be applied.
+    """Return the change for a text `KEY=VALUE`.
 
     Args:
         text: Such as `control.inverse.method=inverse` or `arm.start[1]=10 deg`; VALUE is YAML.
+
+    Raises:
+        ScenarioError: It is no such text.
     """
     name, equals, value = text.partition("=")
     try:
         key = parse_key(name.strip() if equals else "")
     except ValueError:
         wrong = "must be KEY=VALUE, for example control.feedback=10"
-        problem = Problem((), wrong, Origin(f"--set {brief(text)}"))
-        return Change((), Unread(None, (problem,), is_nothing=True))
-    return read_change(key, value, Origin(f"--set {join(key)}", key=join(key)))
+        raise ScenarioError([Problem((), wrong, Origin(f"--set {brief(text)}"))]) from None
+    return read_change(key, value, f"--set {join(key)}")
 
 
 def applied(document: Document, change: Change) -> Document:
-    """Return a document with one change; problems of the change are added to the document's.
+    """Return a document with one change; the parts beside the way to its value are shared.
 
-    The parts beside the way to the value are shared with the given document, which stays as it is.
+    Raises:
+        ScenarioError: There is no such place.
     """
-    key, origin, value = change.key, change.origin or Origin(), change.value
-    unread = value if isinstance(value, Unread) else Unread(value, ())
-    found = replace(document, problems=[*document.problems, *unread.problems])
-    if unread.is_nothing:
-        return found
+    key, origin = change.key, change.origin or Origin()
     try:
-        found.value = put(document.value, key, unread.value)
+        value = _put(document.value, key, change.value)
     except TextError as error:
-        wrong = Problem(key, str(error), origin)
-        return replace(document, problems=[*document.problems, wrong])
-    found.sources = document.sources.changed(key, origin)
-    return found
+        raise ScenarioError([Problem(key, str(error), origin)]) from None
+    return replace(document, value=value, sources=document.sources.changed(key, origin))
 
 
-def put(node: Any, key: Key, value: object, depth: int = 0) -> Any:
+def _put(node: Any, key: tuple[Any, ...], value: object, depth: int = 0) -> Any:
     """Return plain data with one value set deep in it, and the mappings on the way there.
 
     Args:
@@ -154,17 +140,24 @@ def put(node: Any, key: Key, value: object, depth: int = 0) -> Any:
     if depth == len(key):
         return value
     step, above = key[depth], join(key[:depth])
-    if isinstance(step, str) and not isinstance(node, dict):
-        raise TextError(f"{above} is {show(node)}, not a mapping")
-    if isinstance(step, int) and not isinstance(node, list):
-        raise TextError(f"{above} is {show(node)}, not a list")
+    if node is None:
+        node = {} if isinstance(step, str) else _listed_default(key[:depth])
+    if not isinstance(node, dict if isinstance(step, str) else list):
+        wanted = "mapping" if isinstance(step, str) else "list"
+        raise TextError(f"{above} is {show(node)}, not a {wanted}")
     if isinstance(step, int) and step >= len(node):
         raise TextError(f"{above} has {len(node)} item{'s' * (len(node) != 1)}, counted from 0")
     below = node.get(step) if isinstance(node, dict) else node[step]
-    if below is None and isinstance(node, dict) and isinstance((*key, 0)[depth + 1], str):
-        below = {}
-    if below is None and isinstance(node, dict) and step not in node:  # an item of an unwritten value
-        below = listed_default(key[: depth + 1])
-    changed = node.copy()
-    changed[step] = put(below, key, value, depth + 1)
+    changed: Any = node.copy()
+    changed[step] = _put(below, key, value, depth + 1)
     return changed
+
+
+def _listed_default(key: Key) -> list[object] | None:
+    """Return the default of a key that is not written, if it is a list."""
+    fields = Sections.model_fields
+    for step in key[:-1]:
+        section = fields[str(step)].annotation if step in fields else None
+        fields = getattr(section, "model_fields", {})
+    default = fields[str(key[-1])].default if key[-1] in fields else None
+    return list(default) if isinstance(default, tuple) else None

@@ -1,56 +1,44 @@
-"""A scenario and its source: plain values from a file, options or Python, validated as a whole.
-
-A change is validated locally: only the sections on the way to its value are rebuilt. A refused change is
-validated again as a whole, so that all messages have one source.
-"""
+"""A scenario and its source: plain values from a file, options or Python, validated as a whole."""
 
 import copy
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cache, cached_property, reduce
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from functools import reduce
 from pathlib import Path
-from typing import Any, NamedTuple, Self, TypeAlias
+from typing import Any, Self, TypeAlias
 
-from pydantic import PrivateAttr, ValidationError
+from pydantic import PrivateAttr
 
-from rmrc.scenario.changes import Change, Unread, applied, changes_of, put, read_change, read_setting
-from rmrc.scenario.keys import SourceMap, in_order, split
-from rmrc.scenario.messages import translate
+from rmrc.scenario.changes import Change, applied, changes_of, read_change, read_setting
+from rmrc.scenario.control import ControlSection
+from rmrc.scenario.document import checked, read_document
+from rmrc.scenario.expect import PROFILE
+from rmrc.scenario.keys import SourceMap, split
 from rmrc.scenario.profile import SHIPPED
-from rmrc.scenario.reading import Document, TextError, parse, read
-from rmrc.scenario.sections import (
-    PROFILE,
-    ControlSection,
-    SecondarySection,
-    Sections,
-    TaskSection,
-    is_section,
-    parse_key,
-)
-from rmrc.scenario.values import Section
-from rmrc.scenario.wording import block, show
+from rmrc.scenario.reading import Document
+from rmrc.scenario.sections import Sections, parse_key
+from rmrc.scenario.wording import block
 from rmrc.support import shipped
 from rmrc.support.brief import cut
 from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Key, Origin, Problem, join
+from rmrc.support.problems import Origin, Problem
 
-# Changes that a draft keeps apart from its source: as many as a variant has.
-_MOST_CHANGES = 100
-
-
-def _nothing() -> "Draft":
-    return Draft(Document({}, SourceMap()))
+# Keys whose values are names of files or folders.
+_FILES = re.compile(
+    r"arm\.(tool\.)?model|arm\.packages\.[^.]+|target\..*file\.path|(control\.limits|expect)\.profile"
+)
 
 
 class Scenario(Sections):
     """All inputs of a run: frozen, validated, in SI units and radians.
 
-    >>> one = load("scenarios/line_tracking.yaml")
-    >>> [one.set({"plant.payload": mass}).plant.payload for mass in (0.5, 2)]
+    >>> scenario = load("scenarios/line_tracking.yaml")
+    >>> [scenario.set({"plant.payload": mass}).plant.payload for mass in (0.5, 2)]
     [0.5, 2.0]
     """
 
-    _draft: "Draft" = PrivateAttr(default_factory=_nothing)
+    _draft: "Draft" = PrivateAttr(default_factory=lambda: Draft(Document({}, SourceMap())))
 
     def __repr__(self) -> str:
         """Return its keys and values, as many as fit on a screen."""
@@ -59,16 +47,16 @@ class Scenario(Sections):
     @property
     def draft(self) -> "Draft":
         """Its source; for one made in Python, its own values."""
-        if not self._draft.is_something:
+        if not self._draft.document.value:
             self._draft = Draft(Document(self.model_dump(mode="json"), SourceMap()))
         return self._draft
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy as pydantic makes it; a copy with other values counts as made in Python."""
-        found = super().model_copy(update=update, deep=deep)
+        copied = super().model_copy(update=update, deep=deep)
         if update:
-            found._draft = _nothing()
-        return found
+            copied._draft = Draft(Document({}, SourceMap()))
+        return copied
 
     def locate(self, key: str) -> str:
         """Return where a key was given, as the start of a message.
@@ -99,20 +87,14 @@ class Scenario(Sections):
         Raises:
             ScenarioError: Lists all problems at once.
         """
-        draft = self.draft.changed(*changes)
-        try:
-            found: Scenario = _changed(self, _tree(changes), draft.context)
-        except (_RefusedError, TextError, ValidationError):
-            return draft.scenario()
-        found._draft = draft
-        return found
+        return self.draft.changed(*changes).scenario()
 
     def fitted(self, length: float, control: ControlSection) -> "Scenario":
         """Return the scenario with the numbers that come from its arm; its source stays as it is written."""
         task = self.task.model_copy(update={"length": length})
-        found = self.model_copy(update={"task": task, "control": control})
-        found._draft = self._draft
-        return found
+        fitted = self.model_copy(update={"task": task, "control": control})
+        fitted._draft = self._draft
+        return fitted
 
     def set(self, values: Mapping[str, object]) -> "Scenario":
         """Return the scenario with other values: `scenario.set({"control.feedback": 40})`.
@@ -128,27 +110,16 @@ class Scenario(Sections):
 
     @property
     def baseline_changes(self) -> tuple[Change, ...]:
-        """Changes that make its baseline; empty without one.
-
-        Sections are merged with its own; any other mapping replaces the existing one. Deeper keys come later.
-        """
+        """Changes that make its baseline; empty without one. It shares only the profile of `expect`."""
         if not self.baseline:
             return ()
-        sources, found = self._draft.document.sources, list[Change]()
-
-        def add(values: Mapping[str, Any], at: Key, written: Key) -> None:
-            for name, value in values.items():
-                key, place = (*at, *split(name)), (*written, name)
-                if isinstance(value, Mapping) and is_section(key):
-                    add(value, key, place)
-                else:
-                    told = sources.origin(place).of(join(("baseline", *key)))
-                    found.append(Change(key, value, Origin(told, key=join(key))))
-
-        add(self.baseline, (), ("baseline",))
+        origins = {name: Origin(self.locate(f"baseline.{name}"), key=name) for name in self.baseline}
         accepted = {name: check for name, check in self.expect.items() if name == PROFILE}
-        own = Change(("expect",), accepted), Change(("baseline",), {})
-        return (*sorted(found, key=lambda one: len(one.key)), *own)
+        return (
+            *(Change(split(name), value, origins[name]) for name, value in self.baseline.items()),
+            Change(("expect",), accepted),
+            Change(("baseline",), {}),
+        )
 
     def to_yaml(self) -> str:
         """Return the complete scenario as it runs: all defaults, SI numbers, an absolute path.
@@ -158,57 +129,25 @@ class Scenario(Sections):
         return block(self.model_dump(mode="json"), width=80)
 
 
-class Carried(NamedTuple):
-    """Replacements for the files of a scenario on a machine without them.
-
-    Attributes:
-        folder: Where its file was.
-        models: Files that stand for models and recorded motions, and folders for those of packages, by the
-            names that the scenario has for them.
-    """
-
-    folder: Path
-    models: Mapping[str, Path] = {}
-
-
-def _motions(value: Any) -> Iterator[Any]:
-    """Yield the paths of recorded motions in values of `target`."""
-    if isinstance(value, dict):
-        file = value.get("file")
-        if isinstance(file, dict) and "path" in file:
-            yield file["path"]
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
-    for one in inner:
-        yield from _motions(one)
-
-
-def _profiles(value: Any) -> Iterator[str]:
-    """Yield the names of profiles in values of `control` and `expect`."""
-    if isinstance(value, dict) and isinstance(value.get(PROFILE), str):
-        yield value[PROFILE]
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
-    for one in inner:
-        yield from _profiles(one)
-
-
 class Draft:
     """Values of a scenario and their origins; they may be invalid, and changes may correct them.
 
     Any two compare equal: the source of a scenario does not affect its meaning.
+
+    Attributes:
+        document: The values.
     """
 
-    def __init__(
-        self, document: Document, files: Carried | None = None, changes: Sequence[Change] = ()
-    ) -> None:
+    def __init__(self, document: Document, folder: Path | None = None, root: Path | None = None) -> None:
         """Keep the values.
 
         Args:
-            document: The values as written.
-            files: Locations of its files; None: paths start at the working directory, and files are not
-                checked until they are used.
-            changes: Changes applied to it.
+            document: The values.
+            folder: Where relative paths start; None: at the working directory, and files are not checked
+                until they are used.
+            root: Below it are all files, by their absolute paths; None: they are where they are.
         """
-        self._written, self.files, self._changes = document, files, tuple(changes)
+        self.document, self._folder, self._root = document, folder, root
 
     def __eq__(self, other: object) -> bool:
         """Return whether the other is a draft as well."""
@@ -216,91 +155,53 @@ class Draft:
 
     __hash__ = None  # type: ignore[assignment]
 
-    @cached_property
-    def document(self) -> Document:
-        """The values with all changes."""
-        return reduce(applied, self._changes, self._written)
-
-    @property
-    def is_something(self) -> bool:
-        """Whether there are any values."""
-        return bool(self._written.value or self._changes)
-
     @property
     def source(self) -> str:
         """Name of the file in messages; "" without one."""
-        return self._written.sources.source
+        return self.document.sources.source
 
     @property
     def folder(self) -> Path:
         """Where relative paths start."""
-        return self.files.folder if self.files else Path()
+        return self._folder or Path()
 
-    @property
-    def context(self) -> Mapping[str, Any] | None:
-        """Validation context with the files."""
-        return self.files and self.files._asdict()
+    def files(self) -> tuple[Path, ...]:
+        """Return the models, packages, recorded motions and profiles that it and its sweep name."""
+        places = [self.folder / str(name) for key, name in self._leaves() if _FILES.fullmatch(key)]
+        return tuple(dict.fromkeys(Path(os.path.abspath(place)) for place in places))
 
-    @property
-    def models(self) -> list[str]:
-        """The names of all models that the draft and its sweep have; it is one without mistakes."""
+    def _leaves(self) -> Iterator[tuple[str, Any]]:
+        """Yield each value that is no mapping or list, with its dotted key: a varied value is of its key."""
         data = self.document.value
-        vary = (data.get("sweep") or {}).get("vary") or {}
-        arms = [data["arm"], *vary.get("arm", ())]
-        names = [*(arm["model"] for arm in arms if "model" in arm), *vary.get("arm.model", ())]
-        tools = [*(arm.get("tool") for arm in arms), *vary.get("arm.tool", ())]
-        held = [tool["model"] for tool in tools if tool and tool.get("model")] + list(
-            vary.get("arm.tool.model", ())
-        )
-        return list(dict.fromkeys(map(str, filter(None, [*names, *held]))))
+        varied = (data.get("sweep") or {}).get("vary") or {}
+        waiting = [*data.items(), *(data.get("baseline") or {}).items(), *varied.items()]
+        while waiting:
+            key, value = waiting.pop(0)
+            if isinstance(value, dict):
+                waiting += [(f"{key}.{name}", inner) for name, inner in value.items()]
+            elif isinstance(value, list):
+                waiting += [(key, item) for item in value]
+            elif value is not None and not (key.endswith(".profile") and value in SHIPPED):
+                yield re.sub(r"\[\d+\]", "", key), value
 
-    @property
-    def packages(self) -> list[dict[str, str]]:
-        """The folders of packages that its arms and its sweep have, by their names; as `models`."""
-        data = self.document.value
-        vary = (data.get("sweep") or {}).get("vary") or {}
-        arms = [data["arm"], *vary.get("arm", ())]
-        given = [*(arm.get("packages") for arm in arms), *vary.get("arm.packages", ())]
-        inner = [
-            (name.removeprefix("arm.packages."), vary[name])
-            for name in vary
-            if name.startswith("arm.packages.")
-        ]
-        given += [{name: folder} for name, folders in inner for folder in folders]
-        return [{name: str(folder) for name, folder in one.items()} for one in given if one]
-
-    @property
-    def motions(self) -> list[str]:
-        """The names of all recorded motions that the draft and its sweep have; it is one without mistakes."""
-        data = self.document.value
-        vary = (data.get("sweep") or {}).get("vary") or {}
-        swept = [values for name, values in vary.items() if name.startswith("target")]
-        names = [file for values in (data["target"], *swept) for file in _motions(values)]
-        names += [one for name in vary if name.endswith(".file.path") for one in vary[name]]
-        return list(dict.fromkeys(map(str, names)))
-
-    @property
-    def profiles(self) -> list[str]:
-        """The names of all files of profiles that the draft and its sweep have; as `motions`."""
-        data = self.document.value
-        vary = (data.get("sweep") or {}).get("vary") or {}
-        told = [data.get("control"), data.get("expect")]
-        told += [values for name, values in vary.items() if name.startswith(("control", "expect"))]
-        names = [one for values in told for one in _profiles(values)]
-        names += [one for name in vary if name.endswith(f".{PROFILE}") for one in vary[name] if one]
-        return [name for name in dict.fromkeys(names) if name not in SHIPPED]
-
-    def carried(self, files: Carried) -> "Draft":
-        """Return the draft with files at other locations."""
-        return Draft(self._written, files, self._changes)
+    def moved(self, root: Path) -> "Draft":
+        """Return the draft for a machine where all its files are below a folder, by their absolute paths."""
+        return Draft(self.document, self._folder, root)
 
     def changed(self, *changes: Change) -> "Draft":
-        """Return the draft with other values; later changes win."""
-        base = self if len(self._changes) < _MOST_CHANGES else Draft(self.document, self.files)
-        return Draft(base._written, base.files, (*base._changes, *changes))
+        """Return the draft with other values; later changes win.
+
+        Raises:
+            ScenarioError: There is no place for a value.
+        """
+        return Draft(reduce(applied, changes, self.document), self._folder, self._root)
 
     def overridden(self, texts: Iterable[str]) -> "Draft":
-        """Return the draft with `KEY=VALUE` texts of `--set`."""
+        """Return the draft with `KEY=VALUE` texts of `--set`.
+
+        Raises:
+            ScenarioError: A text cannot be read, or there is no place for its value.
+        """
         return self.changed(*map(read_setting, texts))
 
     def given(self, key: str, text: str, option: str) -> "Draft":
@@ -310,9 +211,11 @@ class Draft:
             key: The key that the option changes, such as `sweep.vary.control.feedback`.
             text: The value as YAML.
             option: Name of the key in messages, such as `--vary control.feedback`.
+
+        Raises:
+            ScenarioError: The text cannot be read.
         """
-        steps = parse_key(key)
-        return self.changed(read_change(steps, text, Origin(option, key=join(steps))))
+        return self.changed(read_change(parse_key(key), text, option))
 
     def values(self) -> dict[str, Any]:
         """Return a copy of the values: plain data, unchecked."""
@@ -324,18 +227,10 @@ class Draft:
         Raises:
             ScenarioError: Lists all problems at once.
         """
-        document = self.document
-        problems = document.problems
-        try:
-            found = Scenario.model_validate(
-                document.value, context=self.context, by_alias=True, by_name=False
-            )
-        except ValidationError as error:
-            problems = problems + translate(error, document.sources, Scenario)
-        if problems:
-            raise ScenarioError(in_order(problems))
-        found._draft = self
-        return found
+        context = {"folder": self._folder, "root": self._root} if self._folder else None
+        scenario = checked(Scenario, self.document, context)
+        scenario._draft = self
+        return scenario
 
 
 class Problems:
@@ -343,15 +238,15 @@ class Problems:
 
     def __init__(self, scenario: Scenario) -> None:
         """Begin with none."""
-        self._scenario, self._found = scenario, list[Problem]()
+        self._scenario, self._problems = scenario, list[Problem]()
 
     def add(self, key: str, text: str) -> None:
         """Add the problem of a value; the key is dotted."""
-        self._found.append(self._scenario.problem(key, text))
+        self._problems.append(self._scenario.problem(key, text))
 
-    def extend(self, found: Iterable[tuple[str, str]]) -> None:
+    def extend(self, problems: Iterable[tuple[str, str]]) -> None:
         """Add problems of several values: a dotted key and a text each."""
-        for key, text in found:
+        for key, text in problems:
             self.add(key, text)
 
     def raise_any(self) -> None:
@@ -360,8 +255,8 @@ class Problems:
         Raises:
             ScenarioError: With all of them.
         """
-        if self._found:
-            raise ScenarioError(self._found)
+        if self._problems:
+            raise ScenarioError(self._problems)
 
 
 Source: TypeAlias = Scenario | Draft | str | os.PathLike[str]
@@ -377,18 +272,14 @@ def draft_of(source: Source, overrides: Iterable[str] = ()) -> Draft:
             `arm.start[1]=10 deg`; VALUE is YAML.
 
     Raises:
-        ScenarioError: There is no such file, or its text cannot be used.
+        ScenarioError: There is no such file, or its text or an override cannot be used.
     """
     if isinstance(source, Draft):
         return source.overridden(overrides)
     if isinstance(source, Scenario):
         return source.draft.overridden(overrides)
     name = os.fspath(shipped.found(source, "scenarios"))
-    try:
-        text = read(name)
-    except TextError as error:
-        raise ScenarioError([error.problem(name)]) from None
-    return Draft(document_of(text, name), Carried(_absolute(Path(name).parent))).overridden(overrides)
+    return Draft(read_document(name), Path(name).parent.resolve()).overridden(overrides)
 
 
 def load(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scenario:
@@ -421,104 +312,4 @@ def loads(text: str, source: str = "<text>", overrides: Iterable[str] = ()) -> S
     Raises:
         ScenarioError: With all mistakes at once.
     """
-    return Draft(document_of(text, source), Carried(_absolute(Path()))).overridden(overrides).scenario()
-
-
-def _absolute(folder: Path) -> Path:
-    """Return a folder as an absolute path, because a scenario may change long after it was read."""
-    try:
-        return folder.absolute()
-    except OSError:  # the working directory is gone
-        return folder
-
-
-def document_of(text: str, source: str) -> Document:
-    """Return the values of a YAML text, which is a mapping.
-
-    Raises:
-        ScenarioError: It cannot be read, or is not a mapping.
-    """
-    try:
-        document = parse(text, source)
-    except TextError as error:
-        raise ScenarioError([error.problem(source)]) from None
-    if not isinstance(document.value, dict):
-        wrong = document.sources.problem((), f"must be a mapping of keys, got {show(document.value)}")
-        raise ScenarioError(in_order(document.problems) or [wrong])
-    return document
-
-
-# Changes of sections that are there ----------------------------------------------------------------
-
-
-class _RefusedError(Exception):
-    """A change cannot be made of the sections alone."""
-
-
-class _Tree(dict[str | int, Any]):
-    """New values below a section: each is a value, or another tree."""
-
-
-# Keys that a section sorts together, so that none can be changed without the others as they were written.
-_TOGETHER: Mapping[type, frozenset[str]] = {
-    TaskSection: frozenset(("axes", "weights")),
-    SecondarySection: frozenset(("axes", "to")),
-}
-
-
-def _tree(changes: Sequence[Change]) -> _Tree:
-    root = _Tree()
-    for key, value, _, _ in changes:
-        if isinstance(value, Unread):
-            raise _RefusedError
-        at = root
-        for depth, step in enumerate(key[:-1], 1):
-            below = at.setdefault(step, _Tree())
-            if not isinstance(below, _Tree):  # a key within a value that was changed before
-                at[step] = put(below, key, value, depth)
-                break
-            at = below
-        else:
-            if isinstance(at.get(key[-1]), _Tree):  # the replaced value may still be refused
-                raise _RefusedError
-            at[key[-1]] = value
-    return root
-
-
-def _changed(node: Any, tree: _Tree, context: Mapping[str, Any] | None) -> Any:
-    """Return a node with new values in it; sections on the way are checked again, others stay as they are."""
-    items: Any
-    if isinstance(node, Section):
-        if isinstance(node, ControlSection) and _is_of_profile(node, tree):
-            raise _RefusedError
-        if not _TOGETHER.get(type(node), frozenset()).isdisjoint(tree):
-            raise _RefusedError
-        items = {alias: node.__dict__[name] for alias, name in _names(type(node))}
-        items = {alias: value for alias, value in items.items() if value is not None}
-    elif isinstance(node, tuple):
-        items = dict(enumerate(node))
-        if not items.keys() >= tree.keys():
-            raise _RefusedError
-    elif isinstance(node, dict | None):
-        items = dict(node or {})
-    else:
-        raise _RefusedError
-    for step, below in tree.items():
-        items[step] = _changed(items.get(step), below, context) if isinstance(below, _Tree) else below
-    if isinstance(node, Section):
-        return type(node).model_validate(items, context=context, by_alias=True, by_name=False)
-    return list(items.values()) if isinstance(node, tuple) else items
-
-
-def _is_of_profile(control: ControlSection, tree: _Tree) -> bool:
-    """Whether a change sets a key of a profile, and thus depends on the keys written beside it."""
-    if control.limits.profile is not None:
-        return not tree.keys().isdisjoint(("limits", "period"))
-    limits = tree.get("limits")
-    return isinstance(limits, dict) and PROFILE in limits
-
-
-@cache
-def _names(kind: type[Section]) -> tuple[tuple[str, str], ...]:
-    """Return the keys of a section and the names of their fields."""
-    return tuple((field.alias or name, name) for name, field in kind.model_fields.items())
+    return Draft(read_document(source, text), Path().resolve()).overridden(overrides).scenario()

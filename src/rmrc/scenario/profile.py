@@ -6,104 +6,103 @@ A profile is a YAML file, in `profiles/` beside this module or of a user. Every 
 import math
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Self, TypeVar
+from typing import Annotated, Generic, Self, TypeVar
 
-from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
-from rmrc.scenario.keys import in_order
-from rmrc.scenario.messages import translate
-from rmrc.scenario.reading import TextError, parse, read
-from rmrc.scenario.values import (
-    Bounds,
-    NotNegative,
-    Positions,
-    Positive,
-    Section,
-    Text,
-    Weights,
-    checked_file,
-    count,
-    key,
-    rule,
-)
+from rmrc.scenario import values as types
+from rmrc.scenario.document import S, checked, read_document
+from rmrc.scenario.values import Section, checked_file, key, rule
 from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError, did_you_mean
-from rmrc.support.problems import Origin, Problem
 
-S = TypeVar("S", bound=Section)
+V = TypeVar("V")
 
 SUFFIXES = (".yaml", ".yml")
 SHIPPED = {file.stem: file for file in sorted(Path(__file__).with_name("profiles").glob("*.yaml"))}
 
 
 class Sourced(Section):
-    """A published fact."""
+    """A published fact.
 
-    source: Text = key("place of publication, or method of measurement")
+    Attributes:
+        source: Place of publication, or method of measurement.
+    """
 
-
-class Value(Sourced):
-    """One number."""
-
-    value: Positive = key("the number, in SI units")
+    source: types.Text
 
 
-class Each(Sourced):
-    """One number per joint."""
+class Value(Sourced, Generic[V]):
+    """A number, a range, or one number per joint, in SI units."""
 
-    value: Weights = key("one per joint, in SI units")
+    value: V
 
 
 class Ends(Sourced):
-    """Lower and upper position limit per joint."""
+    """Lower and upper position limit per joint [rad or m]."""
 
-    lower: Positions = key("one per joint", unit="rad or m")
-    upper: Positions = key("one per joint", unit="rad or m")
+    lower: types.Positions
+    upper: types.Positions
 
 
 class Taper(Ends):
-    """Rate limits near the ends: toward `upper` at most √(2 · deceleration · (upper − q)) − offset."""
+    """Rate limits near the ends: toward `upper` at most √(2 · deceleration · (upper − q)) − offset.
 
-    offset: Annotated[tuple[NotNegative, ...], count(1)] = key("one per joint", unit="rad/s or m/s")
-    deceleration: Weights = key("one per joint", unit="rad/s² or m/s²")
+    Attributes:
+        offset: One per joint [rad/s or m/s].
+        deceleration: One per joint [rad/s² or m/s²].
+    """
 
-
-class Span(Sourced):
-    """Range of a number."""
-
-    value: Bounds = key("smallest and largest value, in SI units")
+    offset: Annotated[tuple[types.NotNegative, ...], types.count(1)]
+    deceleration: types.Weights
 
 
 class Loop(Section):
-    """Known properties of the loop from a command to the motion; null: not published."""
+    """Known properties of the loop from a command to the motion; null: not published.
 
-    delay: Span | None = key("dead time from command to motion", None, "s")
-    lag: Value | None = key("time constant of the motion", None, "s")
-    encoder_resolution: Value | None = key("resolution of a measured position", None, "rad or m")
+    Attributes:
+        delay: Dead time from command to motion [s].
+        lag: Time constant of the motion [s].
+        encoder_resolution: Resolution of a measured position [rad or m].
+    """
+
+    delay: Value[types.Bounds] | None = None
+    lag: Value[types.Positive] | None = None
+    encoder_resolution: Value[types.Positive] | None = None
 
 
 class Profile(Section):
     """Commands that a robot's controller accepts, as published by its vendor; null: not published.
 
     Every bound is strict: a command at the bound is refused.
+
+    Attributes:
+        name: Name, equal to the file name.
+        robot: Robot and version of its software.
+        joints: Number of joints.
+        period: Time between two commands [s].
+        position: Permitted commanded positions.
+        rate: Largest rates [rad/s or m/s].
+        rate_near_ends: Largest rates near the ends of the joint ranges.
+        acceleration: Largest accelerations [rad/s² or m/s²].
+        jerk: Largest jerks [rad/s³ or m/s³].
+        margin: Margin that `control.limits.profile` keeps below these bounds of positions, rates,
+            accelerations and jerks, each in its own unit.
+        loop: Known properties of the loop.
     """
 
-    name: str = key("name, equal to the file name", "")
-    robot: Text = key("robot and version of its software")
-    joints: Annotated[int, Field(strict=True, ge=1)] = key("number of joints")
-    period: Value | None = key("time between two commands", None, "s")
-    position: Ends | None = key("permitted commanded positions", None)
-    rate: Each | None = key("largest rates", None, "rad/s or m/s")
-    rate_near_ends: Taper | None = key("largest rates near the ends of the joint ranges", None)
-    acceleration: Each | None = key("largest accelerations", None, "rad/s² or m/s²")
-    jerk: Each | None = key("largest jerks", None, "rad/s³ or m/s³")
-    margin: Positive = key(
-        "margin that `control.limits.profile` keeps below these bounds of positions, rates, accelerations "
-        "and jerks, each in its own unit",
-        # as in libfranka's limiter: kLimitEps of include/franka/rate_limiting.h, 0.21.2
-        1e-3,
-    )
-    loop: Loop = key("known properties of the loop", Loop())
+    name: str = ""
+    robot: types.Text
+    joints: Annotated[int, Field(strict=True, ge=1)]
+    period: Value[types.Positive] | None = None
+    position: Ends | None = None
+    rate: Value[types.Weights] | None = None
+    rate_near_ends: Taper | None = None
+    acceleration: Value[types.Weights] | None = None
+    jerk: Value[types.Weights] | None = None
+    # as in libfranka's limiter: kLimitEps of include/franka/rate_limiting.h, 0.21.2
+    margin: types.Positive = key(1e-3)
+    loop: Loop = Loop()
 
     @model_validator(mode="after")
     def _one_a_joint(self) -> Self:
@@ -111,29 +110,28 @@ class Profile(Section):
             part = getattr(self, place)
             for name, values in vars(part).items() if part else ():
                 if isinstance(values, tuple) and len(values) != self.joints:
-                    got = f"got {len(values)} for {self.joints} joints"
-                    raise rule(f"must have one value per joint, {got}", (place, name))
+                    text = f"must have one value per joint, got {len(values)} for {self.joints} joints"
+                    raise rule(text, (place, name))
+                if name == "value" and min(values) <= self.margin:
+                    raise rule(f"must be above margin {self.margin:g}, got {min(values):g}", (place, name))
             for j, low in enumerate(part.lower if isinstance(part, Ends) else ()):
                 if not low < part.upper[j]:
-                    wrong = f"must be below upper[{j}], which is {part.upper[j]:g}, got {low:g}"
-                    raise rule(wrong, (place, "lower", j))
-        for name, most in (("rate", self.rate), ("acceleration", self.acceleration), ("jerk", self.jerk)):
-            if most and min(most.value) <= self.margin:
-                raise rule(f"must be above margin {self.margin:g}, got {min(most.value):g}", (name, "value"))
+                    raise rule(
+                        f"must be below upper[{j}], {part.upper[j]:g}, got {low:g}", (place, "lower", j)
+                    )
         return self
 
     @cached_property
     def limits(self) -> dict[str, tuple[float, ...]]:
         """Values that it sets in `control.limits`, by key, one per joint."""
-        found = {
-            name: tuple(most - self.margin for most in part.value)
-            for name in ("rate", "acceleration", "jerk")
-            if (part := getattr(self, name)) is not None
+        parts = {name: getattr(self, name) for name in ("rate", "acceleration", "jerk")}
+        limits = {
+            name: tuple(most - self.margin for most in part.value) for name, part in parts.items() if part
         }
         if self.rate_near_ends:
             # by its discriminant, braking from `stops` on with half the taper's deceleration stays below it
-            found["braking"] = tuple(0.5 * one for one in self.rate_near_ends.deceleration)
-        return found
+            limits["braking"] = tuple(0.5 * each for each in self.rate_near_ends.deceleration)
+        return limits
 
     @cached_property
     def stops(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -159,15 +157,15 @@ def _of_name(name: str, info: ValidationInfo) -> str:
     if Path(name).suffix not in SUFFIXES:
         near = did_you_mean(name, SHIPPED) or f"; the profiles are {', '.join(SHIPPED)}"
         raise rule(f"must be a profile or a file that ends in .yaml, got {show(name)}{near}")
-    found = checked_file(Path(name), info, *SUFFIXES)
+    file = checked_file(Path(name), info, *SUFFIXES)
     try:
-        load_profile(str(found))
+        load_profile(str(file))
     except ScenarioError as error:
         raise rule("; ".join(map(str, error.problems))) from None
-    return str(found)
+    return str(file)
 
 
-ProfileName = Annotated[Text, AfterValidator(_of_name)]
+ProfileName = Annotated[types.Text, AfterValidator(_of_name)]
 """The name of a shipped profile, or a profile file."""
 
 
@@ -184,8 +182,7 @@ def load_profile(name: str) -> Profile:
     try:
         status = path.stat()
     except OSError as error:
-        why = f"cannot be read: {(error.strerror or str(error)).lower()}"
-        raise ScenarioError([Problem((), why, Origin(str(path)))]) from None
+        raise ScenarioError.about(path, f"cannot be read: {(error.strerror or str(error)).lower()}") from None
     return _loaded(path, status.st_mtime_ns, status.st_size)
 
 
@@ -194,25 +191,14 @@ def _loaded(path: Path, mtime: int, size: int) -> Profile:  # noqa: ARG001 - rea
     return read_section(Profile, path).model_copy(update={"name": path.stem})
 
 
-def read_section(kind: type[S], path: Path) -> S:
+def read_section(section: type[S], path: Path) -> S:
     """Return the section in a YAML file.
 
     Args:
-        kind: Class of the section.
+        section: Its class.
         path: Path of the file.
 
     Raises:
         ScenarioError: It cannot be read, or is no such section; all problems.
     """
-    try:
-        document = parse(read(str(path)), str(path))
-    except TextError as error:
-        raise ScenarioError([error.problem(str(path))]) from None
-    problems = list(document.problems)
-    try:
-        found = kind.model_validate(document.value)
-    except ValidationError as error:
-        problems += translate(error, document.sources, kind)
-    if problems:
-        raise ScenarioError(in_order(problems))
-    return found
+    return checked(section, read_document(str(path)))

@@ -6,7 +6,7 @@ counted as often as they are used) are bounded.
 
 import os
 import stat
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -41,17 +41,15 @@ class TextError(Exception):
 
 @dataclass
 class Document:
-    """Plain values, their origins, and their problems so far.
+    """Plain values and their origins.
 
     Attributes:
         value: All of them.
         sources: The origin of each.
-        problems: In the order in which they were found.
     """
 
     value: Any
     sources: SourceMap
-    problems: list[Problem] = field(default_factory=list)
 
 
 def read(source: str) -> str:

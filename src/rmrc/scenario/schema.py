@@ -47,7 +47,7 @@ def schema_rows() -> tuple[SchemaRow, ...]:
 def _rows(key: str, schema: dict[str, Any], defs: dict[str, Any], *, required: bool) -> Iterator[SchemaRow]:
     below = _resolve(schema, defs)
     named = below.get("additionalProperties")
-    options = below.get("items", {}).get("oneOf", ())
+    items = below.get("items", {})
     for name, inner in below.get("properties", {}).items():
         needed = name in below.get("required", ())
         yield from _rows(f"{key}.{name}".removeprefix("."), inner, defs, required=needed)
@@ -60,9 +60,8 @@ def _rows(key: str, schema: dict[str, Any], defs: dict[str, Any], *, required: b
             **named,
         }
         yield from _rows(f"{key}.<{name}>", named, defs, required=False)
-    elif any("$ref" in option for option in options):
-        for inner in options:
-            yield from _rows(f"{key}[]", inner, defs, required=False)
+    elif "$ref" in items:
+        yield from _rows(f"{key}[]", items, defs, required=False)
     elif "properties" not in below:
         standard = "required" if required else schema.get("derived") or inline(schema.get("default"))
         yield SchemaRow(key, _type(schema), schema.get("unit", ""), standard, schema["description"])

@@ -1,5 +1,6 @@
 """Building blocks of sections: the mapping, its keys, and the constrained types of their values."""
 
+import inspect
 import math
 import os
 import re
@@ -13,6 +14,7 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
     Tag,
     ValidationInfo,
@@ -21,7 +23,7 @@ from pydantic import (
 )
 from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticCustomError
+from pydantic_core import PydanticCustomError, core_schema
 
 from rmrc.scenario.units import DECIMAL, UNSIGNED
 from rmrc.scenario.wording import nearby, show
@@ -38,11 +40,34 @@ _RATE = rf"\s*(?:({UNSIGNED})\s*Hz|1\s*/\s*({UNSIGNED})\s*s?)\s*"
 
 
 class Section(BaseModel):
-    """One mapping of the file: frozen, and without any key that is not named here."""
+    """One mapping of the file: frozen, and without any key that is not named here.
+
+    The meaning of each key stands in the docstring of its class, under `Attributes`.
+    """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", validate_by_name=True, validate_by_alias=True, serialize_by_alias=True
     )
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Take the meanings from the docstring."""
+        attributes = inspect.cleandoc(cls.__doc__ or "").partition("Attributes:\n")[2]
+        for name, text in re.findall(r"^    (\w+): (.+(?:\n {6}.+)*)", attributes, re.M):
+            cls.model_fields[name].description = " ".join(text.split())
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Return the JSON Schema, with the meanings."""
+        schema = handler(core)
+        section = handler.resolve_ref_schema(schema)
+        section["description"] = inspect.cleandoc(cls.__doc__ or "").partition("\n\nAttributes:")[0]
+        for name, field in cls.model_fields.items():
+            if field.description:
+                section["properties"][field.alias or name]["description"] = field.description
+        return schema
 
 
 class Choice(Section):
@@ -57,11 +82,11 @@ class Choice(Section):
         return [name for name in names if getattr(self, name) is not None]
 
 
-def key(meaning: str, default: Any = ..., unit: str | None = None, **more: Any) -> Any:
-    """Return a key of a section with its description for `rmrc schema`; required without a default."""
+def key(default: Any = ..., unit: str | None = None, **more: Any) -> Any:
+    """Return a key of a section with its unit; required without a default."""
     extra: JsonDict = {"unit": unit} if unit else {}
     extra |= more.pop("schema", {})
-    return Field(default, description=meaning, json_schema_extra=extra or None, **more)
+    return Field(default, json_schema_extra=extra or None, **more)
 
 
 def count(least: int, most: int | None = None) -> Any:
@@ -148,8 +173,7 @@ def checked_file(path: Path, info: ValidationInfo, *suffixes: str, is_folder: bo
         is_folder: Whether it is the path of a folder.
     """
     context = info.context or {}
-    known = context.get("models", {}).get(str(path), path)
-    full = Path(os.path.abspath(context.get("folder", Path()) / known))
+    full = Path(os.path.abspath(context.get("folder", Path()) / path))
     if root := context.get("root"):
         full = root / full.relative_to(full.anchor)
     if context and not (os.path.isdir(full) if is_folder else os.path.isfile(full)):
@@ -234,10 +258,3 @@ Bounds = Annotated[
     Field(description="lower and upper bound of the key", json_schema_extra={"unit": "as the key"}),
 ]
 Values = Annotated[_Items[Any], Field(description="values of the key")]
-Changed = Annotated[
-    Any,
-    Field(
-        description="value of the key, dotted or in sections, in the baseline: a second run that `rmrc "
-        "run` makes for comparison, such as the plain inverse without limits; other verbs ignore it"
-    ),
-]

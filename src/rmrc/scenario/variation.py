@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeAlias
 
@@ -10,7 +11,7 @@ from rmrc.scenario.reading import TextError, items
 from rmrc.scenario.sections import parse_key
 from rmrc.scenario.wording import brief, inline
 from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Key, Origin, Problem, join
+from rmrc.support.problems import Key, join
 
 # Up to a dozen curves can be told apart; for more variants than this, use a sweep.
 MOST_VARIANTS = 50
@@ -28,19 +29,15 @@ def variants(texts: Sequence[str]) -> tuple[Variant, ...]:
         texts: One `KEY=V1,V2,...` per key; a value is YAML, so a comma within brackets or quotes is its own.
 
     Raises:
-        ScenarioError: Lists all problems of the texts.
+        ScenarioError: A text cannot be read; they are too few or too many, or two are the same.
     """
-    problems: list[Problem] = []
-    axes: dict[Key, _Axis] = {}
+    axes = dict[Key, _Axis]()
     for text in texts:
-        try:
-            key, choices = _axis(text)
-            if key in axes:
-                raise _refused(join(key), "is varied twice")
-            axes[key] = choices
-        except ScenarioError as error:
-            problems += error.problems
-    return _combined(axes, problems, "--vary", f"--vary {EXAMPLE}")
+        key, axis = _axis(text)
+        if key in axes:
+            raise ScenarioError.about(f"--vary {join(key)}", "is varied twice")
+        axes[key] = axis
+    return _combined(list(axes.values()), "--vary", f"--vary {EXAMPLE}")
 
 
 def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
@@ -50,80 +47,50 @@ def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
         values: By dotted key, each as a file would have it.
 
     Raises:
-        ScenarioError: Lists all problems.
+        ScenarioError: They are too few or too many, or two are the same.
+        ValueError: A key is not valid.
 
     Example:
-        >>> [one.label for one in grid({"control.feedback": [5, 10], "control.inverse.method": ["damped"]})]
+        >>> [each.label for each in grid({"control.feedback": [5, 10], "control.inverse.method": ["damped"]})]
         ['5, damped', '10, damped']
     """
-    problems: list[Problem] = []
-    axes: dict[Key, _Axis] = {}
-    for name, some in values.items():
-        try:
-            key = parse_key(name)
-        except ValueError as error:
-            problems.append(Problem((), str(error), Origin(f"vary {brief(name)}")))
-            continue
-        if isinstance(some, str | Mapping) or not isinstance(some, Iterable):
-            problems.append(Problem((), f"must be a list of values, got {some!r}", Origin(f"vary {name}")))
-            continue
-        changes = [changes_of({name: value})[0] for value in some]
-        axes[key] = [(_text(change.value), change) for change in changes]
-    return _combined(axes, problems, "vary", '{"control.inverse.method": ["inverse", "damped"]}')
+    changes = [[changes_of({name: value})[0] for value in listed] for name, listed in values.items()]
+    texts = [[c.value if isinstance(c.value, str) else inline(c.value) for c in each] for each in changes]
+    axes = [list(zip(*axis, strict=True)) for axis in zip(texts, changes, strict=True)]
+    return _combined(axes, "vary", '{"control.inverse.method": ["inverse", "damped"]}')
 
 
-def _combined(
-    axes: Mapping[Key, _Axis], problems: list[Problem], option: str, example: str
-) -> tuple[Variant, ...]:
-    """Return all combinations of values; raise their problems and those found before."""
-
-    def add(text: str) -> None:
-        problems.append(Problem((), text, Origin(option)))
-
-    count = math.prod(map(len, axes.values())) if axes else 0
-    if not problems and count < 2:
-        add(f"must give 2 variants or more, got {count}; for example {example}")
-    if not problems and count > MOST_VARIANTS:
-        add(f"must give at most {MOST_VARIANTS} variants, got {count}")
-    found = () if problems else tuple(map(_variant, itertools.product(*axes.values())))
-    labels = [variant.label for variant in found]
-    for label in dict.fromkeys(labels):
-        if labels.count(label) > 1:
-            add(f"two variants have the same values: {label}")
-    if problems:
-        raise ScenarioError(problems)
-    return found
-
-
-def _refused(name: str, text: str) -> ScenarioError:
-    return ScenarioError.about(f"--vary {name}", text)
+def _combined(axes: Sequence[_Axis], option: str, example: str) -> tuple[Variant, ...]:
+    """Return all combinations of values."""
+    count = math.prod(map(len, axes)) if axes else 0
+    if not 2 <= count <= MOST_VARIANTS:
+        text = f"must give 2 variants to {MOST_VARIANTS}, got {count}; for example {example}"
+        raise ScenarioError.about(option, text)
+    combined = tuple(map(_variant, itertools.product(*axes)))
+    (label, times), *_ = Counter(variant.label for variant in combined).most_common(1)
+    if times > 1:
+        raise ScenarioError.about(option, f"two variants have the same values: {label}")
+    return combined
 
 
 def _axis(text: str) -> tuple[Key, _Axis]:
     """Return a key and its values, each as a text and as a change."""
-    name, equals, rest = text.partition("=")
+    name, equals, values = text.partition("=")
     try:
         key = parse_key(name.strip() if equals else "")
     except ValueError:
-        raise _refused(brief(text), f"must be KEY=V1,V2,..., for example {EXAMPLE}") from None
-    origin = Origin(f"--vary {join(key)}", key=join(key))
+        wrong = f"must be KEY=V1,V2,..., for example {EXAMPLE}"
+        raise ScenarioError.about(f"--vary {brief(text)}", wrong) from None
+    option = f"--vary {join(key)}"
     try:
-        return key, [(read, read_change(key, written, origin)) for read, written in items(rest)]
+        return key, [(shown, read_change(key, written, option)) for shown, written in items(values)]
     except TextError as error:
-        raise _refused(join(key), str(error)) from None
+        raise ScenarioError.about(option, str(error)) from None
 
 
 def _variant(chosen: tuple[tuple[str, Change], ...]) -> Variant:
-    label = ", ".join(read for read, _ in chosen)
-    if len(chosen) == 1 and not _is_word(*chosen[0]):  # a lone word explains itself, a lone number does not
-        label = f"{join(chosen[0][1].key).rpartition('.')[2]}={label}"
+    label, (_, first) = ", ".join(shown for shown, _ in chosen), chosen[0]
+    is_word = label[:1].isalpha() and (first.written or label) not in ("true", "false", "null")
+    if len(chosen) == 1 and not is_word:  # a lone word explains itself, a lone number does not
+        label = f"{join(first.key).rpartition('.')[2]}={label}"
     return Variant(brief(label), tuple(change for _, change in chosen))
-
-
-def _text(value: object) -> str:
-    """Return a value as in a label: a text as it is, all others as YAML writes them."""
-    return value if isinstance(value, str) else inline(value)
-
-
-def _is_word(read: str, change: Change) -> bool:
-    return read[:1].isalpha() and (change.written or read) not in ("true", "false", "null")

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.scenario import Motion, TargetLimitsSection
+from rmrc.scenario import TargetLimitsSection
+from rmrc.scenario.target import Motion
 from rmrc.simulation.reference import Spline
 from rmrc.simulation.tables import read_table
 from rmrc.support.errors import TargetError, did_you_mean

@@ -26,8 +26,8 @@ from rmrc.plants.plant import Assumed, Plant
 from rmrc.results.events import CHATTER_FLOOR
 from rmrc.scenario import ArmSection, Problems, Scenario, inline
 from rmrc.scenario.choices import PLANTS, POLICIES
+from rmrc.scenario.expect import PROFILE
 from rmrc.scenario.profile import Profile, load_profile
-from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.configuration import assumed_configuration, true_configuration
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import Places, make_reference
@@ -196,7 +196,7 @@ def prepare_arm(scenario: Scenario, cache: Cache, problems: Problems) -> tuple[A
 def prepare_hardware(scenario: Scenario, arm: Arm, problems: Problems) -> Hardware:
     """Return plant and stages of a scenario."""
     plant, hardware = scenario.plant, Hardware(scenario, arm)
-    parameters = ["joint_offset", "lag", "backlash", *(parameter.key for parameter in PLANTS.parameters)]
+    parameters = ["joint_offset", "lag", "backlash", "kv"]
     for name, section, keys in (
         ("arm.encoder", scenario.arm.encoder, ("offset", "deviation", "noise", "resolution")),
         ("plant.friction", plant.friction, ("coulomb", "viscous")),
@@ -283,13 +283,13 @@ def _names_of(arm: Arm) -> Hashable:
     frame = dict([arm.frame] if arm.frame else [])
     packages = tuple((name, folder.absolute()) for name, folder in arm.packages)
     of_frame = frame.get("site"), frame.get("body"), frame.get("tool")
-    return "arm", arm.path.resolve(), arm.joints, *of_frame, "fixed", packages
+    return "arm", arm.path.resolve(), arm.joints, *of_frame, packages
 
 
 def _loaded(section: ArmSection, cache: Cache) -> Arm:
     """Return the arm of a section, loaded and stretched as it says."""
     of_frame, packages = (section.site, section.body, section.tool), tuple(sorted(section.packages.items()))
-    key = "arm", section.model, section.joints, *of_frame, section.base, packages
+    key = "arm", section.model, section.joints, *of_frame, packages
     arm = cache.get(key, lambda: load_asked(section))
     if not section.stretch:
         return arm

@@ -262,7 +262,7 @@ def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run
         chatter_floor=prepared.chatter_floor,
         profile=expected_profile(scenario),
         rate_limit=tuple(prepared.law.rate_limit.tolist()),
-        damping_below=float(inverse.damping.below) if DAMPING_BELOW in read else 0.0,
+        damping_below=float(inverse.damping.below or 0.0) if DAMPING_BELOW in read else 0.0,
         shoulder=tuple(chain.step[0].tolist()) if reach else (),
         reach=reach,
         screws=() if arm.idle else chain.screws,

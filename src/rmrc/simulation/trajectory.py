@@ -26,7 +26,8 @@ import numpy as np
 import ruckig
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.scenario import Arc, Line, Motion, PathFrame, Set, TargetLimitsSection, TargetSection, Tilt, Turn
+from rmrc.scenario import TargetLimitsSection, TargetSection
+from rmrc.scenario.target import Arc, Line, Motion, PathFrame, Set, Tilt, Turn
 from rmrc.simulation.motion import needed, read_motion, spline
 from rmrc.simulation.reference import POSE, Curve, Reference, Spline
 from rmrc.support import spatial
@@ -88,11 +89,10 @@ def make_reference(target: TargetSection, start_pose: ArrayLike, period: float, 
     """
     path = _Path(target, places, np.array(start_pose, dtype=float))
     for i, segment in enumerate(target.path):
-        (name,) = type(segment).model_fields
         try:
-            path.follow(name, getattr(segment, name))
+            path.follow(segment.name, getattr(segment, segment.name))
         except TargetError as error:
-            raise TargetError(f"target.path[{i}].{name}: {error}") from None
+            raise TargetError(f"target.path[{i}].{segment.name}: {error}") from None
     path.hold(0.0)
     with np.errstate(over="ignore"):  # an endless path is refused below
         starts = np.cumsum([0.0, *(piece.duration for piece in path.pieces[:-1])])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from rmrc import scenario
 from rmrc.scenario import Check, Scenario
-from rmrc.scenario.sections import PROFILE
+from rmrc.scenario.expect import PROFILE
 from rmrc.study.dataset import Column, Dataset
 from rmrc.support.errors import ScenarioError, did_you_mean
 

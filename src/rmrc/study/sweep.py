@@ -167,7 +167,7 @@ class Sweep:
     def _identify(self) -> dict[str, Any]:
         """Return all inputs of the rows; a message names those that differ."""
         try:
-            arm = self._prepare(0).arm
+            model_arm = self._prepare(0).arm
         except ScenarioError:  # report the problems of the others as well
             self._contents = None
             self.check()
@@ -176,14 +176,14 @@ class Sweep:
         # recorded motions, profiles and varied models are compared by the contents of their files and of
         # those that these depend on
         models_vary = any(key == "arm" or f"{key}.".startswith(_MODELS) for key in self.plan.keys)
-        draft = self.scenario.draft
-        named = (*(draft.models if models_vary else ()), *draft.motions, *draft.profiles)
-        if named:
+        arm = self.scenario.arm
+        own = () if models_vary else (arm.model, arm.tool and arm.tool.model)
+        if any(path.is_file() and path not in own for path in self.scenario.draft.files()):
             files = self._parcel.models
-            swept |= {f"model {name}": files[name].digest for name in named if name in files}
+            swept |= {f"model {path.name}": digest for path, digest in files.items() if path not in own}
         # the order of the keys, which sorting hides, determines the run of an index
         text = json.dumps([swept, self.plan.keys, self.plan.seed], sort_keys=True)
-        model = "" if models_vary else fingerprint(arm)
+        model = "" if models_vary else fingerprint(model_arm)
         expect = self.scenario.model_dump(mode="json", include={"expect"})["expect"]
         return {
             "scenario": digest(self.scenario, model),

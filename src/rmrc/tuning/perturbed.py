@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc.scenario import ArcSegment, Change, LineSegment, Scenario, Variant, changes_of
-from rmrc.scenario.sections import MOST_DRAWN
+from rmrc.scenario import Change, Scenario, Variant, changes_of
+from rmrc.scenario.sweep import MOST_DRAWN
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.sobol import sobol_point
 from rmrc.support.errors import ScenarioError
@@ -116,6 +116,6 @@ def _told(changes: tuple[Change, ...]) -> str:
 def has_points(scenario: Scenario) -> bool:
     """Return whether a path has an absolute point for `target.offset`, and the task an axis for it."""
     return not set("xyz").isdisjoint(scenario.task.axes) and any(
-        isinstance(one, ArcSegment) or (isinstance(one, LineSegment) and one.line.to is not None)
+        one.arc is not None or (one.line is not None and one.line.to is not None)
         for one in scenario.target.path
     )

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.scenario import Scenario
+from rmrc.scenario.expect import PROFILE
 from rmrc.scenario.profile import load_profile
-from rmrc.scenario.sections import PROFILE
 from rmrc.scenario.units import quantity
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.errors import ScenarioError

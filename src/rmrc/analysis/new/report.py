@@ -31,6 +31,7 @@ def report(made: New) -> Report:
     singular = move.nearest
     control, target = made.scenario.control, made.scenario.target.limits
     damping = control.inverse.damping
+    most, below = damping.maximum or 0.0, damping.below or 0.0
     figures: dict[str, dict[str, Any]] = {
         plant: {name: card[name].value for name in FIGURES if name in card}
         for plant, card in made.scorecards.items()
@@ -55,7 +56,7 @@ def report(made: New) -> Report:
         ),
         ("start", "home" if move.is_home else listed_positions(scales, move.start)),
         ("task", f"{' '.join(scales.task.axes)}, 1 rad counts as {number(scales.task.length)} m"),
-        ("damping", f"up to {number(damping.maximum)} where sigma_min is below {number(damping.below)}"),
+        ("damping", f"up to {number(most)} where sigma_min is below {number(below)}"),
         ("speed", f"{number(target.velocity)} m/s, {number(target.angular_velocity)} rad/s"),
         ("rate limits", f"assumed: {', '.join(assumed)}" if assumed else "the model's"),
     ]

@@ -14,7 +14,7 @@ from rmrc.arm import Arm
 from rmrc.arm.proportions import damping_maximum, tidy
 from rmrc.law.task import Array
 from rmrc.scenario import inline
-from rmrc.scenario.sections import ToolSection
+from rmrc.scenario.arm import ToolSection
 from rmrc.support.legible import quoted, visible
 
 # Width of a comment.

@@ -1,0 +1,242 @@
+"""The target of a scenario: a path of lines, arcs, turns, steps, recorded motions and holds; its limits."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import ConfigDict, model_validator
+
+from rmrc.scenario import values as types
+from rmrc.scenario.values import Choice, Section, key, rule
+from rmrc.scenario.wording import listed
+
+Postures = Annotated[tuple[types.NameOrPositions, ...], types.count(1)]
+PathFrame = Literal["world", "base", "site", "start"]
+
+
+class Turn(Choice):
+    """A rotation: by an angle about an axis, or to an orientation.
+
+    Attributes:
+        axis: axis of rotation, along the axes of its frame
+        angle: angle, counterclockwise about the axis
+        to: final orientation, as a quaternion w x y z
+        frame: its frame; null: the frame of its line, arc or set, or target.frame
+    """
+
+    model_config = ConfigDict(
+        json_schema_extra={"oneOf": [{"required": ["axis", "angle"]}, {"required": ["to"]}]}
+    )
+    axis: types.Direction | None = key(None, "1")
+    angle: types.Angle | None = key(None, "rad")
+    to: types.Quaternion | None = key(None, "1")
+    frame: PathFrame | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        names = self.given("axis", "angle", "to")
+        if names not in (["axis", "angle"], ["to"]):
+            raise rule(f"must have either axis and angle, or to, got {listed(names)}")
+        return self
+
+
+class Tilt(Choice):
+    """The shortest rotation that brings an axis of the site to a direction.
+
+    If they are opposite, the rotation is half a turn about the next axis: y for x, z for y, x for z.
+
+    Attributes:
+        axis: the axis of the site, along its own axes
+        to: direction to point in, along the axes of its frame
+        frame: its frame; null: the frame of its line, arc or set, or target.frame
+    """
+
+    axis: types.Direction = key("z", "1")
+    to: types.Direction = key(unit="1")
+    frame: PathFrame | None = None
+
+
+class _Way(Choice):
+    """A segment with translation and optional rotation."""
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> Self:
+        if len(self.given("turn", "tilt")) > 1:
+            raise rule("must have at most one of turn, tilt, got both")
+        return self
+
+
+class Line(_Way):
+    """A straight line of the site's origin.
+
+    Attributes:
+        to: end point: [x, y], which keeps z, or [x, y, z]
+        by: displacement: [dx, dy] or [dx, dy, dz]
+        turn: rotation during the motion
+        tilt: rotation during the motion that points an axis of the site
+        frame: frame of its points and directions; null: target.frame
+    """
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["to"]}, {"required": ["by"]}]})
+    to: types.Vector | None = key(None, "m")
+    by: types.Vector | None = key(None, "m")
+    turn: Turn | None = None
+    tilt: Tilt | None = None
+    frame: PathFrame | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        names = self.given("to", "by")
+        if len(names) != 1:
+            raise rule(f"must have exactly one of to, by, got {listed(names)}")
+        return self
+
+
+class Arc(_Way):
+    """A circular arc of the site's origin.
+
+    Attributes:
+        center: center: [x, y], which keeps z, or [x, y, z]
+        axis: axis of the circle, along the axes of its frame
+        angle: angle, counterclockwise about the axis; 360 deg: a full circle
+        turn: rotation during the motion
+        tilt: rotation during the motion that points an axis of the site
+        frame: frame of its points and directions; null: target.frame
+    """
+
+    center: types.Vector = key(unit="m")
+    axis: types.Direction = key("z", "1")
+    angle: types.Angle = key(unit="rad")
+    turn: Turn | None = None
+    tilt: Tilt | None = None
+    frame: PathFrame | None = None
+
+
+class Set(_Way):
+    """A set-point: the target jumps there and stays.
+
+    Attributes:
+        to: new target position: [x, y], which keeps z, or [x, y, z]
+        by: step of the target: [dx, dy] or [dx, dy, dz]
+        turn: rotation during the motion
+        tilt: rotation during the motion that points an axis of the site
+        frame: frame of its points and directions; null: target.frame
+        duration: hold time there
+    """
+
+    to: types.Vector | None = key(None, "m")
+    by: types.Vector | None = key(None, "m")
+    turn: Turn | None = None
+    tilt: Tilt | None = None
+    frame: PathFrame | None = None
+    duration: types.Positive = key(unit="s", alias="for")
+
+    @model_validator(mode="after")
+    def _some_step(self) -> Self:
+        names = self.given("to", "by", "turn", "tilt")
+        if not names or names[:2] == ["to", "by"]:
+            raise rule(f"must have to or by, or turn or tilt, or one of each, got {listed(names)}")
+        return self
+
+
+class Motion(Choice):
+    """A recorded or teleoperated motion from a file.
+
+    Attributes:
+        path: CSV or Parquet file with the column t and x y z qw qx qy qz, or vx vy vz wx wy wz, or one column
+            per joint, by joint name; or the npz file of a run; relative paths start at the scenario's folder
+        columns: columns to follow; null: the first that the file has of pose, q, twist
+        origin: beginning: `move` goes straight to its first pose; `start` shifts the motion to the start of
+            the segment
+        speed: speed relative to the recording; auto: as recorded, slowed where target.limits require it
+        frame: frame of its points and directions; null: target.frame
+    """
+
+    path: types.MotionFile
+    columns: Literal["pose", "pose_ref", "twist", "q"] | None = None
+    origin: Literal["move", "start"] = key("move", alias="from")
+    speed: types.PositiveOrAuto = key(1.0, "1")
+    frame: PathFrame | None = None
+
+
+class Hold(Section):
+    """A pause.
+
+    Attributes:
+        duration: duration
+    """
+
+    duration: types.Positive = key(unit="s", alias="for")
+
+
+class Segment(Choice):
+    """One segment of the path, by its only key.
+
+    Attributes:
+        line: go straight
+        arc: go around a center
+        turn: rotate in place
+        tilt: rotate in place so that an axis of the site points in a direction
+        set: step the target
+        configurations: go in straight lines to the site's pose at each of these configurations: a keyframe's
+            name, or joint positions
+        file: follow a recorded motion
+        hold: stay
+    """
+
+    model_config = ConfigDict(json_schema_extra={"maxProperties": 1})
+    line: Line | None = None
+    arc: Arc | None = None
+    turn: Turn | None = None
+    tilt: Tilt | None = None
+    set: Set | None = None
+    configurations: Postures | None = key(None, "rad or m")
+    file: Motion | None = None
+    hold: Hold | None = None
+
+    @property
+    def name(self) -> str:
+        """Its key."""
+        return self.given(*type(self).model_fields)[0]
+
+    @model_validator(mode="after")
+    def _one_key(self) -> Self:
+        names = self.given(*type(self).model_fields)
+        if len(names) != 1:
+            raise rule(f"must have exactly one of {', '.join(type(self).model_fields)}, got {listed(names)}")
+        return self
+
+
+class TargetLimitsSection(Section):
+    """Speed limits along the path.
+
+    Attributes:
+        velocity: largest speed
+        acceleration: largest acceleration
+        jerk: largest jerk; does not apply to a recorded motion
+        angular_velocity: largest angular speed
+        angular_acceleration: largest angular acceleration
+        angular_jerk: largest angular jerk; as `jerk`
+    """
+
+    velocity: types.Positive = key(0.25, "m/s")
+    acceleration: types.Positive = key(1.0, "m/s²")
+    jerk: types.Positive = key(10.0, "m/s³")
+    angular_velocity: types.Positive = key(1.0, "rad/s")
+    angular_acceleration: types.Positive = key(4.0, "rad/s²")
+    angular_jerk: types.Positive = key(40.0, "rad/s³")
+
+
+class TargetSection(Section):
+    """Target motion of the site.
+
+    Attributes:
+        path: segments of the path, in order
+        offset: offset added to every absolute point of the path: line.to, arc.center, set.to
+        frame: frame of all segments without a frame of their own: world; base, the body that carries the
+            first joint; site, at the start of the segment; start, the site at the start of the path
+        limits: speed limits
+    """
+
+    path: Annotated[tuple[Segment, ...], types.count(1)]
+    offset: types.Vector = key((0.0, 0.0, 0.0), "m")
+    frame: PathFrame = "world"
+    limits: TargetLimitsSection = TargetLimitsSection()
