@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from rmrc.arm.wiring import HINGE, SLIDE, joints_above, joints_of, soft_bodies
 from rmrc.support.legible import listed
@@ -73,7 +74,7 @@ def default_frame(model: mujoco.MjModel, prefix: str = "") -> Frame | None:
     rank = {i: _rank(name) for i, name in sites.items()}
     depth = {i: len(_driven(model, joints_above(model, int(model.site_bodyid[i])))) for i in sites}
     joints = len(_driven(model, joints_above(model, last)))
-    named = [i for i in sites if rank[i] == len(_TELLING) or (rank[i] > 0 and 2 * depth[i] >= joints)]
+    named = [i for i in sites if rank[i] > 0 and 2 * depth[i] >= joints]
     plain = [i for i in sites if depth[i] == joints and rank[i] == 0]
     if named or len(plain) == 1:
         chosen = max(named or plain, key=lambda i: (depth[i], rank[i], i))
@@ -121,13 +122,11 @@ def _trunk(model: mujoco.MjModel) -> list[int]:
     return []
 
 
-def _depths(model: mujoco.MjModel) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Return the most hinges and slides on one branch that begins with a body; 0 beyond a ball."""
+def _depths(model: mujoco.MjModel) -> NDArray[np.int64]:
+    """Return the most hinges and slides on one branch that begins with a body, (nbody,)."""
     depth, soft = np.zeros(model.nbody, np.int64), soft_bodies(model)
     for body in range(model.nbody - 1, 0, -1):  # children come after their parents
-        joints = joints_of(model, body)
-        is_ball = any(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_BALL for i in joints)
-        depth[body] = 0 if body in soft or is_ball else depth[body] + len(_driven(model, joints))
+        depth[body] = 0 if body in soft else depth[body] + len(_driven(model, joints_of(model, body)))
         parent = model.body_parentid[body]
         depth[parent] = max(depth[parent], depth[body])
     depth[0] = 0
@@ -136,11 +135,10 @@ def _depths(model: mujoco.MjModel) -> np.ndarray[tuple[int], np.dtype[np.int64]]
 
 def _end(model: mujoco.MjModel, body: int) -> int:
     """Return the end of a series of bodies that are fixed to a link, as flanges are in URDF."""
-    while (
-        len(fixed := np.flatnonzero(model.body_parentid == body)) == 1
-        and _rank(model.body(fixed[0]).name) >= 0
-    ):
+    fixed = np.flatnonzero(model.body_parentid == body)
+    while len(fixed) == 1 and _rank(model.body(fixed[0]).name) >= 0:
         body = int(fixed[0])
+        fixed = np.flatnonzero(model.body_parentid == body)
     return body
 
 

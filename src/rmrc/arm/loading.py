@@ -11,7 +11,7 @@ from rmrc.arm import urdf
 from rmrc.arm.arm import Arm
 from rmrc.arm.compiling import compiled, in_our_words, opened, read
 from rmrc.arm.followers import Link, find_links, followers
-from rmrc.arm.keyframes import keyframes, starting_key
+from rmrc.arm.keyframes import keyframes
 from rmrc.arm.limits import leading_limit, position_limit, rate_limit, torque_limit
 from rmrc.arm.mounting import PREFIX, mounted
 from rmrc.arm.ties import find_ties
@@ -118,8 +118,7 @@ def _found(
     following = followers(model, chain, links, driven) if links else ()
     ids = [model.joint(joint).id for joint in driven]
     limit = position_limit(model, driven, following)
-    prefix = PREFIX if tool and tool.model else ""
-    keys = keyframes(model, ids, limit, prefix, notes)
+    keys, home = keyframes(model, ids, limit, PREFIX if tool and tool.model else "", notes)
     if robot is not None and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0))):
         notes += apart
         model = compiled(path, spec)
@@ -143,7 +142,7 @@ def _found(
         _links={joint: links[joint] for joint in chain if joint in links and links[joint].leader not in ids},
         frame=frame,
         notes=tuple(notes),
-        home=starting_key(model, ids, prefix),
+        home=home,
     )
     ties = find_ties(model, arm.configuration("home"), *arm.followed_dofs, arm.others)
     if not ties:

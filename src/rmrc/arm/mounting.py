@@ -21,7 +21,7 @@ from rmrc.support.spatial import quat_multiply, rotate
 
 Array = NDArray[np.float64]
 
-_FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _HIDDEN = 4  # group of sites that viewers hide
 PREFIX = "tool_"  # beginning of all names in a tool's model
 
@@ -93,9 +93,7 @@ def _chosen(path: Path, model: mujoco.MjModel, does: str, notes: list[str]) -> t
     """Return the kind of the default frame, `site` or `body`, and its id."""
     frame = default_frame(model)
     if frame is None:
-        ball = " (a ball joint must be three hinges)" if _BALL in model.jnt_type else ""
-        what = f"has no hinge or slide joint that moves a body{ball}"
-        raise ModelError(f"{path}: {what}; an arm needs at least one")
+        raise ModelError(f"{path}: has no hinge or slide joint that moves a body; an arm needs at least one")
     _tell(model, frame, does, notes)
     return frame.kind, frame.id
 
