@@ -121,7 +121,7 @@ def test_others_leave_it_out(tmp_path):
     assert len(compared[0].worlds) == 2
     rows = [rmrc.sweep(each, {"control.feedback": [5, 10]}) for each in (one, alone)]
     assert repr(rows[0].to_pylist()) == repr(rows[1].to_pylist())
-    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.control\.feedback.*cannot be varied"):
+    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.control\.feedback.*cannot be changed here"):
         near(**{"sweep.vary": {"baseline.control.feedback": [1, 2]}})
 
 
