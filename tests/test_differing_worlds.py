@@ -6,21 +6,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-import rmrc
 from project import ROOT, mostly_long
 from rmrc.arm import load
-from rmrc.arm.differences import stretched_fields
 from rmrc.results.columns import COLUMNS
 from rmrc.scenario import variants
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.compare import Comparison
-from rmrc.support.errors import ModelError, ScenarioError
-from screws import screw_chain
+from rmrc.study.run import Job
+from rmrc.support.errors import ScenarioError
 from wording import says
 
 PLANAR = (ROOT / "models" / "planar_2link.xml").read_text()
-STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
 REACH = "target.path=[{line: {to: [1.5, 0.2]}}, {line: {to: [1.2, 0.2]}}]"
 HOLD = "target.path=[{hold: {for: 1}}]"
 DOWN = "plant.gravity=[0, -9.81, 0]"  # in the plane of the arm
@@ -74,22 +70,6 @@ def test_no_bit_of_a_world_depends_on_others_that_differ_in_their_numbers(scenar
     assert len({one["q"].tobytes() for one in alone}) == {"ideal": 4, "torque": 7, "servo": 8}[kind]
 
 
-def test_nor_where_constraints_are_solved(scenario, tmp_path):
-    # The solver's scale, the mean inertia, must be that of the changed model.
-    (tmp_path / "screw.xml").write_text(
-        screw_chain().replace('pos="0.2 0 0.1"', 'pos="0.2 0 0.1" name="nut"')
-    )
-    screw = (f"arm.model={tmp_path}/screw.xml", "arm.start=home", "task.axes=[x, y, z]", "control.period=0.002",
-             "target.path=[{line: {by: [0.02, 0.02, 0.02]}}]")  # fmt: skip
-    more = [["plant.payload=3"], ["plant.gravity=[0, 5, 5]"], ["arm.stretch={nut: 1.2}"]]
-    chosen = [(*screw, "plant.payload=1", "plant.gravity_compensation=false", *own) for own in ([], *more)]
-    prepared = [prepare(scenario(*overrides)) for overrides in chosen]
-    alone = [run([one])[0] for one in prepared]
-    for one, want in zip(run(prepared), alone, strict=True):
-        assert_same(one, want)
-    assert len({one["q"].tobytes() for one in alone}) == 4
-
-
 # Payload ------------------------------------------------------------------------------------------
 
 
@@ -123,21 +103,6 @@ def test_at_rest_the_drives_bear_its_weight_whatever_the_arm_compensates(scenari
         assert_allclose(loaded["tau"][-1], weight, rtol=1e-4)
 
 
-def test_computed_torque_does_not_know_it(scenario):
-    shared = ("plant.kind=torque", REACH, DOWN)
-    bare, loaded = (run([prepare(scenario(*shared, f"plant.payload={m}"))])[0] for m in (0, 5))
-    # The first torque is computed where both stand alike.
-    assert_allclose(loaded["tau"][1], bare["tau"][1], rtol=1e-12)
-    assert np.abs(loaded["tau"][2:] - bare["tau"][2:]).max() > 1.0
-    assert loaded["q"][1:].tobytes() != bare["q"][1:].tobytes()
-
-
-def test_an_ideal_plant_carries_nothing(scenario):
-    ideal = ("plant.kind=ideal", REACH)
-    bare = run([prepare(scenario(*ideal))])[0]
-    assert_same(run([prepare(scenario(*ideal, "plant.payload=5", DOWN))])[0], bare)
-
-
 # Gravity ------------------------------------------------------------------------------------------
 
 
@@ -165,20 +130,6 @@ def test_a_stretched_arm_is_where_its_lengths_put_it():
     assert_allclose(sizes["tube_2"][1][:3], [0.8 * 0.485, 0.0, 0.0], atol=1e-15)
 
 
-def test_bodies_keep_their_mass_and_an_arm_feels_what_a_larger_one_of_this_mass_would():
-    # All bodies by f, armature aside: M of hinges is f² times what it was.
-    plain = load(ROOT / "models" / "stanford.xml")
-    model, f = plain.model, 1.3
-    large = plain.stretched(dict.fromkeys(plain.body_names[1:], f))
-    assert_array_equal(large.model.body_mass, model.body_mass)
-    assert_array_equal(large.model.body_subtreemass, model.body_subtreemass)
-    hinges = ~plain.is_slide
-    armature = model.dof_armature[plain.wiring.dof]
-    # the slide's way is the drive's and stays, so that only joints beyond it are those of a larger arm
-    beyond = hinges & (np.arange(plain.n) > np.flatnonzero(plain.is_slide)[0])
-    assert_allclose((large.inertia - armature)[beyond], f**2 * (plain.inertia - armature)[beyond], rtol=1e-12)
-
-
 @pytest.mark.parametrize("kind", ["servo", "torque"])
 def test_a_run_is_that_of_a_model_with_these_lengths(scenario, tmp_path, kind):
     inertia = np.array([0.001181411, 0.121463483, 0.121463483])
@@ -202,27 +153,6 @@ def test_a_run_is_that_of_a_model_with_these_lengths(scenario, tmp_path, kind):
     assert_same(ours, theirs, 1e-8)  # rounding, and what a stiff servo makes of it
 
 
-@pytest.mark.parametrize("field", ["body_pos", "body_ipos", "body_inertia", "site_pos"])
-def test_the_comparison_of_lengths_finds_a_field_that_is_left_out(scenario, tmp_path, monkeypatch, field):
-    def forgetful(model, stretch):
-        return {name: values for name, values in stretched_fields(model, stretch).items() if name != field}
-
-    monkeypatch.setattr(rmrc.plants.plant, "stretched_fields", forgetful)
-    with pytest.raises(AssertionError):
-        test_a_run_is_that_of_a_model_with_these_lengths(scenario, tmp_path, "servo")
-
-
-def test_meshes_are_drawn_larger(tmp_path):
-    path = tmp_path / "mesh.xml"
-    path.write_text("""<mujoco><asset><mesh name="wedge" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/></asset>
-      <worldbody><body name="arm"><joint name="turn"/><geom type="mesh" mesh="wedge" contype="0" conaffinity="0"/>
-      <site name="tip" pos="1 0 0"/></body></worldbody></mujoco>""")
-    arm = load(path)
-    (plain,), (large,) = arm.shapes(), arm.stretched({"arm": 2.0}).shapes()
-    assert_array_equal(large.vertices, 2.0 * plain.vertices)
-    assert_array_equal(large.pose[:3], 2.0 * plain.pose[:3])
-
-
 # Refusals -----------------------------------------------------------------------------------------
 
 
@@ -243,55 +173,9 @@ def test_values_that_will_not_do_are_refused(scenario, override, message):
     assert str(caught.value) == says(message)
 
 
-def test_a_body_that_is_not_there_is_refused(scenario):
-    with pytest.raises(ScenarioError) as caught:
-        prepare(scenario("arm.stretch.link1=2"))
-    place = f"--set arm.stretch.link1: {ROOT}/models/planar_2link.xml"
-    assert str(caught.value) == says(f'{place}: … body "link1" … "link_1"… base, link_1, link_2')
-
-
-@pytest.mark.parametrize(
-    ("factor", "shown"), [("1.0e-7", "1e-07"), ("1.0e+7", "1e+07"), ("1.0e+200", "1e+200")]
-)
-def test_a_body_that_is_stretched_beyond_reason_is_refused(scenario, factor, shown):
-    prepare(scenario("arm.stretch.link_1=1.0e+6"))
-    with pytest.raises(ScenarioError) as caught:
-        prepare(scenario(f"arm.stretch.link_1={factor}"))
-    place = f"--set arm.stretch.link_1: {ROOT}/models/planar_2link.xml"
-    assert str(caught.value) == says(f'{place}: … body "link_1" … 1e-06 and 1e+06 … {shown}')
-
-
-def test_what_has_sizes_of_its_own_is_refused(tmp_path):
-    path = tmp_path / "arm.xml"
-    path.write_text("""<mujoco><asset><mesh name="wedge" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/></asset>
-      <worldbody><body name="arm"><joint name="turn"/><geom type="mesh" mesh="wedge"/><site name="tip" pos="1 0 0"/>
-      <body name="hand"><geom size="1"/></body></body></worldbody></mujoco>""")
-    with pytest.raises(ModelError) as caught:
-        load(path).stretched({"arm": 2.0})
-    assert str(caught.value) == says(f'{path}: body "arm" … mesh … collides; … other bodies')
-    assert load(path).stretched({"hand": 2.0}).stretch == {"hand": 2.0}
-    path.write_text(
-        path.read_text().replace(
-            "</worldbody>",
-            """</worldbody>
-      <equality><weld body1="arm" body2="hand"/></equality>""",
-        )
-    )
-    with pytest.raises(ModelError) as caught:
-        load(path).stretched({"hand": 2.0})
-    assert str(caught.value) == says(f"{path}: … equality … bodies; … the lengths into the model")
-
-
-@pytest.mark.usefixtures("undrawn")
 def test_they_can_be_compared(tmp_path):
     varied = ["plant.payload=0,2", "arm.stretch.link_2=0.9,1.1"]
     path = ROOT / "scenarios" / "approach_singularity.yaml"
-    comparison = Comparison(
-        path, variants(varied), ["target.path=[{hold: {for: 0.05}}]"], tmp_path, record=False
-    )
-    assert [one.variant.label for one in comparison.run().results] == [
-        "0, 0.9",
-        "0, 1.1",
-        "2, 0.9",
-        "2, 1.1",
-    ]
+    job = Job(path, tmp_path, False, variants(varied), ["target.path=[{hold: {for: 0.05}}]"])
+    job.run()
+    assert list(job.runs) == ["0, 0.9", "0, 1.1", "2, 0.9", "2, 1.1"]

@@ -10,10 +10,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from project import ROOT
-from rmrc import arm as arms
-from rmrc.plants.contacts import can_touch
-from rmrc.results import loads
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -110,49 +106,6 @@ def test_contact_is_where_a_plain_loop_finds_one(tmp_path, world):
     assert card["contact.first_bodies"].value == "lower – floor"
 
 
-def test_links_that_meet_are_in_contact_and_worlds_without_columns_say_the_same(tmp_path):
-    hand = '<geom name="hook" type="box" size=".02 .02 .02" pos=".35 0 -.02"/>'
-    base = '<body name="block" pos=".5 0 -.05"><geom type="box" size=".05 .05 .05"/></body>'
-    paths = [arm(tmp_path, base, hand), arm(tmp_path, FLOOR, name="other"), arm(tmp_path, "", name="free")]
-    worlds = [prepare(scenario(path)) for path in paths]
-    kept, others = Simulation(worlds), Simulation(worlds, keep_columns=False)
-    runs = kept.run()
-    others.step()
-    bodies = [one.scorecard["contact.first_bodies"].value for one in runs]
-    assert bodies == ["lower – block", "lower – floor", ""]
-    for one, card in zip(runs, others.scorecards(), strict=True):
-        for name in ("contact.time", "contact.first_time", "contact.first_bodies"):
-            assert_array_equal(card[name].value, one.scorecard[name].value)
-
-
-@pytest.mark.parametrize(
-    ("world", "more"),
-    [
-        (FLOOR.replace("-.2", "-2") + CUBE.replace("-.17", "-1.98"), ""),  # a cube that rests
-        (
-            FLOOR,
-            '<contact><exclude body1="world" body2="lower"/><exclude body1="world" body2="upper"/></contact>',
-        ),
-        (FLOOR.replace("/>", ' contype="0" conaffinity="0"/>'), ""),
-    ],
-    ids=["cube on the floor", "excluded", "no shape collides"],
-)
-def test_what_touches_no_arm_or_is_excluded_is_no_contact(tmp_path, world, more):
-    done = run(arm(tmp_path, world, more=more))
-    assert not is_in_contact(done).any() and done.touching == () and done.resting == ()
-
-
-def test_arms_that_cannot_touch_are_not_looked_at(tmp_path):
-    def looks(path, site="hand", joints=("shoulder", "elbow")):
-        known = arms.load(path, site, joints)
-        return can_touch(known.model, known.wiring)
-
-    assert looks(arm(tmp_path)) and not looks(
-        arm(tmp_path, "", more='<option><flag contact="disable"/></option>')
-    )
-    assert not looks(ROOT / "models/planar_2link.xml", "tip")
-
-
 def test_a_hand_that_is_closed_from_the_start_rests_and_a_floor_does_not(tmp_path):
     closed = run(arm(tmp_path, "", FINGERS, LOCKED_AND_HELD), HOLD)
     assert not is_in_contact(closed).any()
@@ -160,18 +113,6 @@ def test_a_hand_that_is_closed_from_the_start_rests_and_a_floor_does_not(tmp_pat
     low = run(arm(tmp_path, FLOOR.replace("-.2", "-.01"), q="0 0.7", name="low"), HOLD)
     assert is_in_contact(low).all() and low.resting == ()
     assert low.scorecard["contact.first_bodies"].value == "lower – floor"
-
-
-def test_what_rested_and_came_apart_is_contact_when_it_meets_again(tmp_path):
-    # a heavy block floats half a millimeter into the tip, which leaves it and comes back
-    block = '<body name="cube" pos=".62 0 -.1442"><freejoint/><geom type="box" size=".1 .1 .02" mass="100"/></body>'
-    path = arm(tmp_path, block, more='<option gravity="0 0 0"/>')
-    done = run(path, ({"line": {"by": (0.0, 0.0, 0.1)}}, {"line": {"by": (0.0, 0.0, -0.11)}}))
-    touching = np.array([bool(pairs) for pairs in pairs_by_mujoco(path, done)])
-    apart = int(np.argmin(touching))
-    assert touching[0] and apart > 5 and touching[apart:].any()
-    assert done.resting == (("lower", "cube"),)
-    assert_array_equal(is_in_contact(done), touching & (np.arange(len(done)) >= apart))
 
 
 def test_drives_are_at_their_limit_where_a_plain_loop_clamps_them(tmp_path):
@@ -229,25 +170,7 @@ def test_what_compensation_bears_is_the_weight_at_its_levers(tmp_path):
     assert not ideal["tau_gravity"].any()
 
 
-def test_a_screw_bears_what_its_slide_does():
-    path = ROOT / "models/helical.xml"
-    known = arms.load(path)
-    about = written(path, HOLD) | {"arm": {"model": str(path)}, "task": {"axes": ["x", "y", "z"]}}
-    (done,) = Simulation([prepare(Scenario.model_validate(about))]).run()
-    weight, _ = known.rest_torques(done["q"][-1])
-    assert_allclose(done["tau_gravity"][-1], weight, rtol=1e-9, atol=1e-9)
-    assert known.followers and np.abs(weight[known.followers[0].leader]) > 0.1
-
-
 # What is told --------------------------------------------------------------------------------------
-
-
-def test_a_run_with_contact_says_so_in_a_line_unless_it_is_expected(tmp_path):
-    path = arm(tmp_path)
-    (line,) = loads.told(run(path).scorecard, ())
-    assert "CONTACT" in line and "lower – floor" in line and "expect" in line
-    assert list(loads.told(run(path).scorecard, ("contact.time",))) == []
-    assert list(loads.told(run(path, HOLD).scorecard, ())) == []
 
 
 @pytest.mark.parametrize(("expected", "code"), [({}, 0), ({"contact.time": {"below": 0.001}}, 1)])
@@ -258,33 +181,6 @@ def test_the_verb_tells_contact_and_leaves_the_verdict_to_what_is_expected(rmrc,
     assert ("lower – floor" in err) == (not expected) and ("missed: contact.time" in err) == bool(expected)
     known = json.loads((tmp_path / "loaded.json").read_text())
     assert known["scorecard"]["contact"]["first_bodies"] == "lower – floor" and known["resting"] == []
-
-
-BY_ARM = "from the arm: damping maximum 0.042, below 0.059"
-
-
-def test_what_was_assumed_is_known_and_only_what_the_author_had_otherwise_is_told(tmp_path):
-    more = (
-        '<option timestep="0.0005" integrator="RK4"/><actuator><position name="drive" joint="elbow" kp="50"/>'
-        '<velocity name="rate" joint="shoulder" kv="5"/></actuator>'
-    )
-    about = scenario(arm(tmp_path, more=more))
-    assumed = {one.text: one.is_otherwise for one in prepare(about).assumed}
-    assert assumed == {
-        BY_ARM: True,
-        "rate servos take the place of position actuators: drive": True,
-        "rate servos take the place of velocity actuators: rate": False,
-        "integrator implicitfast instead of the model's RK4": True,
-        "timestep 0.001 s instead of the model's 0.0005 s": True,
-        "gravity compensation of the arm, which the model does not have": False,
-        "no rate limit: all joints": False,
-        "no acceleration limit: all joints": False,
-        "no torque limit: all joints": False,
-        "no position limit: all joints": False,
-    }
-    plain = prepare(scenario(arm(tmp_path, name="plain"), kind="ideal")).assumed
-    assert [one.text for one in plain if one.is_otherwise] == [BY_ARM]
-    assert not any("torque" in one.text for one in plain)
 
 
 @pytest.mark.parametrize("kind", ["servo", "torque"])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rmrc.results import loads
 from rmrc.results.scorecard import scorecard
+from rmrc.results.verdict import warnings
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -203,12 +203,12 @@ def test_a_soft_equality_of_the_author_slips_in_his_own_physics_and_is_told(writ
     assert card["slip.max"].value == run["slip"].max()
     assert run["time"][run["slip"].argmax()] == card["slip.max_time"].value
     assert card["status_time.SLIPPED"].value == pytest.approx(PERIOD * (slip > 1e-3).sum())
-    (line,) = loads.told(card, ())
+    (line,) = warnings(card, ())
     assert "SLIPPED" in line and "solref" in line and f"{slip.max():.3g}" in line
-    assert not list(loads.told(card, ["slip.max"]))
+    assert not list(warnings(card, ["slip.max"]))
     stiff = about | {"softness": ""}  # where he wrote none
     _, run = ran(write(**stiff), "model", gravity_compensation=False)
-    assert run["slip"].max() < 1e-6 and not list(loads.told(scorecard(run), ()))
+    assert run["slip"].max() < 1e-6 and not list(warnings(scorecard(run), ()))
 
 
 def test_what_holds_followers_is_told_where_the_author_had_it_otherwise(write):

@@ -175,7 +175,7 @@ def test_run_says_what_is_refused_first_and_exits_1(rmrc, tmp_path):
     code, _, err = rmrc("run", str(FR3), *held, *jerky)
     assert code == 1
     (line,) = [one for one in told(err).splitlines() if "profile" in one]
-    assert line == says('… profile: … franka_fr3 … rad/s² … "fr3_joint2" … s … 10 … commands …')
+    assert line == says('… profile: … franka_fr3 … refused… acceleration … "fr3_joint2" … s')
     facts = json.loads((tmp_path / "fr3_elbow.json").read_text())
     (outcome,) = facts["expect"]
     assert outcome["name"] == "profile" and outcome["ok"] is False and outcome["text"] in line

@@ -284,22 +284,6 @@ def sets(values):
     return [word for value in values for word in ("--set", value)]
 
 
-@pytest.mark.parametrize(("inverse", "says"), [
-    ({"damping": {"maximum": 0.1, "below": 0.3}}, "damped 100% of the time at κ below 20 (lower damping.below)"),
-    ({"damping": {"schedule": "constant", "maximum": 0.1}}, "damped 100% of the time at κ below 20, "),
-    ({}, ""),
-    ({"method": "pseudoinverse"}, ""),
-])  # fmt: skip
-def test_a_run_that_is_damped_without_need_says_so(inverse, says):
-    from rmrc import run
-
-    values = {"name": "x", "arm": {"model": str(ROOT / "models/ur5e.xml"), "site": "tool"}, "task": {"length": 1},
-              "control": {"inverse": inverse}, "plant": {"kind": "ideal"},
-              "target": {"path": [{"line": {"by": [0.05, 0.05, 0.05]}}]}}  # fmt: skip
-    verdict = run(loads(json.dumps(values))).verdict
-    assert says in verdict and ("damped" in verdict) == bool(says), verdict
-
-
 def test_shipped_scenarios_leave_nothing_to_the_arm_that_changes_their_columns():
     for path in sorted((ROOT / "scenarios").glob("*.yaml")):
         scenario = load(path)

@@ -7,8 +7,6 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from project import ROOT, mostly_long
-from rmrc.results import stuck
-from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -70,19 +68,6 @@ def test_a_run_is_stuck_where_its_columns_say_so_and_nowhere_else(simulate, name
     assert np.any(is_stuck) == (name in STUCK_RUNS)
 
 
-@pytest.mark.parametrize("name", STUCK_RUNS)
-def test_the_figures_say_how_long_and_since_when(simulate, name):
-    _, run = simulate(*STUCK_RUNS[name])
-    card = scorecard(run)
-    first, end = stuck.longest_stretch(run)
-    inside = run["status"][first:end] & Status.STUCK
-    assert np.all(inside) and end - first > 50
-    assert card["stuck.longest"].value == pytest.approx((end - first) * run.period)
-    assert card["stuck.longest_time"].value == run["time"][first]
-    assert card["stuck.share"].value == pytest.approx(np.mean(run["status"] & Status.STUCK > 0))
-    assert card["stuck.longest"].value <= card["status_time.STUCK"].value + 1e-9
-
-
 def test_a_locked_arm_is_stuck_until_its_path_ends_and_one_that_comes_back_is_not(simulate):
     _, run = simulate(*STUCK_RUNS["truncated, straight"])
     assert run["status"][-1] & Status.STUCK, "the reference has come to rest, the arm is still not there"
@@ -90,20 +75,6 @@ def test_a_locked_arm_is_stuck_until_its_path_ends_and_one_that_comes_back_is_no
     (back,) = Simulation([prepare(load(ROOT / "scenarios/beyond_reach.yaml"))]).run()
     assert np.any(back["status"] & Status.STUCK) and not back["status"][-1] & Status.STUCK
     assert np.linalg.norm(back["pose_error"][-1, :2]) < 0.002
-
-
-def test_the_line_names_the_joints_that_stand_or_what_else_holds_the_arm(simulate):
-    prepared, run = simulate(*STUCK_RUNS["two joints at their limits"])
-    line = stuck.told(run, prepared.arm)
-    first, end = stuck.longest_stretch(run)
-    assert f"STUCK for {(end - first) * run.period:.3g} s from {run['time'][first]:.3g} s on" in line
-    assert 'joint "theta_2" at its upper limit of 2.967 rad' in line and "arm.start" in line
-    prepared, run = simulate(*STUCK_RUNS["truncated, straight"])
-    line = stuck.told(run, prepared.arm)
-    assert "SINGULAR and no joint at a limit" in line and "control.inverse.method" in line
-    assert "\n" not in line and f"rmrc inspect {prepared.arm.path} --q=" in line
-    prepared, run = simulate(*OTHER_RUNS["straight and back"])
-    assert stuck.told(run, prepared.arm) is None
 
 
 @pytest.mark.parametrize(("expected", "code"), [("", 0), ("{stuck.longest: {below: 0.5}}", 1)])
@@ -118,14 +89,8 @@ def test_run_says_so_and_exits_by_what_is_expected(rmrc, tmp_path, expected, cod
     got, out, err = rmrc("run", str(path), "--no-record", "--out", str(tmp_path), *options)
     assert got == code
     lines = err.splitlines()
-    assert sum("full_reach was STUCK for" in line for line in lines) == 1
+    assert sum("full_reach: STUCK: " in line for line in lines) == (not expected)
     assert sum("missed: stuck.longest: expected below 0.5 s" in line for line in lines) == bool(code)
     figures = json.loads((tmp_path / "full_reach.json").read_text())["scorecard"]
     assert figures["stuck"]["longest"] > 1.0 and figures["status_time"]["STUCK"] > 1.0
     assert "stuck.longest" in out
-
-
-def test_shipped_scenarios_that_shall_move_are_not_stuck():
-    for name in ("approach_singularity", "stop_and_wait", "line_tracking", "stanford_wrist", "at_the_stop"):
-        (run,) = Simulation([prepare(load(ROOT / f"scenarios/{name}.yaml"))]).run()
-        assert not np.any(run["status"] & Status.STUCK), name

@@ -1,6 +1,8 @@
 """The verb `sweep`: options become the section of the file, tables say what came out, mistakes are a line each."""
 
+import json
 import re
+import shlex
 import signal
 import time
 
@@ -11,7 +13,6 @@ from project import ROOT
 from rmrc.cli import console
 from rmrc.study import dask as cluster
 from rmrc.study.sweep import Sweep
-from rmrc.support.errors import ClusterError
 from wording import says
 
 TEXT = f"""
@@ -29,9 +30,9 @@ def quick(tmp_path):
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_grid_is_run_summed_up_and_its_worst_run_recorded(rmrc, tmp_path):
+def test_a_grid_is_run_and_summed_up_and_a_printed_command_repeats_a_run(rmrc, tmp_path):
     grid = ["--vary", "control.feedback=5,10", "--vary", "control.inverse.method=damped,inverse"]
-    code, out, err = rmrc("sweep", "quick.yaml", *grid, "--threads", "1", "--record", "worst:1")
+    code, out, err = rmrc("sweep", "quick.yaml", *grid, "--threads", "1")
     assert (code, err) == (0, "")
     rows = pq.read_table(tmp_path / "recordings/quick.sweep.parquet").to_pylist()
     assert [(row["control.feedback"], row["control.inverse.method"]) for row in rows] == [
@@ -42,14 +43,13 @@ def test_a_grid_is_run_summed_up_and_its_worst_run_recorded(rmrc, tmp_path):
     assert lines[:3] == ["quick: 4 runs", "complete 4", "all expectations met 4"]
     assert lines[3] == "metric least run most run"
     assert any(line.startswith("joint_rate.peak [rad/s] 0.") for line in lines)
-    assert "run 2 (control.feedback=10, control.inverse.method=damped)" in lines
-    assert lines[-2:] == [
-        "wrote recordings/quick.sweep.parquet",
-        f"wrote recordings/quick-{worst}.rrd",
-    ]
-    assert {one.name for one in (tmp_path / "recordings").iterdir()} == {
-        "quick.sweep.parquet", *(f"quick-{worst}.{kind}" for kind in ("rrd", "npz", "json")),
-    }  # fmt: skip
+    assert lines[-1] == "wrote recordings/quick.sweep.parquet"
+    assert [one.name for one in (tmp_path / "recordings").iterdir()] == ["quick.sweep.parquet"]
+    (repeats,) = (line for line in lines if line.startswith(f"run {worst}: "))
+    words = shlex.split(repeats)
+    assert rmrc(*words[words.index("run", 1) :])[0] == 0
+    facts = json.loads((tmp_path / "recordings/quick.json").read_text())
+    assert facts["scorecard"]["joint_rate"]["peak"] == rows[worst]["joint_rate.peak"]
 
 
 @pytest.mark.usefixtures("quick")
@@ -87,14 +87,11 @@ def test_options_override_the_section_and_quiet_says_nothing(rmrc, tmp_path):
         (["--vary", "control.fedback=5,6"], ['--vary control.fedback: … key … "feedback"…']),
         (["--vary", "control.feedback=5,-6"],
          ["run 1 (control.feedback=-6): --vary control.feedback: … 0 … -6"]),
-        (["--vary", "control.feedback=5,6", "--record", "worst:x"],
-         ["--record: … worst:N or best:N … 1 to 100 … :METRIC … worst:x"]),
         (["--vary", "control.feedback=5,6", "--cluster", "nobody"],
          ["--cluster: … tcp://HOST:PORT or tls://HOST:PORT … local:N … nobody"]),
         (["--vary", "control.feedback=5,6", "--cluster", ""],  # of a variable of the shell that is not set
          ["--cluster: … tcp://HOST:PORT or tls://HOST:PORT … local:N … ''"]),
         (["--vary", "control.feedback=5,6", "--cluster", "local:2", "--threads", "2"], ["--threads: … --cluster …"]),
-        (["--vary", "control.feedback=5,6", "--record", "worst:1:speed"], ["--record: … speed; … joint_rate.peak"]),
     ],
 )  # fmt: skip
 @pytest.mark.usefixtures("quick")
@@ -119,16 +116,16 @@ def test_ctrl_c_before_the_first_run_leaves_nothing(rmrc, tmp_path, monkeypatch)
 def test_ctrl_c_ends_the_wait_for_the_workers_of_a_sweep_that_goes_on(rmrc, monkeypatch):
     options = ("sweep", "quick.yaml", "--vary", "control.feedback=5,6")
     run = Sweep.run
-    monkeypatch.setattr(Sweep, "run", lambda *_: signal.raise_signal(signal.SIGINT))  # checked, and no more
+    monkeypatch.setattr(Sweep, "run", lambda *_: signal.raise_signal(signal.SIGINT))  # checked, no more
     stopped = (130, "", "rmrc: interrupted after 0 of 2 runs; rerun the command to resume\n")
     assert rmrc(*options) == stopped
     monkeypatch.setattr(Sweep, "run", run)
 
     def waits(*_):
         signal.raise_signal(signal.SIGINT)
-        raise ClusterError("has no workers")
+        return iter(())
 
-    monkeypatch.setattr(cluster, "opened", waits)
+    monkeypatch.setattr(cluster, "results", waits)
     assert rmrc(*options, "--cluster", "local:1") == stopped
     assert rmrc(*options)[0] == 0
 

@@ -16,9 +16,7 @@ from rmrc.scenario import load
 from rmrc.show.panels import GRAY, NAMES, OVER_TIME, SPANS, thinned
 from rmrc.show.plot import plot
 from rmrc.simulation.prepare import prepare
-from rmrc.study import sweep_figure
 from rmrc.study.plotting import plot as plot_any
-from rmrc.study.swept import Swept
 from rmrc.study.verbs import compare, sweep
 from rmrc.study.verbs import run as run_scenario
 from rmrc.support.errors import QuestionError
@@ -429,33 +427,9 @@ def test_python_draws_a_sweep_from_its_rows_or_its_file_as_the_verb_does(rmrc, t
     with undrawn():
         rows = sweep(ROOT / "scenarios/line_tracking.yaml", feedback, out=tmp_path, threads=1)
     (file,) = tmp_path.glob("*.parquet")
-    first = plot_any(rows, tmp_path / "rows.svg", ["parallel"])
-    plot_any(file, tmp_path / "file.svg", ["parallel"])
-    assert rmrc("plot", str(file), "-o", str(tmp_path / "verb.svg"), "--panels", "parallel")[0] == 0
+    first = plot_any(rows, tmp_path / "rows.svg", ["keys"])
+    plot_any(file, tmp_path / "file.svg", ["keys"])
+    assert rmrc("plot", str(file), "-o", str(tmp_path / "verb.svg"), "--panels", "keys")[0] == 0
     texts = [(tmp_path / f"{name}.svg").read_bytes() for name in ("rows", "file", "verb")]
     assert texts[0] == texts[1] == texts[2]
     assert len(first.get_axes()) == 1
-
-
-def swept(values, methods):
-    """A sweep with one metric and one varied key."""
-    name, key = "position_error.end", "control.inverse.method"
-    return Swept("x", {key: methods}, {name: "m", key: "1"}, [key], {name: np.array(values)})
-
-
-@pytest.mark.parametrize("ends", [(5.136730123e-05, 1.000234), (3e-7, 0.7123), (0.04285, 0.04286)])
-def test_a_histogram_counts_every_run(ends):
-    """The ends of a logarithmic axis are rounded: runs there are counted as well."""
-    found = swept([ends[0]] * 24 + [ends[1]] * 12, ["damped"] * 36)
-    (axes,) = sweep_figure.histograms(found).get_axes()
-    assert sum(bar.get_height() for bar in axes.patches) == 36
-
-
-def test_parallel_coordinates_name_the_words_of_a_varied_key():
-    found = swept([1e-3, 2e-3, 4e-3, 3e-3], ["damped", "jparse", "damped", "truncated"])
-    (axes,) = sweep_figure.parallel(found).get_axes()
-    words = {text.get_text(): text.xy for text in axes.texts}
-    assert [words[word] for word in ("damped", "jparse", "truncated")] == [(0, 0.0), (0, 0.5), (0, 1.0)]
-    (lines,) = axes.collections
-    starts = sorted(tuple(line[0]) for line in lines.get_segments())
-    assert starts == [(0, 0.0), (0, 0.0), (0, 0.5), (0, 1.0)]

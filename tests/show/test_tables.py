@@ -40,7 +40,10 @@ def random_card(joints, ticks=200, scale=1.0, slides=None):
     columns["time"] = columns["path_time"] = np.arange(ticks) * 0.001
     columns["status"] = rng.integers(0, 2 * max(Status), ticks)
     is_slide = slides or (False,) * n
-    run = Run("case", tuple(joints), is_slide, SPACE, 1.0, 0.001, columns, 2 * ticks, None, 0.0123)
+    run = Run(
+        "case", tuple(joints), is_slide, SPACE, length=1.0, period=0.001, planned=2 * ticks, wall_time=0.0123,
+        columns=columns,
+    )  # fmt: skip
     return scorecard(run)
 
 

@@ -26,7 +26,7 @@ name: quick
 arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
 task: {{axes: [x, y]}}
 target: {{path: [{{line: {{by: [0.3, 0.2]}}}}]}}
-sweep: {{draw: {{control.feedback: [1, 20]}}, samples: 1600}}
+sweep: {{draw: {{control.feedback: [1, 20]}}, samples: 3000}}
 """
 
 
@@ -91,8 +91,8 @@ def test_interrupted_with_its_group_then_killed_then_gone_on_with_gives_the_file
     code, out, err = ended(process)
     rows = ds.dataset(folder).count_rows()  # valid
     assert (code, out) == (130, "")
-    assert err == f"rmrc: interrupted after {rows} of 1600 runs; rerun the command to resume\n"
-    assert 0 < rows < 1600
+    assert err == f"rmrc: interrupted after {rows} of 3000 runs; rerun the command to resume\n"
+    assert 0 < rows < 3000
     assert left_behind(path) == []
     done = len(list(folder.glob("part-*.parquet")))
 
@@ -140,7 +140,8 @@ def test_a_scheduler_that_goes_away_ends_the_sweep_with_a_line_and_its_rows(path
         code, out, err = ended(alone)
         assert (code, out) == (2, "")
         assert err == (
-            f"rmrc: error: --cluster {address}: has no workers after 10 s; start some with `dask worker {address}`\n"
+            f"rmrc: error: --cluster {address}: has had no workers for 30 s; start some with `dask worker {address}`; "
+            "finished rows are kept; rerun the command to resume\n"
         )
         worker = dask("worker", address, "--nthreads", "2")
         process = started(path, address)
@@ -149,10 +150,9 @@ def test_a_scheduler_that_goes_away_ends_the_sweep_with_a_line_and_its_rows(path
         code, out, err = ended(process)
         assert (code, out) == (2, "")
         assert err == (
-            f"rmrc: error: --cluster {address}: the scheduler is lost; the rows so far are kept; rerun the command to resume"
-            "\n"
+            f"rmrc: error: --cluster {address}: the scheduler is lost; finished rows are kept; rerun the command to resume\n"
         )
-        assert 0 < ds.dataset(folder).count_rows() < 1600
+        assert 0 < ds.dataset(folder).count_rows() < 3000
     finally:
         for one in (scheduler, worker):
             if one:

@@ -1,7 +1,6 @@
 """Many variants of one scenario: prepared once, they are to the bit and to the word what each is alone."""
 
 import functools
-import json
 import threading
 
 import numpy as np
@@ -17,11 +16,9 @@ from rmrc.scenario.changes import read_setting
 from rmrc.simulation import prepare as preparation
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.compare import Comparison
-from rmrc.study.plan import Plan
-from rmrc.study.study import Checked, Study
+from rmrc.study.run import Job
+from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Problem
 from wording import says
 
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
@@ -105,17 +102,6 @@ def test_what_they_have_in_common_is_found_once(monkeypatch):
     assert sorted(asked) == ["choose", "make_reference"]
 
 
-def test_what_is_kept_does_not_grow():
-    path = ROOT / "scenarios" / "approach_singularity.yaml"
-    study = Study(draft_of(path, ["target.path=[{hold: {for: 0.01}}]"]))
-    for i in range(40):
-        study.prepare(changes([f"arm.start=[1, -1.{i:03}]", f"arm.stretch.link_2=1.{i:03}"]))
-    assert len(study._cache._parts) == 96
-    first = study.prepare(changes(["arm.start=[1, -1.000]", "arm.stretch.link_2=1.0001"]))
-    assert_same(first, alone(path, ["target.path=[{hold: {for: 0.01}}]"],
-                             ["arm.start=[1, -1.000]", "arm.stretch.link_2=1.0001"]))  # fmt: skip
-
-
 WRONG = [
     ["control.feedback=-1"], ["control.fedback=1"], ["arm.start=[1, 2, 3]"], ["plant.payload=-1", "plant.kv=0"],
     ["arm.model=none.xml"], ["arm.site=tipp"], ["target.path[5]=1"], ["target.path[0].line.to=[1, {]"],
@@ -152,7 +138,7 @@ def test_a_mistake_names_its_variants_once(tmp_path):
         study.prepare_all([low, low._replace(label="c")])
     assert str(caught.value) == says(shown)
     with pytest.raises(ScenarioError) as caught:
-        Comparison(tmp_path / "none.yaml", [low, high])
+        Job(tmp_path / "none.yaml", variants=[low, high])
     assert str(caught.value) == says(f"{tmp_path}/none.yaml: … file")
 
 
@@ -167,49 +153,6 @@ def test_a_file_is_read_once(tmp_path):
     assert np.array_equal(one.qpos, other.qpos)
     assert one.scenario.locate("control.feedback") == "--set control.feedback"
     assert other.scenario.locate("control.feedback") == f"{path}:12:13: control.feedback"
-
-
-def test_what_many_variants_have_in_common_is_told_once_with_how_many_and_the_first():
-    plan = Plan((("control.feedback", (1, -1, -2, -1.5)),), repeat=2)
-    first, other, rare = (Problem((), text) for text in ("all of them", "some", "rare"))
-    whole = Checked()
-    for start in range(0, 8, 2):
-        piece = Checked(2)
-        for index in range(start, start + 2):
-            piece.refuse(first, (index,), 1, 99)
-        if start >= 4:
-            piece.refuse(other, (start,), 1, 99)
-        whole.extend(piece, 3)
-    whole.refuse(rare, (7,), 1, 3)
-    with pytest.raises(ScenarioError) as caught:
-        whole.raise_any(plan)
-    wanted = (
-        "all of them",
-        "2 runs … run 4 (control.feedback=-2): some",
-        "run 7 (control.feedback=-1.5): rare",
-    )
-    assert str(caught.value).splitlines() == list(map(says, wanted))
-    whole.refuse(Problem((), "one too many"), (0,), 1, 3)
-    with pytest.raises(ScenarioError) as caught:
-        whole.raise_any(plan)
-    assert str(caught.value).splitlines()[3:] == [says("… 1 more …")]
-    Checked(8).raise_any(plan)  # negative control
-
-
-def test_a_comparison_of_a_scenario_object_is_that_of_its_file(tmp_path, monkeypatch):
-    monkeypatch.setattr(Comparison, "_draw", lambda *_: None)
-    path = ROOT / "scenarios" / "approach_singularity.yaml"
-    short, some = (
-        ["target.path=[{hold: {for: 0.05}}]"],
-        variants([["control.feedback=5"], ["plant.payload=1"]]),
-    )
-    by_file = Comparison(path, some, short, tmp_path / "a", record=False).run()
-    by_object = Comparison(load(path), some, short, tmp_path / "b", record=False).run()
-    for one, other in zip(by_file.results, by_object.results, strict=True):
-        assert one.run["qdot_cmd"].tobytes() == other.run["qdot_cmd"].tobytes()
-        assert one.outcomes == other.outcomes
-    a, b = (json.loads((tmp_path / name / "approach_singularity.compare.json").read_text()) for name in "ab")
-    assert [one["overrides"] for one in a["variants"]] == [one["overrides"] for one in b["variants"]]
 
 
 def test_watchers_see_every_tick_and_a_rule_ends_the_runs():

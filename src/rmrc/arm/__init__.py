@@ -15,19 +15,6 @@ from rmrc.arm.shapes import Shape
 from rmrc.arm.wiring import Wiring
 
 __all__ = [
-    "Arm",
-    "Chain",
-    "Drive",
-    "DriveKind",
-    "Follower",
-    "Own",
-    "OwnDrives",
-    "Positions",
-    "Shape",
-    "Wiring",
-    "files",
-    "is_model",
-    "load",
-    "load_asked",
-    "load_model",
-]
+    "Arm", "Chain", "Drive", "DriveKind", "Follower", "Own", "OwnDrives", "Positions", "Shape", "Wiring",
+    "files", "is_model", "load", "load_asked", "load_model",
+]  # fmt: skip

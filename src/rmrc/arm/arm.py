@@ -61,7 +61,6 @@ class Arm:
         packages: Names and folders of a URDF's packages that were given.
         notes: Assumptions where the file leaves something open, one line each.
         home: Number of the keyframe that is `home`; None without one.
-        obvious: The note about a choice of the site that hardly anybody would doubt; "" if there is none.
         stretch: Factor on all lengths of a body, by its name.
         rest: Positions of the joints that are not the arm's, in a whole configuration, (nq,); None: `home`.
         frees_others: Whether those that no actuator holds are free to move in a plant, or locked.
@@ -84,7 +83,6 @@ class Arm:
     frame: NamedFrame | None = None
     packages: tuple[tuple[str, Path], ...] = ()
     notes: tuple[str, ...] = ()
-    obvious: str = ""
     ties: tuple[str, ...] = ()
     home: int | None = None
     stretch: Mapping[str, float] = field(default_factory=dict)

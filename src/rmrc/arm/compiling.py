@@ -1,5 +1,6 @@
-"""MuJoCo's compiler with this package's messages: errors of one line, warnings that Python can filter."""
+"""Reading and compiling a model in bounded memory: errors of one line, warnings that Python can filter."""
 
+import sys
 import threading
 import warnings
 from collections.abc import Iterator, Mapping
@@ -9,15 +10,22 @@ from typing import NamedTuple
 
 import mujoco
 
-from rmrc.arm import meshes, names, numbers, urdf
-from rmrc.arm.bounds import MOST_MEMORY, bounded_memory, check_model, check_spec
+from rmrc.arm import urdf
 from rmrc.arm.scan import check_file
 from rmrc.support.errors import ModelError, ModelWarning
+from rmrc.support.legible import listed
 
-# MuJoCo's messages about a lack of memory: its own, and that of an exception that its bindings do not know.
-_NO_MEMORY = ("allocate", "unknown exception")
-# Remedies for messages of MuJoCo that name none.
-_WAYS_OUT = {
+if sys.platform != "win32":
+    import resource
+
+# Memory that a model may take to be read and compiled, beyond that of the process. Of some 240 published
+# models the largest takes 3.4 GB, and never touches nearly all of it.
+MOST_MEMORY = 2**32
+_BOUND = f"a model must compile within {MOST_MEMORY / 2**30:g} GiB of memory"
+# Messages of MuJoCo for which it names no remedy.
+_REMEDIES = {
+    "allocate": _BOUND,
+    "unknown exception": _BOUND,
     "opening file": "put it there, or correct meshdir, texturedir or assetdir of <compiler>",
     "'mujocoinclude'": "it is a fragment; give the file that includes it",
 }
@@ -29,66 +37,86 @@ class Read(NamedTuple):
     Attributes:
         spec: Its specification.
         model: The compiled model.
-        velocity: The largest rate of each joint that has one, by its name: a URDF's.
+        robot: The contents of its file, if that is a URDF.
         notes: Assumptions.
     """
 
     spec: mujoco.MjSpec
     model: mujoco.MjModel
-    velocity: Mapping[str, float]
+    robot: urdf.Urdf | None
     notes: tuple[str, ...]
 
 
 def read(path: Path, packages: Mapping[str, Path] | None = None) -> Read:
     """Return an MJCF or URDF file as a specification and as a compiled model.
 
+    Meshes of a URDF that MuJoCo cannot read are left out, and masses that it refuses are raised.
+
     Args:
         path: The file.
         packages: Folders of a URDF's packages, by their names.
 
     Raises:
-        ModelError: It cannot be read, MuJoCo refuses it, it asks for more than a model may have, a name has a
-            control character, or a number is not finite.
+        ModelError: It cannot be read, it asks for more than a model may have, or MuJoCo refuses it.
     """
+    with in_our_words(path):
+        robot = opened(path, packages)
+        if robot is None:
+            spec = mujoco.MjSpec.from_file(str(path))
+            return Read(spec, spec.compile(), None, ())
+        failures: list[ValueError] = []
+        while True:  # parsed anew, because a specification that failed keeps its error
+            spec, notes = mujoco.MjSpec.from_string(robot.text), [*robot.notes]
+            notes += _drop_unreadable(spec) if failures else []
+            notes += urdf.bound_masses(spec, failures[-1]) if len(failures) > 1 else []
+            urdf.hide_collisions(spec)
+            try:
+                return Read(spec, spec.compile(), robot, tuple(notes))
+            except ValueError as failure:
+                failures.append(failure)
+                if len(failures) > 2:
+                    raise
+
+
+def opened(path: Path, packages: Mapping[str, Path] | None) -> urdf.Urdf | None:
+    """Return the contents of a URDF file; None for MJCF. MuJoCo can then read it safely.
+
+    Raises:
+        ModelError: See `read`.
+        OSError: It cannot be read.
+    """
+    root, _ = check_file(path)
+    robot = urdf.read(path, root, packages or {}) if root.tag == "robot" else None
+    text = str(path) if robot is None else robot.text
+    if text.encode(errors="replace").decode() != text:
+        raise ModelError(f"{path}: must have a path in UTF-8, as MuJoCo reads no other; rename the folder")
+    return robot
+
+
+def _drop_unreadable(spec: mujoco.MjSpec) -> list[str]:
+    """Remove meshes whose file is missing or cannot be decoded, with their geoms; return notes about them."""
+    bodies: dict[str, list[str]] = {"is drawn": [], "collides": []}
+    for mesh in [mesh for mesh in spec.meshes if not _is_readable(spec, mesh)]:
+        for geom in [geom for geom in spec.geoms if geom.meshname == mesh.name]:
+            bodies["collides" if geom.contype or geom.conaffinity else "is drawn"].append(geom.parent.name)
+            spec.delete(geom)
+        spec.delete(mesh)
+    why = "without a missing mesh, or one in a format that MuJoCo cannot read"
+    return [f"body {listed(dict.fromkeys(names))} {does} {why}" for does, names in bodies.items() if names]
+
+
+def _is_readable(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh) -> bool:
+    """Return whether MuJoCo can compile a mesh by itself."""
+    alone = mujoco.MjSpec()
+    alone.modelfiledir, alone.meshdir = spec.modelfiledir, mesh.compiler.meshdir
+    alone.add_mesh(name="mesh", file=mesh.file, scale=mesh.scale, content_type=mesh.content_type)
+    geom = alone.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="mesh", density=0.0)
+    geom.contype = geom.conaffinity = 0
     try:
-        check_file(path)
-        text = urdf.read(path, packages or {}) if urdf.is_urdf(path) else None
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read: {(error.strerror or str(error)).lower()}") from None
-    quiet_log()
-    with in_our_words(path) as heard:
-        spec, notes = parsed(path, text)
-        check_spec(path, spec)
-        try:
-            model = spec.compile()
-        except ValueError:
-            spec, notes = parsed(path, text, only_readable=True)
-            model = spec.compile()
-    check_model(path, model)
-    names.check(path, model)
-    numbers.check(path, model)
-    _pass_on(path, heard)
-    return Read(spec, model, text.velocity if text else {}, notes)
-
-
-def parsed(
-    path: Path, text: urdf.Urdf | None, only_readable: bool = False
-) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
-    """Return a file as MuJoCo parses it, and the assumptions.
-
-    Args:
-        path: The file.
-        text: Text of a URDF; None for MJCF.
-        only_readable: Whether to leave out meshes that MuJoCo cannot read, if the arm moves alike without
-            them.
-    """
-    spec = mujoco.MjSpec.from_string(text.text) if text else mujoco.MjSpec.from_file(str(path))
-    notes = list(text.notes) if text else []
-    if only_readable:
-        notes += meshes.drop_unreadable(spec, contacts=text is not None)
-    if text:
-        notes += urdf.mend(spec)
-    return spec, tuple(notes)
+        alone.compile()
+    except ValueError:
+        return False
+    return True
 
 
 def compiled(path: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
@@ -101,50 +129,56 @@ def compiled(path: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
     Raises:
         ModelError: MuJoCo refuses it.
     """
-    with in_our_words(path) as heard:
-        model = spec.compile()
-    _pass_on(path, heard)
-    return model
+    with in_our_words(path):
+        return spec.compile()
 
 
-def quiet_log() -> None:
-    """Keep MuJoCo from writing MUJOCO_LOG.TXT into the user's directory; its counters are read instead."""
-    config = mujoco.MjLogConfig.get()
-    config.logto_file = False
-    config.logto_console = False
-    config.set()
-
-
-# What hears the warnings is of the whole process: one thread at a time.
+# What hears the warnings is of the whole process, as are limits of memory: one thread at a time.
 _hearing = threading.RLock()
 
 
 @contextmanager
-def in_our_words(path: Path) -> Iterator[list[warnings.WarningMessage]]:
-    """Yield the warnings that come, if the caller continues; an error is reported alone."""
+def in_our_words(path: Path) -> Iterator[None]:
+    """Report an error of MuJoCo in one line, or else its warnings; keep it from writing MUJOCO_LOG.TXT.
+
+    Raises:
+        ModelError: It refuses the model, or the file cannot be read.
+    """
+    config = mujoco.MjLogConfig.get()
+    config.logto_file = config.logto_console = False
+    config.set()
     with _hearing, warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:
             with bounded_memory():
-                yield heard
+                yield
         except ModelError:
             raise
+        except OSError as error:
+            raise ModelError(f"{path}: cannot be read: {(error.strerror or str(error)).lower()}") from None
         except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
-            raise ModelError(f"{path}: {_told(error)}") from None
-
-
-def _pass_on(path: Path, heard: list[warnings.WarningMessage]) -> None:
-    for warning in dict.fromkeys(_one_line(each.message) for each in heard):
+            text = " ".join(str(error).split()) or "could not allocate memory"
+            ways = (way for words, way in _REMEDIES.items() if words in text)
+            raise ModelError("; ".join([f"{path}: {text}", *ways])) from None
+    for warning in dict.fromkeys(" ".join(str(each.message).split()) for each in heard):
         warnings.warn(f"{path}: {warning}", ModelWarning, stacklevel=4)
 
 
-def _told(error: Exception) -> str:
-    if isinstance(error, MemoryError) or any(words in str(error) for words in _NO_MEMORY):
-        most = f"{MOST_MEMORY / 2**30:g} GiB"
-        return f"must compile within {most} of memory; make its sizes, grids, meshes or textures smaller"
-    told = _one_line(error)
-    return "; ".join([told, *(way for words, way in _WAYS_OUT.items() if words in told)])
+@contextmanager
+def bounded_memory(most: int = MOST_MEMORY) -> Iterator[None]:
+    """Limit the additional memory of this process: MuJoCo then raises an error, and nothing is killed.
 
-
-def _one_line(said: Exception | Warning | str) -> str:
-    return " ".join(str(said).split())
+    It works only on systems that report the memory of a process, such as Linux.
+    """
+    try:
+        taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    except (NameError, OSError):
+        yield
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    limits = [limit for limit in (soft, hard, taken + most) if limit != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_AS, (min(limits), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

@@ -1,6 +1,5 @@
 """Loading an MJCF or URDF file as an arm."""
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,17 +7,15 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from rmrc.arm import names, numbers, urdf
+from rmrc.arm import urdf
 from rmrc.arm.arm import Arm
-from rmrc.arm.bounds import bounded_memory
-from rmrc.arm.compiling import compiled, quiet_log, read
+from rmrc.arm.compiling import compiled, in_our_words, opened, read
 from rmrc.arm.followers import Link, find_links, followers
-from rmrc.arm.keyframes import keyframes, starting_key
+from rmrc.arm.keyframes import keyframes
 from rmrc.arm.limits import leading_limit, position_limit, rate_limit, torque_limit
-from rmrc.arm.mounting import Asked, mounted
-from rmrc.arm.scan import check_file
+from rmrc.arm.mounting import PREFIX, mounted
 from rmrc.arm.ties import find_ties
-from rmrc.arm.wiring import SLIDE, find_chain, joints_above
+from rmrc.arm.wiring import SLIDE, find_chain
 from rmrc.scenario.arm import ArmSection, ToolSection
 from rmrc.support.errors import ModelError, did_you_mean
 from rmrc.support.legible import listed
@@ -51,20 +48,22 @@ def load(
         ModelError: The file, the site, the body or a joint is missing or not usable.
     """
     if not path.is_file():
-        near = did_you_mean(path.name, _siblings(path)) or suggestion(path, "models")
+        models = [*path.parent.glob("*.xml"), *path.parent.glob("*.urdf")]
+        near = did_you_mean(path.name, [file.name for file in models]) or suggestion(path, "models")
         raise ModelError(f"{path}: no such model file{near}")
-    asked = Asked(site, body, tool, base, tuple(sorted((packages or {}).items())))
-    spec, model, velocity, told = read(path, packages)
-    return _found(path, spec, model, velocity, list(told), asked, joints, urdf.is_urdf(path))
+    spec, model, robot, notes = read(path, packages)
+    arm = _found(path, spec, model, robot, [*notes], joints, site, body, tool, base)
+    folders = tuple(sorted((packages or {}).items()))
+    return replace(arm, packages=folders, variant=(tool, folders) if tool or folders else ())
 
 
-def is_model(given: object) -> bool:
+def is_model(model: object) -> bool:
     """Return whether `load_model` accepts an object."""
-    return isinstance(given, mujoco.MjModel | mujoco.MjSpec)
+    return isinstance(model, mujoco.MjModel | mujoco.MjSpec)
 
 
 def load_model(
-    given: mujoco.MjModel | mujoco.MjSpec,
+    model: mujoco.MjModel | mujoco.MjSpec,
     site: str | None = None,
     joints: Sequence[str] | None = None,
     *,
@@ -73,7 +72,7 @@ def load_model(
     """Find the arm in a loaded model.
 
     Args:
-        given: The model; it is not changed. No site can be added to a compiled model: its arm needs a site,
+        model: The model; it is not changed. No site can be added to a compiled model: its arm needs a site,
             and names of all joints. A base that floats there is not fixed: its pose is in MuJoCo's data.
         site: As in `load`, like the others.
         joints: Names of the joints to actuate.
@@ -82,88 +81,12 @@ def load_model(
     Raises:
         ModelError: The site, the body or a joint is missing or not usable, or a number is not finite.
     """
-    is_spec = isinstance(given, mujoco.MjSpec)
-    title = given.modelname if is_spec else bytes(given.names).split(b"\0")[0].decode("utf-8", "replace")
+    spec = model.copy() if isinstance(model, mujoco.MjSpec) else None
+    title = spec.modelname if spec else bytes(model.names).partition(b"\0")[0].decode("utf-8", "replace")
     path = Path(title or "the model")
-    spec = given.copy() if is_spec else None
-    model = given if spec is None else compiled(path, spec)
-    names.check(path, model)
-    numbers.check(path, model)
-    return _found(path, spec, model, {}, [], Asked(site, body, None, "fixed", ()), joints)
-
-
-def _found(
-    path: Path,
-    spec: mujoco.MjSpec | None,
-    model: mujoco.MjModel,
-    velocity: Mapping[str, float],
-    notes: list[str],
-    asked: Asked,
-    joints: Sequence[str] | None,
-    is_urdf: bool = False,
-) -> Arm:
-    """Return the arm of a model: see `load`."""
-    model, site, frame, obvious = mounted(path, spec, model, asked, notes)
-    if joints is None:
-        _refuse_balls(path, model, site)
-    chain = find_chain(path, model, site)
-    links = find_links(path, model, chain)
-    own = [name for name in chain if name not in links]
-    driven = tuple(own) if joints is None else _driven(path, model, site, own, links, joints, notes)
-    if not driven:
-        raise ModelError(
-            f'{path}: each joint on the chain to site "{site}" follows another by an equality; choose a site '
-            "that a joint moves that follows none",
-            "site",
-        )
-    following = followers(model, chain, links, driven) if links else ()
-    joint = np.array([model.joint(name).id for name in driven])
-    limit = position_limit(model, driven, following)
-    keys = keyframes(model, joint.tolist(), limit, asked.prefix, notes)
-    if (
-        spec is not None
-        and is_urdf
-        and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0)))
-    ):
-        notes += apart
+    if spec is not None:
         model = compiled(path, spec)
-    arm = Arm(
-        path=path,
-        site=site,
-        joints=driven,
-        is_slide=model.jnt_type[joint] == SLIDE,
-        followers=following,
-        position_limit=limit,
-        rate_limit=leading_limit(model, driven, following, lambda i: _rate(model, velocity, i), -1),
-        torque_limit=leading_limit(model, driven, following, lambda i: torque_limit(model, i), 1),
-        keyframes=keys,
-        model=model,
-        _spec=spec,
-        _links={name: links[name] for name in chain if name in links and links[name].leader not in joint},
-        variant=asked.variant,
-        frame=frame,
-        packages=asked.packages,
-        notes=tuple(notes),
-        obvious=obvious,
-        home=starting_key(model, joint.tolist(), asked.prefix),
-    )
-    return _with_ties(arm)
-
-
-def _refuse_balls(path: Path, model: mujoco.MjModel, site: str) -> None:
-    """Refuse a ball joint on the chain to a site, all of whose joints are asked for.
-
-    Raises:
-        ModelError: There is one.
-    """
-    for i in joints_above(model, int(model.site_bodyid[model.site(site).id])):
-        if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_BALL:
-            body = model.body(model.jnt_bodyid[i])
-            raise ModelError(
-                f'{path}: the joint of body "{body.name or f"body{body.id}"}" on the chain to site "{site}" '
-                "is a ball joint; only hinge and slide joints can be driven at a rate: list those in joints",
-                "joints",
-            )
+    return _found(path, spec, model, None, [], joints, site, body)
 
 
 def load_asked(section: ArmSection) -> Arm:
@@ -178,41 +101,68 @@ def load_asked(section: ArmSection) -> Arm:
     )  # fmt: skip
 
 
-def _rate(model: mujoco.MjModel, velocity: Mapping[str, float], i: int) -> float:
-    """Return the rate limit of a joint: the least of the model's own and a URDF's."""
-    return min(rate_limit(model, i), velocity.get(model.joint(i).name, np.inf))
+def _found(
+    path: Path, spec: mujoco.MjSpec | None, model: mujoco.MjModel, robot: urdf.Urdf | None, notes: list[str],
+    joints: Sequence[str] | None, site: str | None, body: str | None, tool: ToolSection | None = None,
+    base: str = "fixed",
+) -> Arm:  # fmt: skip
+    """Return the arm of a model: see `load`."""
+    model, name, frame = mounted(path, spec, model, site, body, tool, base, notes)
+    chain = find_chain(path, model, name, refuses_balls=joints is None)
+    links = find_links(path, model, chain)
+    free = [joint for joint in chain if joint not in links]
+    driven = tuple(free) if joints is None else _driven(path, name, free, links, joints, notes)
+    if not driven:
+        why = f'each joint on the chain to site "{name}" follows another by an equality'
+        raise ModelError(f"{path}: {why}; choose a site that a joint moves that follows none", "site")
+    following = followers(model, chain, links, driven) if links else ()
+    ids = [model.joint(joint).id for joint in driven]
+    limit = position_limit(model, driven, following)
+    keys, home = keyframes(model, ids, limit, PREFIX if tool and tool.model else "", notes)
+    if robot is not None and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0))):
+        notes += apart
+        model = compiled(path, spec)
+    rates = robot.velocity if robot else {}
 
+    def rate(i: int) -> float:
+        return min(rate_limit(model, i), rates.get(model.joint(i).name, np.inf))
 
-def _with_ties(arm: Arm) -> Arm:
-    """Return the arm with its `ties`: equalities of its model that no Jacobian here includes."""
-    ties = find_ties(arm.model, arm.configuration("home"), *arm.followed_dofs, arm.others)
+    arm = Arm(
+        path=path,
+        site=name,
+        joints=driven,
+        is_slide=model.jnt_type[ids] == SLIDE,
+        followers=following,
+        position_limit=limit,
+        rate_limit=leading_limit(model, driven, following, rate, -1),
+        torque_limit=leading_limit(model, driven, following, lambda i: torque_limit(model, i), 1),
+        keyframes=keys,
+        model=model,
+        _spec=spec,
+        _links={joint: links[joint] for joint in chain if joint in links and links[joint].leader not in ids},
+        frame=frame,
+        notes=tuple(notes),
+        home=home,
+    )
+    ties = find_ties(model, arm.configuration("home"), *arm.followed_dofs, arm.others)
     if not ties:
         return arm
     verbs = ("tie", "are") if len(ties) > 1 else ("ties", "is")
-    note = f"{listed(ties)} {verbs[0]} the arm, and {verbs[1]} ignored in its kinematics"
-    return replace(arm, ties=ties, notes=(*arm.notes, note))
+    line = f"{listed(ties)} {verbs[0]} the arm, and {verbs[1]} ignored in its kinematics"
+    return replace(arm, ties=ties, notes=(*arm.notes, line))
 
 
 def _driven(
-    path: Path, model: mujoco.MjModel, site: str, own: Sequence[str], links: Mapping[str, Link],
-    joints: Sequence[str], notes: list[str],
+    path: Path, site: str, free: Sequence[str], links: Mapping[str, Link], joints: Sequence[str],
+    notes: list[str],
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the joints to actuate, outward."""
     for name in joints:
-        if name in links:
-            leader = model.joint(links[name].leader).name if links[name].leader >= 0 else ""
-            way = f"drive {'that one' if leader in own else 'another'}"
-            how = f'follows "{leader}"' if leader else "is held"
-            raise ModelError(f'{path}: joint "{name}" {how} by an equality; {way}', "joints")
-        if name not in own:
-            raise ModelError(
-                f'{path}: no hinge or slide joint "{name}" on the chain to site "{site}"'
-                f"{did_you_mean(name, own)}; the chain: {', '.join(own)}",
-                "joints",
-            )
-        if joints.count(name) > 1:
-            raise ModelError(f'{path}: joints must be listed once each, got "{name}" more often', "joints")
-    outward = tuple(name for name in own if name in joints)
+        if name not in free or joints.count(name) > 1:
+            where = f'is no hinge or slide joint on the chain to site "{site}"{did_you_mean(name, free)}'
+            why = "is listed twice" if name in free else "follows by an equality" if name in links else where
+            raise ModelError(f'{path}: joint "{name}" {why}; those to list: {", ".join(free)}', "joints")
+    outward = tuple(name for name in free if name in joints)
     if outward != tuple(joints):
         notes.append(f"list joints, and values for them, from the base outward: {', '.join(outward)}")
     return outward
@@ -226,23 +176,16 @@ def files(path: Path, packages: Mapping[str, Path] | None = None) -> list[Path]:
         packages: Folders of a URDF's packages, by their names.
 
     Returns:
-        Those that exist; only the file itself if it cannot be read as a model, which `load` then reports.
+        Those that exist, also of a file that is no model, which `load` reports.
     """
-    quiet_log()
+    needed = {path}
     try:
-        check_file(path)
-        if urdf.is_urdf(path):
-            return sorted({path, *urdf.files(path, packages or {})})
-        with bounded_memory():
-            found = set(mujoco.mju_getXMLDependencies(str(path)))
-            # it looks for height fields beside the model, where the compiler does not
-            spec = mujoco.MjSpec.from_file(str(path))
-        found |= {os.path.normpath(path.parent / spec.meshdir / field.file) for field in spec.hfields}
-    except (ValueError, RuntimeError, MemoryError, OSError, mujoco.FatalError):
-        found = set()
-    return sorted(file for file in {path, *map(Path, found)} if file.is_file())
-
-
-def _siblings(path: Path) -> list[str]:
-    files = path.parent.iterdir() if path.parent.is_dir() else ()
-    return [file.name for file in files if file.suffix in (".xml", ".urdf")]
+        with in_our_words(path):
+            robot = opened(path, packages)
+            if robot is None:
+                needed |= {Path(file) for file in mujoco.mju_getXMLDependencies(str(path))}
+            else:  # with what makes folders above it packages
+                needed |= {*robot.meshes, *(above / "package.xml" for above in path.parents)}
+    except ModelError:
+        pass
+    return sorted(file for file in needed if file.is_file())

@@ -2,34 +2,32 @@
 
 
 class Note(str):
-    """A line with the code by which `rmrc check` reports it; plain lines have the code `assumed`.
+    """A line about an assumption.
 
-    >>> Note("frame", 'site "tool" is controlled').code
+    Attributes:
+        code: The code by which `rmrc check` reports it.
+        is_obvious: Whether hardly anybody would doubt it, so that only answers that list all have it.
+    """
+
+    code = "assumed"
+    is_obvious = False
+
+
+def note(code: str, text: str, is_obvious: bool = False) -> Note:
+    """Return a line with its own code.
+
+    >>> note("frame", 'site "tool" is controlled').code
     'frame'
     """
-
-    code: str
-
-    def __new__(cls, code: str, text: str) -> "Note":
-        """Return a line.
-
-        Args:
-            code: Code of the finding.
-            text: The assumption.
-        """
-        note = super().__new__(cls, text)
-        note.code = code
-        return note
-
-    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
-        """Return what a copy is made of."""
-        return self.code, str(self)
+    line = Note(text)
+    line.code, line.is_obvious = code, is_obvious
+    return line
 
 
-def code_of(note: str) -> str:
-    """Return the code of a line.
+def code_of(line: str) -> str:
+    """Return the code of a line; `assumed` for those without.
 
-    >>> code_of(Note("frame", "a")), code_of("a")
+    >>> code_of(note("frame", "a")), code_of("a")
     ('frame', 'assumed')
     """
-    return note.code if isinstance(note, Note) else "assumed"
+    return getattr(line, "code", "assumed")

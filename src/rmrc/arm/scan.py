@@ -1,208 +1,113 @@
-"""The text of a model is checked before MuJoCo reads it, because nothing can interrupt MuJoCo's reading.
+"""What an XML file asks of MuJoCo is checked before MuJoCo reads it: nothing can interrupt its reading.
 
-One line can ask for a million bodies, for which MuJoCo would take hours, and a NaN compiles without an error.
+One line can ask for a million bodies, which takes MuJoCo hours, and a NaN compiles without an error.
 """
 
 import math
 import re
-from collections.abc import Iterator, Mapping
-from html import unescape
+import xml.etree.ElementTree as ET
 from pathlib import Path
-from typing import NamedTuple
+from xml.parsers import expat
 
-from rmrc.scenario.wording import brief
 from rmrc.support.errors import ModelError
+from rmrc.support.legible import shortened, visible
 
-# The largest XML of those models has 1 MB, 300 geoms and 130 joints. MuJoCo's time is quadratic: these
-# numbers take it some seconds.
-_MOST_BYTES, _MOST_ELEMENTS, _MOST_JOINTS = 50_000_000, 10_000, 3_000
-# Elements with grids or counts: the attributes whose product is the count, and the largest total.
-_GRIDS = {
-    "flexcomp": (("count",), 30_000),
-    "texture": (("width", "height"), 2**26),
-    "hfield": (("nrow", "ncol"), 2**24),
-    "size": (("nkey",), 10_000),
-}
-_TAG = re.compile(r"""<(/?)([\w:.\-]+)((?:[^<>"']|"[^"]*"|'[^']*')*+)>""")
-_ATTRIBUTE = re.compile(r"""([\w:.\-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
-_INFINITE = re.compile(r"[+-]?(nan(\(\w*\))?|inf(inity)?)", re.IGNORECASE)
-_ENDS = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>", "<!": ">"}
-# The values of these attributes are words, even if they look like numbers.
-_WORDS = frozenset({
-    "actuator", "body", "body1", "body2", "childclass", "class", "cranksite", "file", "geom", "geom1",
-    "geom2", "hfield", "joint", "joint1", "joint2", "jointinparent", "material", "mesh", "model", "name",
-    "objname", "prefix", "refname", "refsite", "site", "site1", "site2", "slidersite", "target", "tendon",
-    "tendon1", "tendon2", "texture",
-})  # fmt: skip
+# The largest number of elements, for which MuJoCo takes some seconds: its time is quadratic. Published models
+# have some hundreds.
+_MOST = 10_000
+# The largest values of attributes for which MuJoCo would step or search practically forever.
+_BOUNDS = {"inttotal": 1e3, **dict.fromkeys(("iterations", "ls_iterations", "ccd_iterations"), 1e4)}
+# The largest other number: no equation here makes it infinite.
+_LARGEST = 1e30
+# Characters that end a line or reverse the direction of the rest, and the one for bytes that are not UTF-8.
+_UNFIT = re.compile("[\x01-\x08\x0a-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ufffd]")
 
 
-class Tag(NamedTuple):
-    """A tag of a file.
+def check_file(path: Path, above: tuple[Path, ...] = ()) -> tuple[ET.Element, int]:
+    """Check an MJCF or URDF file and those that it names.
 
-    Attributes:
-        closes: Whether it closes an element.
-        name: Name of the element.
-        attributes: Their texts by name.
-        line: Line in the file.
-        is_alone: Whether the element ends where it begins.
-        span: Its start and end in the text.
-    """
+    Args:
+        path: The file.
+        above: The files that name one another and finally this one.
 
-    closes: bool
-    name: str
-    attributes: Mapping[str, str]
-    line: int
-    is_alone: bool
-    span: tuple[int, int]
-
-
-def check_file(path: Path) -> None:
-    """Check an MJCF file and those that it includes, as far as they can be read; MuJoCo reports the rest.
+    Returns:
+        Its root, and the number of its elements, each counted as often as it is copied.
 
     Raises:
-        ModelError: It is too large, has too many elements, or a number of it is NaN or infinite.
+        ModelError: It is no XML, asks for too much, a number of it is not finite, or a name is not fit to
+            print.
         OSError: It cannot be read.
     """
-    _Scan(path).read(path, 1)
+    root, lines = _parsed(path)
+    names = {element.get(key) for element in root.iter() for key in ("name", "class")}
+    above, total, copies = (*above, path.resolve()), 0, {root: 1}
+    for element in root.iter():
+        place = f"{path}:{lines[element]}: {element.tag}"
+        _check_attributes(place, element, names)
+        times, count = copies.pop(element), _count(element)
+        if element.tag in ("include", "model"):
+            for file in {folder / element.get("file", "") for folder in (above[0].parent, path.parent)}:
+                if file.resolve() not in above:
+                    count += check_file(file, above)[1] if file.is_file() else 0
+                elif element.tag == "model":  # MuJoCo would never end
+                    raise ModelError(f'{place} must name another file than itself, got "{file.name}"')
+        is_copied = element.tag == "replicate"
+        copies |= dict.fromkeys(element, times * count if is_copied else times)
+        total += times * (1 if is_copied else count)
+        if total > _MOST:
+            what = f"a model must have {_MOST} elements at most, counting each copy, got {total} by here"
+            raise ModelError(f"{place}: {what}; remove parts outside the arm")
+    return root, total
 
 
-class _Scan:
-    """Elements of a model, counted as often as they are repeated."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._elements = self._joints = 0
-        self._attached = (0, 0)  # elements and joints of the models that may be attached
-        self._sizes: dict[str, int] = {}
-        self._read: set[Path] = set()
-        self._open: list[Path] = []  # each names the next
-
-    def read(self, path: Path, times: int) -> None:
-        """Count the elements of one file.
-
-        Args:
-            path: Its path.
-            times: Number of repetitions of its elements.
-        """
-        if not path.is_file() or path.resolve() in self._read:  # MuJoCo refuses it
-            return
-        self._read.add(path.resolve())
-        size = path.stat().st_size
-        if size > _MOST_BYTES:
-            raise ModelError(f"{path}: must have {_MOST_BYTES / 1e6:g} MB at most, got {size / 1e6:.6g} MB")
-        self._open.append(path.resolve())
-        inside: list[tuple[Tag, int]] = []  # open elements, and the factor of repetition within them
-        for tag in tags(path.read_text("utf-8", "surrogateescape")):
-            if tag.closes:
-                if inside and inside[-1][0].name == tag.name:
-                    times //= inside.pop()[1]
-                continue
-            place = f"{path}:{tag.line}"
-            self._measure(place, tag)
-            _check_finite(place, tag, inside[-1][0] if inside else None)
-            _check_class(place, tag)
-            self._count(place, tag, times)
-            if "file" in tag.attributes and tag.name in ("include", "model"):
-                self._follow(path, tag, times)
-            if not tag.is_alone:
-                factor = _whole(tag.attributes.get("count", "")) if tag.name == "replicate" else 1
-                inside.append((tag, factor))
-                times *= factor
-        self._open.pop()
-
-    def _follow(self, path: Path, tag: Tag, times: int) -> None:
-        """Count the elements of a file that another one names."""
-        before = self._elements, self._joints
-        for folder in dict.fromkeys((self._path.parent, path.parent)):
-            named = folder / tag.attributes["file"]
-            if tag.name == "model" and named.resolve() in self._open:  # MuJoCo would read it endlessly
-                what = f'model must name another file than itself, got "{brief(tag.attributes["file"])}"'
-                raise ModelError(f"{path}:{tag.line}: {what}")
-            self.read(named, times)
-        if tag.name == "model":
-            elements, joints = self._elements - before[0], self._joints - before[1]
-            self._attached = max(self._attached[0], elements), max(self._attached[1], joints)
-
-    def _measure(self, place: str, tag: Tag) -> None:
-        words, most = _GRIDS.get(tag.name, ((), 0))
-        if not any(word in tag.attributes for word in words):
-            return
-        number = math.prod(_whole(part) for word in words for part in tag.attributes.get(word, "").split())
-        self._sizes[tag.name] = self._sizes.get(tag.name, 0) + number
-        if self._sizes[tag.name] > most:
-            sizes = " ".join(f'{word}="{tag.attributes[word]}"' for word in words if word in tag.attributes)
-            what = f"must be {most} at most in all, got {self._sizes[tag.name]}"
-            raise ModelError(f"{place}: {tag.name} {brief(sizes)} {what}")
-
-    def _count(self, place: str, tag: Tag, times: int) -> None:
-        attached = self._attached if tag.name == "attach" else (0, 0)
-        self._elements += times * (1 + attached[0])
-        self._joints += times * ((tag.name in ("joint", "freejoint")) + attached[1])
-        for what, number, most in (
-            ("elements", self._elements, _MOST_ELEMENTS),
-            ("joints", self._joints, _MOST_JOINTS),
-        ):
-            if number > most:
-                raise ModelError(
-                    f"{place}: a model must have {most} {what} at most, counting each copy of a replicate, "
-                    f"got {number} by here; remove parts outside the arm"
-                )
-
-
-def tags(text: str) -> Iterator[Tag]:
-    """Iterate over the tags of an XML text, until invalid text, at which MuJoCo stops too."""
-    at, line, counted = text.find("<"), 1, 0
-    while at >= 0:
-        line, counted = line + text.count("\n", counted, at), at
-        end = next((end for start, end in _ENDS.items() if text.startswith(start, at)), None)
-        if end is not None:
-            after = text.find(end, at)
-            at = text.find("<", after) if after >= 0 else -1
-            continue
-        found = _TAG.match(text, at)
-        if found is None:
-            return
-        closes, name, rest = found.groups()
-        attributes = {key: unescape(a or b) for key, a, b in _ATTRIBUTE.findall(rest)}
-        yield Tag(bool(closes), name, attributes, line, rest.rstrip().endswith("/"), found.span())
-        at = text.find("<", found.end())
-
-
-def _check_finite(place: str, tag: Tag, parent: Tag | None) -> None:
-    for key, value in tag.attributes.items():
-        if key in _WORDS or tag.name == "text" or "n" not in value.lower():
-            continue
-        parts = value.split()
-        if any(map(_INFINITE.fullmatch, parts)) and all(map(_is_number, parts)):
-            in_named = parent is not None and "name" in parent.attributes and "name" not in tag.attributes
-            of = f" of {_called(parent)}" if in_named and parent else ""
-            what = f'{key} must be finite, got "{brief(value)}"'
-            raise ModelError(f"{place}: {_called(tag)}{of}: {what}; omit it for no limit")
-
-
-def _check_class(place: str, tag: Tag) -> None:
-    """Refuse a class that MuJoCo would use as a C format if undefined: `%n` ends its process."""
-    name = tag.attributes.get("class", "")
-    if "%" in name:
-        raise ModelError(
-            f'{place}: {_called(tag)}: class must not have a "%", got "{brief(name)}"; rename it'
-        )
-
-
-def _called(tag: Tag) -> str:
-    name = tag.attributes.get("name")
-    return f'{tag.name} "{brief(name)}"' if name else tag.name
-
-
-def _is_number(text: str) -> bool:
+def numbers(text: str) -> list[float]:
+    """Return the numbers of a text; none if it has another word."""
     try:
-        float(text)
+        return [float(number) for number in text.split()]
     except ValueError:
-        return _INFINITE.fullmatch(text) is not None
-    return True
+        return []
 
 
-def _whole(text: str) -> int:
-    """Return a positive whole number, or 1 for any other text."""
-    found = re.match(r"\s*\+?(\d{1,18})", text)
-    return max(1, int(found[1])) if found else 1
+def _parsed(path: Path) -> tuple[ET.Element, dict[ET.Element, int]]:
+    """Return the root of an XML file and the lines of its elements; prefixes need no declaration."""
+    builder, parser, lines = ET.TreeBuilder(), expat.ParserCreate(), dict[ET.Element, int]()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        lines[builder.start(tag, attributes)] = parser.CurrentLineNumber
+
+    parser.StartElementHandler, parser.EndElementHandler = start, builder.end
+    parser.CharacterDataHandler = builder.data
+    # comments are left out, as MuJoCo takes two dashes within one
+    head, *comments = path.read_text("utf-8", "replace").lstrip().split("<!--")
+    ended = (comment.partition("-->") for comment in comments)
+    text = head + "".join("\n" * comment.count("\n") + after for comment, _, after in ended)
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise ModelError(f"{path}: must be XML, but is not: {error}") from None
+    return builder.close(), lines
+
+
+def _count(element: ET.Element) -> int:
+    """Return how many elements one asks for: points of a flex, keyframes, copies."""
+    text = element.get("nkey" if element.tag == "size" else "count", "")
+    return max(1, math.prod(int(number) for number in re.findall(r"\d{1,18}", text)))
+
+
+def _check_attributes(place: str, element: ET.Element, names: set[str | None]) -> None:
+    if element.get("name"):
+        place += f' "{shortened(visible(element.attrib["name"]))}"'
+    for key, value in element.attrib.items():
+        sizes = [abs(number) for number in numbers(value)] if value not in names else []
+        most = _BOUNDS.get(key, _LARGEST)
+        if _UNFIT.search(value):
+            wrong = "be UTF-8 without control characters"
+        elif key == "class" and "%" in value:  # of an unknown one MuJoCo makes a format: %n ends the process
+            wrong = 'not have a "%"'
+        elif not all(map(math.isfinite, sizes)):
+            wrong = "be finite, or be left out for no limit"
+        elif max(sizes, default=0.0) > most:
+            wrong = f"be {most:g} at most"
+        else:
+            continue
+        raise ModelError(f'{place}: {key} must {wrong}, got "{shortened(visible(value))}"')

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -51,25 +52,23 @@ def wire(
     model: mujoco.MjModel, joints: Sequence[str], followers: Sequence[str], axes: Sequence[str], site: str
 ) -> Wiring:
     """Resolve the names of joints, of their followers, of all joints with an axis, and of the site."""
-    ids = np.array([model.joint(name).id for name in joints])
-    following = np.array([model.joint(name).id for name in followers], np.int64)
-    drives = {
-        int(model.actuator_trnid[i, 0]): i
-        for i in range(model.nactuator)
-        if model.actuator_trntype[i] == DRIVES_JOINT
-    }
+    joint, following, axis = (
+        np.array([model.joint(name).id for name in names], np.int64) for names in (joints, followers, axes)
+    )
+    joints_alone = np.flatnonzero(model.actuator_trntype == DRIVES_JOINT)
+    drives = {int(model.actuator_trnid[i, 0]): int(i) for i in joints_alone}
     return Wiring(
-        joint=ids,
-        axis=np.array([model.joint(name).id for name in axes], np.int64),
-        qpos=model.jnt_qposadr[ids].astype(np.int64),
-        dof=model.jnt_dofadr[ids].astype(np.int64),
-        actuator=np.array([drives.get(int(i), -1) for i in ids]),
+        joint=joint,
+        axis=axis,
+        qpos=model.jnt_qposadr[joint].astype(np.int64),
+        dof=model.jnt_dofadr[joint].astype(np.int64),
+        actuator=np.array([drives.get(i, -1) for i in joint.tolist()]),
         follower_joint=following,
         follower_qpos=model.jnt_qposadr[following].astype(np.int64),
         follower_dof=model.jnt_dofadr[following].astype(np.int64),
         site=model.site(site).id,
         body=int(model.site_bodyid[model.site(site).id]),
-        base=base_of(model, int(ids[0])),
+        base=base_of(model, int(joint[0])),
     )
 
 
@@ -78,36 +77,28 @@ def base_of(model: mujoco.MjModel, joint: int) -> int:
     return int(model.body_parentid[model.jnt_bodyid[joint]])
 
 
-def find_site(path: Path, model: mujoco.MjModel, wanted: str) -> str:
-    """Return the id of the wanted site.
-
-    Raises:
-        ModelError: No site has that name.
-    """
-    sites: list[str] = [name for i in range(model.nsite) if (name := model.site(i).name)]
-    if wanted not in sites:
-        hint, known = did_you_mean(wanted, sites), listed(sites) or "none"
-        raise ModelError(f'{path}: has no site "{wanted}"{hint}; its sites: {known}', "site")
-    return wanted
-
-
-def find_body(path: Path, model: mujoco.MjModel, wanted: str, about: str = "body") -> int:
-    """Return the id of the wanted body.
+def find(
+    path: Path, model: mujoco.MjModel, kind: Literal["site", "body"], wanted: str, about: str = ""
+) -> int:
+    """Return the id of a site or a body.
 
     Args:
         path: Path of the model.
         model: Compiled.
+        kind: Which of them.
         wanted: Its name.
-        about: The key that an error names.
+        about: The key that an error names; "": the kind.
 
     Raises:
-        ModelError: No body has that name.
+        ModelError: None has that name.
     """
-    bodies: list[str] = [name for i in range(1, model.nbody) if (name := model.body(i).name)]
-    if wanted not in bodies:
-        hint, known = did_you_mean(wanted, bodies), listed(bodies) or "none"
-        raise ModelError(f'{path}: has no body "{wanted}"{hint}; its bodies: {known}', about)
-    return int(model.body(wanted).id)
+    ids = range(model.nsite) if kind == "site" else range(1, model.nbody)
+    names = {name: i for i in ids if (name := getattr(model, kind)(i).name)}
+    if wanted not in names:
+        hint, plural = did_you_mean(wanted, names), "sites" if kind == "site" else "bodies"
+        known = f"its {plural}: {listed(names) or 'none'}"
+        raise ModelError(f'{path}: has no {kind} "{wanted}"{hint}; {known}', about or kind)
+    return names[wanted]
 
 
 def soft_bodies(model: mujoco.MjModel) -> frozenset[int]:
@@ -155,17 +146,26 @@ def joints_above(model: mujoco.MjModel, body: int) -> list[int]:
     return joints
 
 
-def find_chain(path: Path, model: mujoco.MjModel, site: str) -> list[str]:
-    """Return the names of the hinge and slide joints between the world and a site, outward."""
+def find_chain(path: Path, model: mujoco.MjModel, site: str, refuses_balls: bool = False) -> list[str]:
+    """Return the names of the hinge and slide joints between the world and a site, outward.
+
+    Raises:
+        ModelError: There is none, one has no name, or there is a ball joint where these are refused.
+    """
     chain: list[str] = []
     for i in joints_above(model, int(model.site_bodyid[model.site(site).id])):
-        joint, b = model.joint(i), int(model.jnt_bodyid[i])
-        if joint.type[0] not in (HINGE, SLIDE):
-            continue
-        if not joint.name:
-            body = model.body(b).name or f"body{b}"
-            raise ModelError(f'{path}: a joint of body "{body}" has no name; give it one')
-        chain.append(joint.name)
+        joint, body = model.joint(i), model.body(model.jnt_bodyid[i])
+        called = f'body "{body.name or f"body{body.id}"}"'
+        if refuses_balls and joint.type[0] == mujoco.mjtJoint.mjJNT_BALL:
+            raise ModelError(
+                f'{path}: the joint of {called} on the chain to site "{site}" is a ball joint; only hinge '
+                "and slide joints can be driven at a rate: list those in joints",
+                "joints",
+            )
+        if joint.type[0] in (HINGE, SLIDE):
+            if not joint.name:
+                raise ModelError(f"{path}: a joint of {called} has no name; give it one")
+            chain.append(joint.name)
     if not chain:
         raise ModelError(f'{path}: no joint moves site "{site}"; choose a site on a moving body', "site")
     return chain[::-1]

@@ -30,9 +30,11 @@ def check(
     with notice("checking the model ..."):
         from rmrc.analysis.check.check import check as ask
         from rmrc.analysis.check.report import report
-        from rmrc.study import ci
+        from rmrc.results import ci
+        from rmrc.show.sheets import as_markdown
 
-        with ci.Files(model.stem, junit, summary) as files:
+        with ci.files(model.stem, junit, summary) as results:
             answer = report(ask(model, **asked(site, body, package), joints=joints_of(joints), seed=seed))
-            files.write_answer(model.stem, answer)
-    show(answer, as_json, files=files.paths)
+            results.suites = [ci.Suite(model.stem, answer.cases, verdict=answer.problem)]
+            results.figures = "\n\n".join(map(as_markdown, answer.sheets))
+    show(answer, as_json, files=[*filter(None, (junit, summary))])

@@ -129,7 +129,8 @@ def read_arm(
     from rmrc.arm import load
 
     arm = load(model, joints=joints_of(joints), **asked(site, body, packages))
-    tell_assumed(note for note in arm.notes if note != arm.obvious)  # the answer names the site
+    # the answer names the site
+    tell_assumed(note for note in arm.notes if not getattr(note, "is_obvious", False))
     return arm
 
 

@@ -57,7 +57,7 @@ def plot(
         typer.Option(
             metavar="NAME,NAME,...",
             help="Any of path, rates, sigma, error, torque, pace, status and g, drawn in this order from "
-            "the top; for a sweep: distributions, parallel; default: all panels that have data.",
+            "the top; for a sweep: distributions, keys; default: all panels that have data.",
         ),
     ] = None,
     width: Annotated[
@@ -68,7 +68,7 @@ def plot(
 ) -> None:
     """Plot a run, or variants side by side, for a paper: path, rates, singular values, errors, status.
 
-    For a sweep, plots the distributions of its metrics and parallel coordinates with one line per run.
+    For a sweep, plots the distributions of its metrics, and the first one over each varied key.
     """
     wanted = out or run.with_suffix(".pdf")
     if wanted.suffix not in PICTURES:
@@ -76,32 +76,13 @@ def plot(
     size = inches(width)
     with interruption("interrupted; nothing was written"):
         from rmrc.results.leaving import refuse_unwritable
-        from rmrc.results.run import read_runs
         from rmrc.show.panels import NAMES
-        from rmrc.show.plot import plot as draw
+        from rmrc.study import plotting, sweep_figure
 
-        if run.suffix == ".parquet":
-            _plot_sweep(run, wanted, panels, size, font)
-            print_line(output(quiet), f"wrote {wanted}")
-            return
-        names = _chosen(panels, NAMES)
+        names = _chosen(panels, sweep_figure.PANELS if run.suffix == ".parquet" else NAMES)
         refuse_unwritable([wanted])
-        found = read_runs(run)
-        for label, one in found.items():
-            if not len(one):
-                raise QuestionError(f"{visible(str(run))}: {quoted(label)} has no ticks to draw")
-        draw(found, wanted, names, size, font)
+        plotting.plot(run, wanted, names, size, font)
     print_line(output(quiet), f"wrote {wanted}")
-
-
-def _plot_sweep(rows: Path, wanted: Path, panels: str | None, width: float, font: float) -> None:
-    from rmrc.results.leaving import refuse_unwritable
-    from rmrc.study import sweep_figure
-    from rmrc.study.swept import Swept
-
-    names = _chosen(panels, sweep_figure.PANELS)
-    refuse_unwritable([wanted])
-    sweep_figure.plot(Swept.of(rows), wanted, names, width, font)
 
 
 def _chosen(text: str | None, known: Sequence[str]) -> list[str]:

@@ -12,8 +12,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TextIO, cast
 
-from rmrc.support.legible import IN_ASCII
-
 
 class _Patient(io.RawIOBase):
     """A stream that ignores failures of the stream behind it, and keeps the first reason."""
@@ -101,7 +99,10 @@ def _wrapped(stream: TextIO | None) -> tuple[_Patient | None, TextIO]:
         return None, stream
     raw = _Patient(inner)
     return raw, io.TextIOWrapper(
-        io.BufferedWriter(cast(io.RawIOBase, raw)), encoding=encoding, errors=IN_ASCII, line_buffering=by_line
+        io.BufferedWriter(cast(io.RawIOBase, raw)),
+        encoding=encoding,
+        errors="backslashreplace",
+        line_buffering=by_line,
     )
 
 

@@ -1,16 +1,14 @@
 """The verb `sweep`: run thousands of variants of a scenario."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from rmrc import scenario as scenarios
 from rmrc.cli.console import (
-    EXIT_INPUT,
     EXIT_INTERRUPTED,
     complain,
     interruption,
@@ -22,14 +20,9 @@ from rmrc.cli.kinds import SCENARIO, expect
 from rmrc.cli.options import Out, Quiet, Threads
 from rmrc.cli.scenarios import Overrides
 from rmrc.support.errors import ClusterError, ScenarioError
+from rmrc.support.invocation import command
 from rmrc.support.legible import shortened
 from rmrc.support.problems import Origin, Problem
-
-if TYPE_CHECKING:
-    from rmrc.scenario import Draft
-    from rmrc.study.dataset import Contents
-    from rmrc.study.picks import Choice
-    from rmrc.study.sweep import Sweep
 
 Drawn = Annotated[
     list[str] | None,
@@ -67,10 +60,6 @@ def sweep(
             help="Run on Dask: local:N worker processes, or the tcp://HOST:PORT of a scheduler.",
         ),
     ] = None,
-    record: Annotated[
-        str | None,
-        typer.Option(metavar="worst:N[:METRIC]", help="Record the N worst (or best) runs in full."),
-    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Run thousands of variants of a scenario; write NAME.sweep.parquet with one row per run.
@@ -78,50 +67,34 @@ def sweep(
     Rerunning the command resumes an interrupted sweep. A run that diverges gets a row like any other.
     """
     from rmrc.show.terminal import render
-    from rmrc.study.picks import Choice
     from rmrc.study.sweep import Sweep
-    from rmrc.study.sweep_table import sheets
+    from rmrc.study.swept import Swept
 
     options = _options(vary or (), random or (), sobol or (), (samples, repeat, seed))
-    choice = Choice.read(record) if record else None
     if cluster is not None and threads:
         raise ClusterError(
             "--threads: must not be given with --cluster, whose workers have their own threads"
         )
-    base = _given(scenarios.draft_of(scenario, set_ or ()), options)
-    with Sweep(base, (), out, threads, cluster) as work:
-        contents = _check(work, quiet)
-        choice = choice and choice.settled(work.scenario, contents.columns)
-        name, before = work.scenario.name, work.done
-        with progress(f"{name}: {len(work)} runs", len(work), quiet, before, "runs") as on_runs:
-            try:
-                interrupted = work.run(on_runs).interrupted
-            except KeyboardInterrupt:
-                interrupted = True
-    if interrupted:
-        complain(f"interrupted after {work.done} of {len(work)} runs; rerun the command to resume")
-        raise typer.Exit(EXIT_INTERRUPTED)
-    console = output(quiet)
-    console.print(render(sheets(name, work.summary(), work.plan.label)))
-    print_line(console, f"wrote {work.dataset.file}")
-    if choice:
-        _record(console, work, choice, quiet)
-
-
-def _check(work: "Sweep", quiet: bool) -> "Contents":
-    with (
-        interruption("interrupted before the first run"),
-        progress("checking", len(work), quiet, unit="runs") as on_runs,
-    ):
-        work.compile()
-        return work.check(on_runs)
-
-
-def _given(base: "Draft", options: Mapping[str, tuple[str, str]]) -> "Draft":
-    """Return a draft with the options applied."""
+    base = scenarios.draft_of(scenario, set_ or ())
     for option, (key, value) in options.items():
         base = base.given(key, value, option)
-    return base
+    with interruption("interrupted before the first run"):
+        work = Sweep(base, (), out, threads, cluster)
+        with progress("checking", len(work), quiet, unit="runs") as on_runs:
+            work.check(on_runs)
+    name = work.scenario.name
+    with progress(f"{name}: {len(work)} runs", len(work), quiet, work.done, "runs") as on_runs:
+        try:
+            work.run(on_runs)
+        except KeyboardInterrupt:
+            complain(f"interrupted after {work.done} of {len(work)} runs; rerun the command to resume")
+            raise typer.Exit(EXIT_INTERRUPTED) from None
+    console, swept = output(quiet), Swept.of(work.dataset.file)
+    console.print(render(swept.sheets()))
+    for index in sorted({i for ends in swept.extremes().values() for i in ends}):
+        words = [f"--set={text}" for text in (*(set_ or ()), *map(str, work.plan.changes(index)))]
+        print_line(console, f"run {index}: {command('run', scenario, *words)}")
+    print_line(console, f"wrote {work.dataset.file}")
 
 
 def _options(
@@ -154,18 +127,3 @@ def _options(
     if problems:
         raise ScenarioError(problems)
     return options
-
-
-def _record(console: Console, work: "Sweep", choice: "Choice", quiet: bool) -> None:
-    for index in work.chosen(choice):
-        job = work.job(index)
-        with progress(job.name, job.ticks, quiet) as on_ticks:
-            left = job.run(on_ticks)
-        if left.interrupted:
-            complain(f"interrupted while {job.name} was recorded; all rows are written")
-            raise typer.Exit(EXIT_INTERRUPTED)
-        for failure in left.failures:
-            complain(f"error: {failure}")
-        if left.failures:
-            raise typer.Exit(EXIT_INPUT)
-        print_line(console, f"wrote {left.files[0]}")

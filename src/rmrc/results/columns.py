@@ -1,7 +1,8 @@
-"""The record of a run: named columns over time, with unit and meaning, and how it ended."""
+"""The record of a run: columns over time, each with unit and meaning, and the facts about it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,7 @@ from rmrc.scenario.choices import IN_RUNS
 from rmrc.scenario.profile import Profile
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """The description of a column.
 
     Attributes:
@@ -27,6 +27,11 @@ class Column:
     width: str = ""
 
 
+_POSE_ERROR = (
+    "[p_ref − p; log(R_ref Rᵀ)] of the true pose, along task.frame; if the site is free about one of its "
+    "axes, the tilt of that axis"
+)
+
 COLUMNS: Mapping[str, Column] = {
     "time": Column("s", "simulated time of the control tick"),
     "q": Column("joint", "true joint positions", "n"),
@@ -39,12 +44,7 @@ COLUMNS: Mapping[str, Column] = {
     "pose": Column("m, quat w x y z", "true pose of the site in the world", "7"),
     "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
     "twist_ref": Column("m/s, rad/s", "reference twist, [v; ω] along world axes", "6"),
-    "pose_error": Column(
-        "m, rad",
-        "[p_ref − p; log(R_ref Rᵀ)] of the true pose, along task.frame; if the site is free about one of its "
-        "axes, the tilt of that axis",
-        "6",
-    ),
+    "pose_error": Column("m, rad", _POSE_ERROR, "6"),
     "sigma": Column("1", "singular values of the scaled task Jacobian, in descending order", "k"),
     "gain": Column("1", "filter g(σ) of the inverse", "k"),
     "damping": Column("1", "λ, in the units of σ"),
@@ -75,6 +75,13 @@ def widths(n: int, k: int, nq: int) -> dict[str, int]:
     return {name: sizes[column.width] for name, column in COLUMNS.items()}
 
 
+def no_ticks(n: int, k: int, nq: int) -> dict[str, NDArray[np.generic]]:
+    """Return the columns of a run without ticks; arguments as in `widths`."""
+    return {
+        name: np.empty((0, width) if COLUMNS[name].width else 0) for name, width in widths(n, k, nq).items()
+    }
+
+
 @dataclass(frozen=True)
 class Divergence:
     """The point at which a state stopped being finite.
@@ -98,8 +105,8 @@ class Divergence:
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
-    """The known facts about a run, except its metrics.
+class Facts:
+    """The facts about a run beside its columns, as its file has them.
 
     Attributes:
         name: Name of the scenario.
@@ -108,8 +115,7 @@ class Recorded:
         axes: Task axes that count.
         length: Characteristic length L of the task [m].
         period: Control period [s].
-        columns: Arrays by the names of COLUMNS, time first: (T,) or (T, width).
-        planned: Ticks of the path; T is smaller if the run was cut short, and larger if it was slowed.
+        planned: Ticks of the path; a run has fewer if it was cut short, and more if it was slowed.
         divergence: Where it diverged, or None.
         wall_time: Seconds that the stepping of this world took.
         weights: Task weights, one per axis; none: all 1.
@@ -123,13 +129,13 @@ class Recorded:
         rate_limit: Rate limit of each joint [rad/s or m/s], infinite without one; none: not known.
         damping_below: ε, below which damping begins, in the units of σ; 0 where damping depends on something
             else.
-        shoulder: The point on the first axis from which `reach` counts, in the world [m]; none: not known.
-        reach: Largest distance of the site from there, whatever the limits [m]; 0: not known.
         screws: [ω; v at the world's origin] of each axis of the chain with all joints at 0, outward, per unit
             of the joint that moves it, (ℓ, 6) [rad, m]; none: not known.
         leaders: Number of the joint that moves each axis, (ℓ,).
         joint_scale: Diagonal of S_q, by which the law scales joint rates, (n,); none: not known.
     """
+
+    __pydantic_config__: ClassVar[Mapping[str, str]] = {"ser_json_inf_nan": "strings"}
 
     name: str
     joints: tuple[str, ...]
@@ -137,7 +143,6 @@ class Recorded:
     axes: tuple[str, ...]
     length: float
     period: float
-    columns: Mapping[str, NDArray[np.generic]]
     planned: int
     divergence: Divergence | None = None
     wall_time: float = 0.0
@@ -150,11 +155,20 @@ class Recorded:
     profile: Profile | None = None
     rate_limit: tuple[float, ...] = ()
     damping_below: float = 0.0
-    shoulder: tuple[float, ...] = ()
-    reach: float = 0.0
     screws: tuple[tuple[float, ...], ...] = ()
     leaders: tuple[int, ...] = ()
     joint_scale: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Recorded(Facts):
+    """The columns of a run, and the facts about it.
+
+    Attributes:
+        columns: Arrays by the names of COLUMNS, time first: (T,) or (T, width).
+    """
+
+    columns: Mapping[str, NDArray[np.generic]]
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return a column by name."""
@@ -167,11 +181,9 @@ class Recorded:
     @property
     def completed(self) -> float:
         """Share of the path that was recorded; 1: all of it."""
-        return self.share(float(self["path_time"][-1])) if len(self) else 0.0
-
-    def share(self, path_time: float) -> float:
-        """Return the completed share of the path at a tick with this path time."""
-        return (round(path_time / self.period, 6) + 1.0) / self.planned
+        if not len(self):
+            return 0.0
+        return (round(float(self["path_time"][-1]) / self.period, 6) + 1.0) / self.planned
 
     @property
     def is_complete(self) -> bool:

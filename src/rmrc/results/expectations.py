@@ -1,33 +1,18 @@
 """The expectations of a scenario about the metrics of its run."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from rmrc.results.columns import Recorded
-from rmrc.results.events import CONDITIONS
-from rmrc.results.scorecard import Figure, Scorecard, figures, json_value
-from rmrc.results.tally import Tally
+from rmrc.results.columns import no_ticks
+from rmrc.results.run import Run
+from rmrc.results.scorecard import Figure, Scorecard, json_value
 from rmrc.scenario import Check, Scenario
 from rmrc.scenario.expect import PROFILE
 from rmrc.support.errors import ScenarioError, did_you_mean
-from rmrc.support.problems import Problem
 from rmrc.support.spatial import AXES
-
-# Units of what a profile bounds, per unit of the joint.
-_PER = dict(zip(CONDITIONS, ("", "/s", "/s²", "/s³"), strict=True))
-
-# What a metric names that is no number, by the end of its own name; and the number to expect instead.
-_NAMED = {"_joint": "a joint", "_condition": "a condition", "_bodies": "bodies"}
-_NUMBERS = {
-    "profile.first_joint": "profile.refused",
-    "profile.first_condition": "profile.refused",
-    "return.change_joint": "return.joint_change",
-    "contact.first_bodies": "contact.time",
-    "torque_limited.first_joint": "torque_limited.time",
-}
 
 
 @dataclass(frozen=True)
@@ -56,10 +41,8 @@ class Outcome:
         text = f"{self.name}: expected {self.wanted}"
         if math.isnan(self.value):
             return f"{text}, but it is undefined for this run"
-        if self.got:
-            return f"{text}, got {self.got}"
-        text += f", got {self.value:.6g}"
-        if self.ok:
+        text += f", got {self.got or f'{self.value:.6g}'}"
+        if self.ok or self.got:
             return text
         if self.missed_by == 0.0:
             return f"{text}, exactly the bound"
@@ -79,12 +62,16 @@ def blank(joints: tuple[str, ...], axes: tuple[str, ...]) -> Scorecard:
         joints: Names of the joints.
         axes: Task axes that count.
     """
-    run = Recorded("", joints, (False,) * len(joints), axes, 1.0, 1.0, {}, 0)
-    return figures(run, Tally(run))
+    n = len(joints)
+    run = Run(
+        name="", joints=joints, is_slide=(False,) * n, axes=axes, length=1.0, period=1.0, planned=1,
+        columns=no_ticks(n, 1, n),
+    )  # fmt: skip
+    return run.scorecard
 
 
 def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
-    """Refuse a scenario that expects metrics that its run will not have.
+    """Refuse a scenario that expects metrics that its run will not have, or that are not numbers.
 
     Args:
         scenario: Its `expect` and task are read.
@@ -93,9 +80,14 @@ def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
     Raises:
         ScenarioError: All names that are refused, each with its place in the scenario.
     """
-    problems = refused(scenario.expect, blank(tuple(joints), scenario.task.axes))
+    card, problems = blank(tuple(joints), scenario.task.axes), []
+    for name in scenario.expect:
+        if name in card and isinstance(card[name].value, str):
+            problems.append((name, "is the name of something; an expectation needs a number"))
+        elif name not in card and name != PROFILE:
+            problems.append((name, _unknown(name, card)))
     if problems:
-        raise ScenarioError(scenario.problem(f"expect.{name}", why) for name, why in problems.items())
+        raise ScenarioError(scenario.problem(f"expect.{name}", why) for name, why in problems)
 
 
 def check(card: Scorecard, expect: Mapping[str, Check | str]) -> list[Outcome]:
@@ -110,66 +102,31 @@ def check(card: Scorecard, expect: Mapping[str, Check | str]) -> list[Outcome]:
 
     Returns:
         One outcome per check, in the order of `expect`.
-
-    Raises:
-        ScenarioError: Names that are no metrics of this run, or not numbers; all of them.
     """
-    problems = refused(expect, card)
-    if problems:
-        raise ScenarioError(Problem(("expect", name), why) for name, why in problems.items())
     return [
         _accepted(card, wanted) if isinstance(wanted, str) else _outcome(name, card[name], wanted)
         for name, wanted in expect.items()
     ]
 
 
-def refused(names: Iterable[str], card: Scorecard) -> dict[str, str]:
-    """Return why some metrics cannot be expected.
-
-    Args:
-        names: Names of metrics, as a scenario's `expect` has them.
-        card: A scorecard of such a run, with values or without.
-
-    Returns:
-        For each name that is refused, in order, the reason; it follows the key in a message.
-    """
-    reasons = {}
-    for name in names:
-        if name == PROFILE:
-            continue
-        if name not in card:
-            reasons[name] = _unknown(name, card)
-        elif isinstance(card[name].value, str):
-            number = _NUMBERS.get(name, name.removesuffix("_joint"))
-            what = next(words for end, words in _NAMED.items() if name.endswith(end))
-            reasons[name] = f"names {what}; an expectation needs a number, such as {number}"
-    return reasons
-
-
 def _unknown(name: str, card: Scorecard) -> str:
     """Return why there is no such metric, and the remedy."""
-    rows = {"position_error": AXES[:3], "orientation_error": AXES[3:]}
-    for error, other in (("position_error", "orientation_error"), ("orientation_error", "position_error")):
-        if name.startswith(error) and name.replace(error, other) in card:
-            return f"needs one of {', '.join(rows[error])} in task.axes"
+    for error, rows in (("position_error", AXES[:3]), ("orientation_error", AXES[3:])):
+        if name.startswith(error) and f"{error}.max" not in card:
+            return f"needs one of {', '.join(rows)} in task.axes"
     groups = ", ".join(dict.fromkeys(known.partition(".")[0] for known in card))
     return "no such metric" + (did_you_mean(name, card) or f"; metrics begin with {groups}")
 
 
 def _accepted(card: Scorecard, profile: str) -> Outcome:
     """Return whether a profile accepts all commands, and the first violation."""
-    count, all_of_them = float(card["profile.refused"].value), card["ticks"].value
-    got = f"{all_of_them} that it accepts"
+    count, ticks, profile = float(card["profile.refused"].value), card["ticks"].value, Path(profile).stem
+    got = f"{count:g} of {ticks} refused"
     if count > 0.0:
-        joint, condition, time, value, bound = (
-            card[f"profile.first_{name}"].value for name in ("joint", "condition", "time", "value", "bound")
-        )
-        unit = card[f"joint_rate.{joint}.peak"].unit.removesuffix("/s") + _PER[str(condition)]
-        got = (
-            f'{condition} {value:.6g} {unit} of "{joint}" at {time:.6g} s, which must stay within '
-            f"{bound:.6g}; {count:g} of {all_of_them} commands are refused"
-        )
-    return Outcome(PROFILE, count, f"commands that {Path(profile).stem} accepts", count, count == 0.0, got)
+        names = ("condition", "joint", "time")
+        condition, joint, time = (card[f"profile.first_{name}"].value for name in names)
+        got += f', the first for the {condition} of "{joint}" at {time:.6g} s'
+    return Outcome(PROFILE, count, f"commands that {profile} accepts", count, count == 0.0, got)
 
 
 def _outcome(name: str, figure: Figure, wanted: Check) -> Outcome:
@@ -178,16 +135,13 @@ def _outcome(name: str, figure: Figure, wanted: Check) -> Outcome:
     # `not value < bound` instead of `value >= bound`: NaN must miss.
     if wanted.above is not None:
         words.append(f"above {wanted.above:.12g}")
-        if not value > wanted.above:
-            misses.append(value - wanted.above)
+        misses += [value - wanted.above] * (not value > wanted.above)
     if wanted.below is not None:
         words.append(f"below {wanted.below:.12g}")
-        if not value < wanted.below:
-            misses.append(value - wanted.below)
+        misses += [value - wanted.below] * (not value < wanted.below)
     if wanted.equals is not None and wanted.within is not None:
         words.append(f"{wanted.equals:.12g} within {wanted.within:.12g}")
         off = value - wanted.equals
-        if not abs(off) <= wanted.within:
-            misses.append(off - math.copysign(wanted.within, off))
+        misses += [off - math.copysign(wanted.within, off)] * (not abs(off) <= wanted.within)
     text = " and ".join(words) + ("" if figure.unit == "1" else f" {figure.unit}")
     return Outcome(name, value, text, max(misses, key=abs, default=0.0), not misses)

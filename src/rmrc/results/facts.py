@@ -3,12 +3,13 @@
 import json
 import platform
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from rmrc.support.files import written_whole
+from rmrc.support.files import write_text
 
 # The libraries that determine the bits and the appearance of a result.
 LIBRARIES = ("rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk")
@@ -23,7 +24,11 @@ def versions(*more: str) -> dict[str, str]:
     Args:
         more: Libraries beside those that determine every run.
     """
-    return {"python": platform.python_version()} | {lib: version(lib) for lib in (*LIBRARIES, *more)}
+    versions = {"python": platform.python_version()}
+    for library in (*LIBRARIES, *more):
+        with suppress(metadata.PackageNotFoundError):  # a worker of a sweep needs no rerun
+            versions[library] = version(library)
+    return versions
 
 
 def save(path: Path, facts: Mapping[str, Any], *more: str) -> None:
@@ -35,5 +40,4 @@ def save(path: Path, facts: Mapping[str, Any], *more: str) -> None:
         more: Libraries beside those that determine every run.
     """
     text = json.dumps({**facts, "versions": versions(*more)}, indent=2, ensure_ascii=False, allow_nan=False)
-    with written_whole(path) as temporary:
-        temporary.write_text(f"{text}\n", "utf-8")
+    write_text(path, f"{text}\n")

@@ -1,38 +1,33 @@
-"""A run: its record, its metrics, and its file."""
+"""A run: its columns, the facts about it, its metrics, and its file."""
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_type_hints
-from zipfile import BadZipFile
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, create_model
+from pydantic import TypeAdapter
 
 import rmrc
-from rmrc.results import notebook
-from rmrc.results.columns import COLUMNS, Recorded
-from rmrc.results.verdict import told
+from rmrc.results.columns import COLUMNS, Facts, Recorded, widths
+from rmrc.results.scorecard import Scorecard, html_table, scorecard
+from rmrc.results.verdict import verdict
 from rmrc.support.brief import brief, cut
 from rmrc.support.errors import QuestionError
-from rmrc.support.files import written_whole
-
-if TYPE_CHECKING:  # imports numba, which a run that is only read does not need
-    from rmrc.results.scorecard import Scorecard
+from rmrc.support.files import reading, written_whole
 
 # Prefix of the columns of a baseline in the file of its run.
 BASELINE = "baseline/"
-# What reading another kind of file, or a damaged one, may raise.
-_DAMAGED = LookupError, ValueError, TypeError, AttributeError, EOFError, BadZipFile, OSError, RuntimeError
-# Facts of a run are smaller, in any unit.
-LARGEST = 1e100
+
+
+_FACTS = TypeAdapter(Facts)
 
 
 @brief
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Run(Recorded):
     """The run of one world: `run["qdot_cmd"]` is a column, `run.scorecard["tau.peak"].value` a metric.
 
@@ -43,45 +38,33 @@ class Run(Recorded):
     baseline: "Run | None" = None
 
     @cached_property
-    def scorecard(self) -> "Scorecard":
+    def scorecard(self) -> Scorecard:
         """The metrics of the run, up to its last tick."""
-        from rmrc.results.scorecard import scorecard
-
         return scorecard(self)
 
     @property
     def verdict(self) -> str:
         """The result in one sentence."""
         other = self.baseline
-        return told(self, self.scorecard, None if other is None else (other, other.scorecard))
+        return verdict(self, self.scorecard, None if other is None else (other, other.scorecard))
 
-    def plot(
-        self,
-        path: str | Path | None = None,
-        panels: Sequence[str] = (),
-        width: float = 7.16,
-        font: float = 8.0,
-    ) -> Any:
-        """Draw it, and return matplotlib's figure, which a notebook shows; see `rmrc.plot`."""
-        return rmrc.plot(self, path, panels, width, font)
-
-    def to_pandas(self) -> Any:
-        """Return the columns as a DataFrame over time, such as `qdot_cmd.elbow`.
-
-        Raises:
-            QuestionError: pandas is not installed.
-        """
-        return notebook.frame(self)
+    def plot(self, *arguments: Any, **options: Any) -> Any:
+        """Draw it, and return matplotlib's figure, which a notebook shows; arguments as of `rmrc.plot`."""
+        return rmrc.plot(self, *arguments, **options)
 
     def _repr_html_(self) -> str:
         """Return its metrics, for a notebook."""
         return self.scorecard._repr_html_()
 
+    # Its file -------------------------------------------------------------------------------------
+
     def save(self, path: Path) -> None:
         """Write all columns and the facts about them to an npz file, atomically."""
-        beside = self.baseline.columns if self.baseline else {}
-        columns = {**self.columns, **{f"{BASELINE}{name}": column for name, column in beside.items()}}
-        _write(path, {**columns, "facts": np.array(json.dumps(self._facts()))})
+        facts, arrays = self._facts(), dict(self.columns)
+        if self.baseline is not None:
+            facts["baseline"] = self.baseline._facts()
+            arrays |= {f"{BASELINE}{name}": column for name, column in self.baseline.columns.items()}
+        _write(path, arrays, facts)
 
     @classmethod
     def read(cls, path: Path) -> "Run":
@@ -97,43 +80,27 @@ class Run(Recorded):
         return run
 
     def _facts(self) -> dict[str, Any]:
-        """Return the facts except the columns, as strict JSON; infinite numbers are texts."""
-        facts: dict[str, Any] = json.loads(
-            _Facts.model_validate(self, from_attributes=True).model_dump_json()
-        )
-        facts["units"] = {name: column.unit for name, column in COLUMNS.items()}
-        if self.baseline is not None:
-            facts["baseline"] = self.baseline._facts()
-        return facts
+        """Return the facts as strict JSON; infinite numbers are texts."""
+        facts: dict[str, Any] = json.loads(_FACTS.dump_json(self))
+        return facts | {"units": {name: column.unit for name, column in COLUMNS.items()}}
 
     @classmethod
-    def _of(cls, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[np.generic]]) -> "Run":
-        """Return the run from the facts and columns of a file.
+    def _of(cls, facts: Mapping[str, Any], file: Mapping[str, Any], prefix: str = "") -> "Run":
+        """Return the run from the facts and arrays of a file.
 
         Raises:
             KeyError: A column is missing.
             ValueError: The facts or columns are none that a run has saved.
         """
-        baseline = None
-        if "baseline" in facts:
-            its = {name.removeprefix(BASELINE): arrays[name] for name in arrays if name.startswith(BASELINE)}
-            baseline = cls._of(facts["baseline"], its)
-        columns = {name: arrays[name] for name in COLUMNS}
-        run = cls(**dict(_Facts.model_validate(facts)), columns=columns, baseline=baseline)
-        _refuse_odd(run)
+        columns = {name: file[f"{prefix}{name}"] for name in COLUMNS}
+        baseline = cls._of(facts["baseline"], file, BASELINE) if "baseline" in facts else None
+        run = cls(**vars(_FACTS.validate_python(facts)), columns=columns, baseline=baseline)
+        sizes = widths(len(run.joints), columns["sigma"].shape[-1], columns["qpos"].shape[-1])
+        for name, column in columns.items():
+            shape = (len(run), sizes[name]) if COLUMNS[name].width else (len(run),)
+            if column.shape != shape or column.dtype.kind not in "fi":
+                raise ValueError(f"column {name}")
         return run
-
-
-# The facts in the file of a run: all but its columns, checked by their types.
-_Facts = create_model(  # type: ignore[call-overload]
-    "_Facts",
-    __config__=ConfigDict(ser_json_inf_nan="strings"),
-    **{
-        field.name: (get_type_hints(Recorded)[field.name], ... if field.default is MISSING else field.default)
-        for field in fields(Recorded)
-        if field.name != "columns"
-    },
-)
 
 
 class Runs(dict[str, Run]):
@@ -146,19 +113,10 @@ class Runs(dict[str, Run]):
 
     def _repr_html_(self) -> str:
         """Return the metrics in which they differ, side by side."""
-        return notebook.beside({label: run.scorecard for label, run in self.items()})
-
-    def to_pandas(self) -> Any:
-        """Return all metrics as a DataFrame, one row per run.
-
-        Raises:
-            QuestionError: pandas is not installed.
-        """
-        rows = {
-            label: {name: figure.value for name, figure in run.scorecard.items()}
-            for label, run in self.items()
-        }
-        return notebook.pandas().DataFrame.from_dict(rows, orient="index")
+        cards = [run.scorecard for run in self.values()]
+        rows = [(name, one.unit, *(card[name].value for card in cards)) for name, one in cards[0].items()]
+        rows = [row for row in rows if len(set(map(str, row[2:]))) > 1]  # NaN equals no NaN
+        return html_table("metrics that differ", ("metric", "unit", *self), rows)
 
 
 def save_runs(path: Path, runs: Mapping[str, Run]) -> None:
@@ -171,8 +129,7 @@ def save_runs(path: Path, runs: Mapping[str, Run]) -> None:
     arrays = {
         f"{i}/{name}": column for i, run in enumerate(runs.values()) for name, column in run.columns.items()
     }
-    facts = [{"label": label, **run._facts()} for label, run in runs.items()]
-    _write(path, {**arrays, "facts": np.array(json.dumps(facts))})
+    _write(path, arrays, [{"label": label, **run._facts()} for label, run in runs.items()])
 
 
 def read_runs(path: Path) -> Runs:
@@ -182,49 +139,13 @@ def read_runs(path: Path) -> Runs:
         OSError: It cannot be opened.
         QuestionError: It is another kind of file, or damaged.
     """
-    try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            facts = json.loads(str(file["facts"]))
-            if isinstance(facts, dict):
-                return Runs({facts["name"]: Run._of(facts, file)})
-            columns = [{name: file[f"{i}/{name}"] for name in COLUMNS} for i in range(len(facts))]
-            return Runs((part["label"], Run._of(part, columns[i])) for i, part in enumerate(facts))
-    except _DAMAGED as error:
-        if isinstance(error, OSError) and error.filename is not None:  # it is missing; else it is damaged
-            raise
-        raise QuestionError(f"{path}: does not hold the columns of a run, or is damaged") from None
+    with reading(path, "the columns of a run"), path.open("rb") as opened, np.load(opened) as file:
+        facts = json.loads(str(file["facts"]))
+        if isinstance(facts, dict):
+            return Runs({facts["name"]: Run._of(facts, file)})
+        return Runs((part["label"], Run._of(part, file, f"{i}/")) for i, part in enumerate(facts))
 
 
-def _write(path: Path, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+def _write(path: Path, arrays: Mapping[str, NDArray[np.generic]], facts: Any) -> None:
     with written_whole(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
-
-
-def _refuse_odd(run: Run) -> None:
-    """Refuse a run that none has saved: numbers beyond sense, facts and columns of another length or width.
-
-    Raises:
-        ValueError: It is such a run.
-    """
-    joints, axes = len(run.joints), len(run.screws)
-    counts = (
-        (run.is_slide, {joints}),
-        (run.weights, {0, len(run.axes)}),
-        (run.chatter_floor, {0, joints}),
-        (run.torque_limit, {0, joints}),
-        (run.rate_limit, {0, joints}),
-        (run.shoulder, {3} if run.reach else {0}),
-        (run.leaders, {axes}),
-        (run.joint_scale, {joints} if axes else {0}),
-        *((screw, {6}) for screw in run.screws),
-    )
-    numbers = (run.length, run.period, run.planned, run.wall_time, run.damping_below)
-    if not all(abs(number) < LARGEST for number in numbers) or run.period <= 0.0 or run.planned < 1:
-        raise ValueError
-    if not all(len(values) in count for values, count in counts) or not {*run.leaders} <= {*range(joints)}:
-        raise ValueError
-    for name, column in run.columns.items():
-        width = COLUMNS[name].width
-        widths = {"": (), "n": (joints,)}.get(width, (int(width),) if width.isdigit() else column.shape[1:])
-        if column.dtype.kind not in "fiub" or column.shape != (len(run), *widths):
-            raise ValueError(name)
+        np.savez(file, **arrays, facts=np.array(json.dumps(facts)))  # type: ignore[arg-type]

@@ -1,24 +1,20 @@
 """The scorecard: a run in metrics.
 
-A metric has one flat name with dots, such as `joint_rate.peak` or `joint_rate.shoulder.peak`. The set of
-metrics depends on the joints and the task axes alone, never on the events of the run: a metric that a run is
-too short to determine is NaN, or "" for a name. Equal ticks give equal metrics, whether their columns were
-kept or not; only `wall_time` and `speed` differ from one execution to the next.
+A metric has one flat name with dots, such as `joint_rate.peak` or `joint_rate.shoulder.peak`. Equal ticks
+give equal metrics; only `wall_time` and `speed` differ from one execution to the next.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from html import escape
+from typing import NamedTuple
 
-from rmrc.results import notebook
+import numpy as np
+
 from rmrc.results.columns import Recorded
 from rmrc.results.metrics import metrics
-from rmrc.results.tally import READ, Tally
 from rmrc.support.brief import brief
-
-# Ticks that are added at once, so that a long run takes little more memory.
-PIECE = 10_000
 
 
 class Figure(NamedTuple):
@@ -62,19 +58,10 @@ class Scorecard(Mapping[str, Figure]):
         """Return the number of metrics."""
         return len(self.figures)
 
-    def to_pandas(self) -> Any:
-        """Return the metrics as a DataFrame, one row each, with value, unit and meaning.
-
-        Raises:
-            QuestionError: pandas is not installed.
-        """
-        return notebook.pandas().DataFrame.from_dict(
-            {name: figure._asdict() for name, figure in self.items()}, orient="index"
-        )
-
     def _repr_html_(self) -> str:
         """Return the defined metrics, for a notebook."""
-        return notebook.figures(self.name, self)
+        rows = [(name, *one) for name, one in self.items() if json_value(one.value) is not None]
+        return html_table(self.name, ("metric", "value", "unit", "meaning"), rows)
 
     def nested(self) -> dict[str, object]:
         """Return the values as dicts within dicts, ready for strict JSON.
@@ -96,20 +83,8 @@ class Scorecard(Mapping[str, Figure]):
 
 def scorecard(run: Recorded) -> Scorecard:
     """Return the metrics of a run of any length, even 0."""
-    tally = Tally(run)
-    for first in range(0, len(run), PIECE):
-        tally.add({name: run.columns[name][first : first + PIECE] for name in READ})
-    return figures(run, tally)
-
-
-def figures(run: Recorded, tally: Tally) -> Scorecard:
-    """Return the metrics of a run.
-
-    Args:
-        run: The facts about it; its columns are not read.
-        tally: With its ticks added.
-    """
-    named = {name: Figure(value, unit, meaning) for name, value, unit, meaning in metrics(run, tally)}
+    with np.errstate(all="ignore"):  # of infinite values, differences are NaN
+        named = {name: Figure(value, unit, meaning) for name, value, unit, meaning in metrics(run)}
     return Scorecard(run.name, run.joints, named)
 
 
@@ -117,6 +92,21 @@ def json_value(value: float | str) -> float | str | None:
     """Return a value for strict JSON, as in `Scorecard.nested`."""
     if isinstance(value, str):
         return value or None
-    if math.isnan(value):
-        return None
-    return str(value) if math.isinf(value) else value
+    return None if math.isnan(value) else str(value) if math.isinf(value) else value
+
+
+def html_table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[float | str]]) -> str:
+    """Return a table as HTML, for a notebook: numbers with six digits, NaN as a dash.
+
+    Args:
+        caption: Text above it.
+        headings: Headings of the columns.
+        rows: Rows of values.
+    """
+
+    def line(cells: Sequence[float | str], tag: str) -> str:
+        texts = [one if isinstance(one, str) else "–" if math.isnan(one) else f"{one:.6g}" for one in cells]
+        return f"<tr>{''.join(f'<{tag}>{escape(text)}</{tag}>' for text in texts)}</tr>"
+
+    body = "".join([line(headings, "th"), *(line(row, "td") for row in rows)])
+    return f"<table><caption>{escape(caption)}</caption>{body}</table>"

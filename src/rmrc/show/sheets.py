@@ -1,9 +1,11 @@
 """Tables without a form: texts and numbers in cells, to be shown in a terminal or as markdown."""
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
+
+from rmrc.support.legible import escaped
 
 UNDEFINED = "-"
 
@@ -32,17 +34,19 @@ class Sheet:
 
 
 def as_markdown(sheet: Sheet) -> str:
-    """Return a sheet as markdown, its title as a heading and its notes as paragraphs."""
-    rules = ["---" if column in sheet.left else "---:" for column in range(len(sheet.headings))]
-    head, *body = (" | ".join(map(escaped, row)) for row in (sheet.headings, *sheet.rows))
-    table = [f"| {row} |" for row in (head, " | ".join(rules), *body)] if sheet.headings else []
-    title = [f"## {sheet.title}"] if sheet.title else []
-    return "\n\n".join([*title, *filter(None, ["\n".join(table)]), *map(escaped, sheet.notes)])
+    """Return a sheet as markdown, its title as a heading and its notes as paragraphs.
 
-
-def escaped(text: str) -> str:
-    """Return one line that markdown shows unchanged."""
-    return re.sub(r"([\\|*`<\[\]])", r"\\\1", " ".join(text.split()))
+    Each group of columns is a table of its own, because a page or a recording is narrow.
+    """
+    rules = tuple("---" if column in sheet.left else "---:" for column in range(len(sheet.headings)))
+    head, *body = (tuple(map(escaped, row)) for row in (sheet.headings, *sheet.rows))
+    ends = accumulate(sheet.groups or [len(sheet.headings) - 1], initial=1)
+    parts = [f"## {sheet.title}"] if sheet.title else []
+    for first, last in pairwise(ends) if sheet.headings else ():
+        parts.append(
+            "\n".join(f"| {' | '.join((row[0], *row[first:last]))} |" for row in (head, rules, *body))
+        )
+    return "\n\n".join([*parts, *map(escaped, sheet.notes)])
 
 
 def number(value: float) -> str:

@@ -14,8 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 from rmrc.scenario import SchemaRow
-from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number
+from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, number
 from rmrc.show.terminal import Fitted, as_table
+from rmrc.support.legible import escaped
 
 if TYPE_CHECKING:  # it imports numba, which a table of keys does not need
     from rmrc.results.expectations import Outcome

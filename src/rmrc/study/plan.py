@@ -7,21 +7,22 @@ samples and the same seeds, so that cells differ by the varied keys and not by c
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
 from rmrc.scenario import Change, Scenario, inline
 from rmrc.scenario.sections import parse_key
 from rmrc.study.sobol import sobol_point
-from rmrc.support.problems import Key, Origin
+from rmrc.support.errors import ScenarioError
+from rmrc.support.problems import Origin
 
-SEEDS = "plant.seed", "arm.encoder.seed"
-_PLANT_SEED, _ENCODER_SEED = map(parse_key, SEEDS)
+_PLANT_SEED, _ENCODER_SEED = map(parse_key, ("plant.seed", "arm.encoder.seed"))
 
-_TOLD = 20
+# Weeks of one core, at some milliseconds each; and the largest number in a 64-bit column.
+_MOST_RUNS, _MOST_SEED = 10**7, 2**63 - 1
 
 Value = object  # in YAML: a number, a text, a switch, null, or a list or a mapping of these
 
@@ -41,8 +42,8 @@ class Plan:
         origins: Origins of the values or bounds of each key, for messages.
     """
 
-    vary: tuple[tuple[str, tuple[Value, ...]], ...] = ()
-    draw: tuple[tuple[str, float, float], ...] = ()
+    vary: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)
+    draw: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     sampler: str = "random"
     samples: int = 1
     repeat: int = 1
@@ -51,18 +52,13 @@ class Plan:
     origins: Mapping[str, Origin] = field(default_factory=dict, compare=False)
 
     def __len__(self) -> int:
-        """Return the number of runs, which fits into 63 bits where `rmrc.study.sweep.Sweep` took the plan."""
-        return self.count
-
-    @property
-    def count(self) -> int:
-        """Number of runs, of any size."""
-        return math.prod(len(values) for _, values in self.vary) * self.samples * self.repeat
+        """Return the number of runs."""
+        return math.prod(map(len, self.vary.values())) * self.samples * self.repeat
 
     @property
     def keys(self) -> tuple[str, ...]:
         """The varied and drawn keys, in the order of the columns."""
-        return (*(key for key, _ in self.vary), *(key for key, _, _ in self.draw))
+        return (*self.vary, *self.draw)
 
     def values(self, index: int) -> dict[str, Value]:
         """Return the value of each key in one run.
@@ -71,63 +67,39 @@ class Plan:
             index: Index of the run, from 0 on.
 
         Example:
-            >>> plan = Plan(vary=(("a", (1, 2)), ("b", ("x", "y", "z"))), repeat=2)
+            >>> plan = Plan(vary={"a": (1, 2), "b": ("x", "y", "z")}, repeat=2)
             >>> len(plan), plan.values(0), plan.values(11)
             (12, {'a': 1, 'b': 'x'}, {'a': 2, 'b': 'z'})
         """
-        cell, rest = divmod(index, self.samples * self.repeat)
-        chosen: dict[str, Value] = {}
-        for key, values in reversed(self.vary):
-            cell, i = divmod(cell, len(values))
-            chosen[key] = values[i]
-        drawn = self._drawn(rest // self.repeat)
-        return {key: chosen[key] for key, _ in self.vary} | drawn
-
-    def _drawn(self, sample: int) -> dict[str, Value]:
-        if not self.draw:
-            return {}
-        point = _point(self.sampler, sample, len(self.draw), self.seed)
-        # the rounding of a sum may reach the upper bound, and never exceeds it
-        return {
-            key: min(low + u * (high - low), high)
-            for u, (key, low, high) in zip(point, self.draw, strict=True)
-        }
+        cell, sample = divmod(index // self.repeat, self.samples)
+        values: dict[str, Value] = dict.fromkeys(self.vary)
+        for key, choices in reversed([*self.vary.items()]):
+            cell, i = divmod(cell, len(choices))
+            values[key] = choices[i]
+        point = _point(self.sampler, sample, len(self.draw), self.seed) if self.draw else ()
+        for u, (key, (low, high)) in zip(point, self.draw.items(), strict=True):
+            values[key] = min(low + u * (high - low), high)  # the rounding of a sum never exceeds the bound
+        return values
 
     def run_seed(self, index: int) -> int:
         """Return the seed of one run's encoders: the same sample and repeat have the same in every cell."""
         return self.seed + index % (self.samples * self.repeat)
 
-    @cached_property
-    def _steps(self) -> list[tuple[str, Key, Origin | None]]:
-        """The keys, their steps and origins, deeper keys later."""
-        return sorted(
-            ((key, parse_key(key), self.origins.get(key)) for key in self.keys), key=lambda one: len(one[1])
-        )
-
     def changes(self, index: int) -> tuple[Change, ...]:
         """Return the changes that make one run of the scenario, deeper keys later."""
-        values = self.values(index)
-        varied = [Change(steps, values[key], origin) for key, steps, origin in self._steps]
-        seed = self.run_seed(index)
-        plant_seed = self.plant_seed + seed - self.seed
-        return (*varied, Change(_PLANT_SEED, plant_seed), Change(_ENCODER_SEED, seed))
+        values, seed = self.values(index).items(), self.run_seed(index)
+        varied = [Change(parse_key(key), value, self.origins.get(key)) for key, value in values]
+        varied.sort(key=lambda change: len(change.key))
+        seeds = Change(_PLANT_SEED, self.plant_seed + seed - self.seed), Change(_ENCODER_SEED, seed)
+        return (*varied, *seeds)
 
     def label(self, index: int) -> str:
         """Return one run in words: `run 17 (control.feedback=5, control.inverse.method=damped)`."""
         varied = ", ".join(f"{key}={_short(value)}" for key, value in self.values(index).items())
         return f"run {index} ({varied})" if varied else f"run {index}"
 
-    @property
-    def most_told(self) -> int:
-        """Number of problems to report of a sweep."""
-        return _TOLD
 
-    def named(self, indices: Sequence[int], count: int) -> list[str]:
-        """Return the words for the runs with a common problem: their number, and the first."""
-        return [f"{count} runs, the first " * (count > 1) + self.label(indices[0])]
-
-
-@lru_cache(2000)  # used before a run and after it, and by each cell
+@lru_cache(2000)  # each cell uses it again
 def _point(sampler: str, sample: int, count: int, seed: int) -> tuple[float, ...]:
     if sampler == "sobol":
         return tuple(sobol_point(sample, count, seed).tolist())
@@ -142,14 +114,15 @@ def plan_of(scenario: Scenario) -> Plan:
     """Return the plan of a scenario's `sweep` section.
 
     Without its own seed, the sweep uses those of the arm's encoders and of the plant.
+
+    Raises:
+        ScenarioError: It has one run or too many, or seeds that fit no column.
     """
     sweep = scenario.sweep
-    places = {key: f"sweep.vary.{key}" for key in sweep.vary} | {
-        key: f"sweep.draw.{key}" for key in sweep.draw
-    }
-    return Plan(
-        tuple(sweep.vary.items()),
-        tuple((key, low, high) for key, (low, high) in sweep.draw.items()),
+    places = {key: f"sweep.vary.{key}" for key in sweep.vary} | {k: f"sweep.draw.{k}" for k in sweep.draw}
+    plan = Plan(
+        sweep.vary,
+        sweep.draw,
         sweep.sampler,
         sweep.samples if sweep.draw else 1,
         sweep.repeat,
@@ -157,3 +130,15 @@ def plan_of(scenario: Scenario) -> Plan:
         scenario.plant.seed if sweep.seed is None else sweep.seed,
         {key: Origin(scenario.locate(place), key=key) for key, place in places.items()},
     )
+    runs, seeds = math.prod(map(len, plan.vary.values())), plan.samples * plan.repeat
+    problem = ""
+    if runs * seeds > _MOST_RUNS:
+        problem = f"must give {_MOST_RUNS} runs or fewer, got {runs * seeds}; lower sweep.samples or .repeat"
+    elif runs * seeds < 2:
+        way_out = "for example --vary control.inverse.method=damped,pseudoinverse"
+        problem = f"must give 2 runs or more, got {runs * seeds}; {way_out}"
+    elif max(plan.seed, plan.plant_seed) + seeds - 1 > _MOST_SEED:
+        problem = f"must have seeds up to {_MOST_SEED - seeds + 1}, got {plan.seed}; lower sweep.seed"
+    if problem:
+        raise ScenarioError([scenario.problem("sweep", problem)])
+    return plan

@@ -12,15 +12,14 @@ from rmrc.study import sweep_figure
 from rmrc.study.dataset import Table, left_of
 from rmrc.study.swept import Swept
 from rmrc.support.errors import QuestionError
+from rmrc.support.legible import quoted
 
 
 def plot(
     result: Run | Mapping[str, Run] | Table | str | PathLike[str],
-    path: str | PathLike[str] | None = None,
-    panels: Sequence[str] = (),
-    width: float = 7.16,
-    font: float = 8.0,
-) -> Figure:
+    path: str | PathLike[str] | None = None, panels: Sequence[str] = (),
+    width: float = 7.16, font: float = 8.0,
+) -> Figure:  # fmt: skip
     """Draw a run, several side by side, or a sweep; the function behind `rmrc plot`.
 
     Args:
@@ -28,7 +27,7 @@ def plot(
             either, `NAME.npz` or `NAME.sweep.parquet`.
         path: File to write atomically: `.png`, `.svg` or `.pdf`; None: no file.
         panels: Panels among path, rates, sigma, error, torque, pace, status and g, in this order from the
-            top; for a sweep, distributions and parallel; none: all that have data.
+            top; for a sweep, distributions and keys; none: all that have data.
         width: Width of the figure [in]: 3.5 and 7.16 are one and two columns of a journal.
         font: Font size [pt].
 
@@ -40,21 +39,15 @@ def plot(
         QuestionError: The file is of another kind, or damaged; or it has no data to draw.
     """
     to = None if path is None else Path(path)
-    swept, runs = None, dict[str, Run]()
     if isinstance(result, str | PathLike):
-        if Path(result).suffix == ".parquet":
-            swept = Swept.of(Path(result))
-        else:
-            runs = read_runs(Path(result))
-    elif isinstance(result, Run):
-        runs = {result.name: result}
-    elif isinstance(result, Mapping):
-        runs = dict(result)
-    else:
-        swept = Swept.of(Path("the table"), left_of(result))
-    if swept is not None:
-        return sweep_figure.plot(swept, to, panels, width, font)
+        file = Path(result)
+        result = Swept.of(file) if file.suffix == ".parquet" else read_runs(file)
+    elif not isinstance(result, Run | Mapping):
+        result = Swept.of(Path("the table"), left_of(result))
+    if isinstance(result, Swept):
+        return sweep_figure.plot(result, to, panels, width, font)
+    runs = {result.name: result} if isinstance(result, Run) else result
     for label, run in runs.items():
         if not len(run):
-            raise QuestionError(f"{label} has no ticks to draw")
+            raise QuestionError(f"{quoted(label)} has no ticks to draw")
     return plot_runs(runs, to, panels, width, font)

@@ -1,5 +1,6 @@
-"""The output of a sweep, ready to show: its rows, the varied keys, and the main metrics."""
+"""The rows of a sweep, ready to show: the ends of its runs, and the extremes of the main metrics."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,14 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.show.sheets import Sheet, number
 from rmrc.study.dataset import Contents, Left, read_left
-from rmrc.study.summary import MAIN
 from rmrc.support.errors import QuestionError
+from rmrc.support.files import reading
 
 Array = NDArray[np.float64]
-
-# A parallel coordinate of words has room for so many.
-MOST_WORDS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,39 +47,38 @@ class Swept:
             OSError: It cannot be opened.
             QuestionError: It is another kind of file, or has no rows.
         """
-        left = left or read_left(path)
-        rows = left.rows
-        if "on_front" in rows:
-            raise QuestionError(f"{path}: holds the settings of a search, not the rows of a sweep")
-        try:
-            contents = Contents.read(left.about)
-        except (KeyError, ValueError, TypeError):
-            raise QuestionError(f"{path}: does not hold the rows of a sweep") from None
+        rows, about = left or read_left(path)
+        with reading(path, "of a sweep"):
+            contents = Contents.read(about)
+            units = {column.name: column.unit for column in contents.columns}
+            keys = list(units)[1 : list(units).index("seed")]
+            varied = [key for key in keys if len(set(map(str, rows[key]))) > 1]
+            figures = {name: np.array(rows[name], float) for name in contents.metrics}
         if not rows["index"]:
             raise QuestionError(f"{path}: has no rows to show")
-        units = {column.name: column.unit for column in contents.columns}
-        names = list(units)
-        keys = [name for name in names[1 : names.index("status")] if name != "seed"]
-        varied = [name for name in keys if len(set(map(str, rows[name]))) > 1]
-        figures = {name: numbers(rows[name]) for name in MAIN if name in rows}
         figures = {name: values for name, values in figures.items() if np.isfinite(values).any()}
-        name = path.name.removesuffix(".parquet").removesuffix(".sweep")
-        return cls(name, rows, units, varied, figures)
+        return cls(path.name.removesuffix(".parquet").removesuffix(".sweep"), rows, units, varied, figures)
 
-    @property
-    def coordinates(self) -> dict[str, Array]:
-        """The varied keys, words by their number among `words`, and the metrics; empty if either is."""
-        codes = {name: {one: i for i, one in enumerate(self.words(name))} for name in self.varied}
-        values = {name: numbers([codes[name].get(v, v) for v in self.rows[name]]) for name in self.varied}
-        known = {name: one for name, one in values.items() if np.isfinite(one).sum() > 1}
-        return known | dict(self.figures) if known and self.figures else {}
+    def extremes(self) -> dict[str, tuple[int, int]]:
+        """Return the rows with the smallest and largest value of each metric, the first of equal ones."""
+        return {
+            name: (int(np.nanargmin(values)), int(np.nanargmax(values)))
+            for name, values in self.figures.items()
+        }
 
-    def words(self, name: str) -> list[str]:
-        """Return the different values of a column of words, of which there are a few."""
-        found = list(dict.fromkeys(v for v in self.rows[name] if isinstance(v, str)))
-        return found if len(found) <= MOST_WORDS else []
+    def sheets(self) -> list[Sheet]:
+        """Return the tables of the summary."""
+        rows, met = self.rows, [value for value in self.rows["met"] if value is not None]
+        counts = [(status, str(count)) for status, count in sorted(Counter(rows["status"]).items())]
+        counts += [("all expectations met", str(sum(met)))] if met else []
+        extremes = [
+            (f"{name} [{self.units[name]}]", *(text for i in ends for text in self._end(name, i)))
+            for name, ends in self.extremes().items()
+        ]
+        return [
+            Sheet(f"{self.name}: {len(rows['index'])} runs", ("", ""), counts),
+            Sheet("", ("metric", "least", "run", "most", "run"), extremes),
+        ]
 
-
-def numbers(values: Sequence[Any]) -> Array:
-    """Return numbers; NaN for other values."""
-    return np.array([float(v) if isinstance(v, int | float) else np.nan for v in values])
+    def _end(self, name: str, i: int) -> tuple[str, str]:
+        return number(float(self.figures[name][i])), str(self.rows["index"][i])

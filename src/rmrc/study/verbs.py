@@ -1,17 +1,16 @@
 """`rmrc.run`, `rmrc.compare` and `rmrc.sweep`: the verbs in Python, which write files only on request."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
+from rmrc.results.leaving import OutputError
 from rmrc.results.run import Run, Runs
 from rmrc.scenario import Source, draft_of, grid
-from rmrc.study.compare import Comparison
 from rmrc.study.dataset import Table
-from rmrc.study.run import Job, beside
-from rmrc.study.study import Ran, Study
+from rmrc.study.run import Job
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 
@@ -43,12 +42,7 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
         >>> found.scorecard["position_error.max"].unit
         'm'
     """
-    if out is None:
-        study = Study(scenario)
-        return beside(study.step(study.prepare_beside()))[0].run
-    left = Job(scenario, Path(out), record).run()
-    left.raise_any()
-    return left.results[0].run
+    return next(iter(_runs(Job(scenario, out, record)).values()))
 
 
 def compare(
@@ -59,8 +53,7 @@ def compare(
     Args:
         scenario: The scenario, its file, or the name of a shipped one.
         vary: Values of keys; their combinations are the variants, 2 to 50.
-        out: Folder for NAME.compare.rrd, .npz, .json, .png and .svg; created if missing. None: writes
-            nothing.
+        out: Folder for NAME.compare.rrd, .npz and .json; created if missing. None: writes nothing.
         record: Whether to write the recording.
 
     Returns:
@@ -76,32 +69,27 @@ def compare(
         >>> list(runs)
         ['inverse', 'damped']
     """
-    variants = grid(vary)
-    results: Sequence[Ran]
-    if out is None:
-        study = Study(scenario)
-        results = study.step(study.prepare_all(variants))
-    else:
-        left = Comparison(scenario, variants, folder=Path(out), record=record).run()
-        left.raise_any()
-        results = left.results
-    return Runs({variant.label: one.run for variant, one in zip(variants, results, strict=True)})
+    return _runs(Job(scenario, out, record, grid(vary)))
+
+
+def _runs(job: Job) -> Runs:
+    """Run a job, and raise what a verb prints on stderr."""
+    job.run()
+    if job.interrupted:
+        raise KeyboardInterrupt
+    if job.failures:
+        raise OutputError("; ".join(job.failures))
+    return job.runs
 
 
 def sweep(
-    scenario: Source,
-    vary: Values | None = None,
-    *,
+    scenario: Source, vary: Values | None = None, *,
     random: Mapping[str, tuple[float, float]] | None = None,
     sobol: Mapping[str, tuple[float, float]] | None = None,
-    samples: int | None = None,
-    repeat: int | None = None,
-    seed: int | None = None,
-    out: str | os.PathLike[str] | None = None,
-    threads: int | None = None,
-    cluster: str | None = None,
+    samples: int | None = None, repeat: int | None = None, seed: int | None = None,
+    out: str | os.PathLike[str] | None = None, threads: int | None = None, cluster: str | None = None,
     on_runs: Callable[[int], None] | None = None,
-) -> Table:
+) -> Table:  # fmt: skip
     """Run thousands of variants of a scenario, on all cores or a cluster; the function behind `rmrc sweep`.
 
     Args:
@@ -114,10 +102,10 @@ def sweep(
         seed: Seed of the samples.
         out: Folder for NAME.sweep.parquet, where an interrupted sweep resumes; created if missing. None:
             stores nothing.
-        threads: Number of threads, one batch each; None: one per core.
-        cluster: Cluster that runs the batches instead: `local:N` worker processes, or the `tcp://HOST:PORT`
+        threads: Number of threads; None: one per core.
+        cluster: Cluster that runs them instead: `local:N` worker processes, or the `tcp://HOST:PORT`
             of a Dask scheduler.
-        on_runs: Called after each batch with its number of runs.
+        on_runs: Called with the number of newly finished runs.
 
     Returns:
         One row per run, as a table of pyarrow: varied keys, end of the run, every metric of its scorecard.
@@ -138,20 +126,14 @@ def sweep(
         raise ScenarioError.about("sobol", "must not be combined with random: one method draws all keys")
     drawn = random or sobol
     section = {
-        **{
-            f"vary.{key}": values if isinstance(values, str) else list(values)
-            for key, values in (vary or {}).items()
-        },
+        **{f"vary.{key}": one if isinstance(one, str) else list(one) for key, one in (vary or {}).items()},
         **{f"draw.{key}": list(bounds) for key, bounds in (drawn or {}).items()},
         "sampler": ("random" if random else "sobol") if drawn else None,
-        "samples": samples,
-        "repeat": repeat,
-        "seed": seed,
-    }
+        "samples": samples, "repeat": repeat, "seed": seed,
+    }  # fmt: skip
     one = draft_of(scenario).scenario()
     one = one.set({f"sweep.{key}": value for key, value in section.items() if value is not None})
-    with TemporaryDirectory(prefix="rmrc-") as kept:
-        with Sweep(one, (), Path(kept if out is None else out), threads, cluster) as work:
-            if work.run(on_runs).interrupted:
-                raise KeyboardInterrupt
+    with TemporaryDirectory(prefix="rmrc-") as temporary:
+        work = Sweep(one, (), Path(out or temporary), threads, cluster)
+        work.run(on_runs)
         return work.dataset.table()

@@ -1,7 +1,6 @@
 """A short repr of any object, which fits on a screen."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence, Set
 from typing import Any, TypeVar
 
 import numpy as np
@@ -10,8 +9,6 @@ T = TypeVar("T")
 
 # Most characters of a value within another, and of the whole, which is 24 lines of 80.
 VALUE, WHOLE = 120, 1900
-# Number of members of a collection that are shown.
-MEMBERS = 6
 
 
 def brief(cls: type[T]) -> type[T]:
@@ -26,35 +23,23 @@ def brief(cls: type[T]) -> type[T]:
     >>> Path("line", np.zeros((500, 3)))
     Path(name='line', points=array of (500, 3))
     """
-    cls.__repr__ = told  # type: ignore[method-assign]
+
+    def shown(self: Any) -> str:
+        names = [field.name for field in dataclasses.fields(self) if field.repr and field.name[0] != "_"]
+        inner = ", ".join(f"{name}={_short(getattr(self, name))}" for name in names)
+        return cut(f"{type(self).__name__}({inner})", WHOLE)
+
+    cls.__repr__ = shown  # type: ignore[method-assign]
     return cls
-
-
-def told(one: Any) -> str:
-    """Return the name of an object's class and its fields, each short."""
-    names = [field.name for field in dataclasses.fields(one) if field.repr and field.name[0] != "_"]
-    inner = ", ".join(f"{name}={_short(getattr(one, name))}" for name in names)
-    return cut(f"{type(one).__name__}({inner})", WHOLE)
 
 
 def _short(value: object) -> str:
     """Return a value in few characters."""
-    if isinstance(value, np.ndarray):
-        return repr(value.tolist()) if value.size <= MEMBERS else f"array of {value.shape}"
+    if isinstance(value, np.ndarray) and value.size > 6:
+        return f"array of {value.shape}"
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return f"{type(value).__name__}(…)"
-    if isinstance(value, Mapping):
-        shown = [f"{key!r}: {_short(value[key])}" for key in list(value)[:MEMBERS]]
-        return cut(f"{{{_members(shown, len(value))}}}", VALUE)
-    if isinstance(value, Sequence | Set) and not isinstance(value, str | bytes):
-        shown = [_short(member) for member in list(value)[:MEMBERS]]
-        return cut(f"({_members(shown, len(value))})", VALUE)
     return cut(repr(value), VALUE)
-
-
-def _members(shown: Sequence[str], count: int) -> str:
-    more = [f"… {count} in all"] if count > len(shown) else []
-    return ", ".join([*shown, *more])
 
 
 def cut(text: str, most: int = WHOLE) -> str:

@@ -1,12 +1,10 @@
-"""Texts from elsewhere in a form for terminals: no control characters, not too long, in any encoding.
+"""Texts from elsewhere in a form for terminals: no control characters, not too long.
 
 A file, a model, MuJoCo or an option may hold anything. Characters that would move the cursor, reverse the
 direction of writing or show nothing are written as escapes.
 """
 
-import codecs
 import re
-import unicodedata
 from collections.abc import Iterable
 
 # Characters of a value in a message: two of them and the words between them fill two lines of a terminal.
@@ -14,9 +12,6 @@ LONGEST = 80
 
 # Characters of a message, and of one word in it, which may be a path: longer ones are cut in the middle.
 LONGEST_LINE, LONGEST_WORD = 2000, 500
-
-# The name of the error handler for streams, see `codecs.register_error`.
-IN_ASCII = "rmrc.in_ascii"
 
 
 def visible(text: str, keep: str = "") -> str:
@@ -87,53 +82,10 @@ def listed(names: Iterable[str], most: int = 20) -> str:
     return f"{', '.join(names[:most])} and {len(names) - most:,} more"
 
 
-def in_ascii(text: str) -> str:
-    """Return a text in legible ASCII: `sigma` for σ, `^2` for ², `-` for a rule of a table.
-
-    >>> in_ascii("κ = σ₁/σ_min, rad/s²")
-    'kappa = sigma_1/sigma_min, rad/s^2'
-    """
-    spelled = "".join(one if one.isascii() else _spelled(one) for one in text)
-    return re.sub(r"(?<=\^-)\^", "", spelled)  # of 1/s as s^-1
+def escaped(text: str) -> str:
+    """Return one line that Markdown shows unchanged."""
+    return re.sub(r"([\\|*`<\[\]])", r"\\\1", " ".join(text.split()))
 
 
 def _escape(character: str) -> str:
     return character.encode("unicode_escape").decode("ascii")
-
-
-def _spelled(character: str) -> str:
-    if character in _SPELLED:
-        return _SPELLED[character]
-    if unicodedata.combining(character):  # an accent on the letter before
-        return ""
-    name = unicodedata.name(character, "")
-    if "BOX DRAWINGS" in name:
-        return "-" if "HORIZONTAL" in name and "VERTICAL" not in name else "|"
-    if match := re.fullmatch(r"GREEK (SMALL|CAPITAL) LETTER ([A-Z]+)", name):
-        return match[2].lower() if match[1] == "SMALL" else match[2].capitalize()
-    plain = unicodedata.normalize("NFKD", character)
-    if match := re.match(r"<(super|sub)>", unicodedata.decomposition(character)):
-        plain = f"{'^' if match[1] == 'super' else '_'}{plain}"
-    plain = "".join(_SPELLED.get(one, one) for one in plain if not unicodedata.combining(one))
-    return plain if plain.isascii() and plain else _escape(character)
-
-
-_SPELLED = {
-    "·": "*", "×": "x", "−": "-", "–": "-", "—": "-", "…": "...", "±": "+/-", "°": "deg", "→": "->",
-    "←": "<-", "↑": "^", "↓": "v", "✅": "[ok]", "❌": "[failed]",
-    "⁺": "^+", "≥": ">=", "≤": "<=", "≈": "~", "≠": "!=", "∞": "inf", "•": "*",
-    "“": '"', "”": '"', "‘": "'", "’": "'",
-    "λ": "lambda", "Λ": "Lambda", "━": "-", "╸": "-", "╺": "-",
-    "∥": "||", "√": "sqrt", "∑": "sum", "Σ": "Sum", "½": "1/2", "⁄": "/", "§": "section ",
-    "‖": "||", "∛": "cbrt", "∂": "d", "∇": "grad ", "⊗": "(x)", "⊕": "(+)", "∏": "prod", "∫": "integral ",
-    "µ": "u", "⌊": "floor(", "⌋": ")", "ᶦ": "^I",
-}  # fmt: skip
-
-
-def _encode(error: UnicodeError) -> tuple[str, int]:
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    return in_ascii(error.object[error.start : error.end]), error.end
-
-
-codecs.register_error(IN_ASCII, _encode)

@@ -1,15 +1,9 @@
 """Memory: how much a process may still take, and whether a need fits."""
 
 import math
-import os
-from collections.abc import Iterator
+import re
 from pathlib import Path
 from typing import NamedTuple
-
-try:
-    import resource
-except ImportError:  # Windows
-    resource = None  # type: ignore[assignment]
 
 # A check lets a run take this share of the remaining memory: the rest is for errors of the estimate.
 SHARE = 0.8
@@ -28,42 +22,42 @@ class Room(NamedTuple):
 
 
 def room(root: Path = Path("/")) -> Room:
-    """Return the smallest remainder: of the machine's memory and of the limits of its cgroups.
+    """Return what the machine has left, or its container, if that is less.
 
     Args:
         root: Root of the file system with these data.
     """
-    return min((_machine(root), *_cgroups(root)), key=lambda one: one.size)
+    group = root / "sys/fs/cgroup"
+    most = _number(group / "memory.max", r"(\d+)", math.inf)
+    cached = _number(group / "memory.stat", r"inactive_file (\d+)", 0.0)
+    container = most - _number(group / "memory.current", r"(\d+)", 0.0) + cached
+    machine = 1024 * _number(root / "proc/meminfo", r"MemAvailable:\s+(\d+)", math.inf)
+    return min(Room(machine, "the machine"), Room(max(0.0, container), "the container"))
 
 
-def address_room(root: Path = Path("/")) -> Room:
-    """Return the remainder of the addresses that `ulimit -v` allows, touched or not."""
-    bound = "ulimit -v"
-    if resource is None or (limit := resource.getrlimit(resource.RLIMIT_AS)[0]) == resource.RLIM_INFINITY:
-        return Room(math.inf, bound)
-    pages = _text(root / "proc/self/statm").split()
-    used = int(pages[0]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
-    return Room(max(0, limit - used), bound)
+def _number(path: Path, pattern: str, other: float) -> float:
+    """Return a number in a file, or another one without it, as where a group has no limit."""
+    try:
+        match = re.search(pattern, path.read_text("utf-8"))
+    except (OSError, ValueError):
+        return other
+    return float(match[1]) if match else other
 
 
-def excess(held: float, reserved: float = 0.0) -> str | None:
-    """Return by how much a need is too large, in words that follow "need", or None if it fits.
-
-    Args:
-        held: Memory that will be written [B].
-        reserved: Memory that will only be reserved, which only `ulimit -v` counts [B].
+def excess(need: float) -> str | None:
+    """Return by how much a need [B] is too large, in words that follow "need", or None if it fits.
 
     Example:
         >>> excess(1e6) is None
         True
     """
-    for need, left in ((held, room()), (held + reserved, address_room())):
-        if need > SHARE * left.size:
-            return (
-                f"{shown(need)} of memory, and {shown(SHARE * left.size)} may be taken: "
-                f"{SHARE:.0%} of the memory that {left.bound} leaves"
-            )
-    return None
+    left = room()
+    if need <= SHARE * left.size:
+        return None
+    return (
+        f"{shown(need)} of memory, and {shown(SHARE * left.size)} may be taken: "
+        f"{SHARE:.0%} of the memory that {left.bound} leaves"
+    )
 
 
 def shown(size: float) -> str:
@@ -73,51 +67,3 @@ def shown(size: float) -> str:
     ('59.5 GB', '2.5 MB')
     """
     return f"{size / 1e9:.3g} GB" if size >= 1e9 else f"{size / 1e6:.3g} MB"
-
-
-def _machine(root: Path) -> Room:
-    bound = "the machine"
-    for line in _text(root / "proc/meminfo").splitlines():
-        name, _, value = line.partition(":")
-        if name == "MemAvailable":
-            return Room(1024 * int(value.split()[0]), bound)
-    try:
-        return Room(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), bound)
-    except (AttributeError, ValueError, OSError):
-        return Room(math.inf, bound)
-
-
-def _cgroups(root: Path) -> Iterator[Room]:
-    """Iterate over the remainders of the limits of the process's cgroups and of their parents."""
-    for line in _text(root / "proc/self/cgroup").splitlines():
-        _, kinds, path = line.split(":", 2)
-        if kinds == "":  # version 2
-            base, names = root / "sys/fs/cgroup", ("memory.max", "memory.current", "inactive_file")
-        elif "memory" in kinds.split(","):
-            base = root / "sys/fs/cgroup/memory"
-            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
-        else:
-            continue
-        parts = [part for part in path.split("/") if part not in ("", "..")]
-        # in a container, its own group is the root that it can see
-        for count in range(len(parts) + 1):
-            yield _cgroup(base.joinpath(*parts[:count]), *names)
-
-
-def _cgroup(folder: Path, limit: str, usage: str, cache: str) -> Room:
-    """Return the remainder in one group; cached files count as free."""
-    bound = "the memory limit of its cgroup"
-    most = _text(folder / limit).strip()
-    # no limit is no file, "max", or in version 1 nearly 2^63
-    if not (most.isdecimal() and len(most) < 19 and (used := _text(folder / usage).strip()).isdecimal()):
-        return Room(math.inf, bound)
-    known = dict(line.split(" ", 1) for line in _text(folder / "memory.stat").splitlines() if " " in line)
-    return Room(max(0, int(most) - int(used) + int(known.get(cache, 0))), bound)
-
-
-def _text(path: Path) -> str:
-    """Return the contents of a file, "" if it does not exist."""
-    try:
-        return path.read_text("utf-8")
-    except (OSError, ValueError):
-        return ""

@@ -1,12 +1,9 @@
 """The scenarios and models that come with the package, known by their bare names."""
 
-import errno
 import os
 import re
-import secrets
 import shutil
 from collections.abc import Mapping
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -74,7 +71,7 @@ def about(file: Path) -> str:
 
 
 def copy_out(folder: Path) -> list[Path]:
-    """Copy the shipped scenarios and models into a folder: both whole, or nothing.
+    """Copy the shipped scenarios and models into a folder.
 
     Args:
         folder: Made if it is missing.
@@ -85,37 +82,13 @@ def copy_out(folder: Path) -> list[Path]:
     Raises:
         OSError: One of them already exists, or cannot be written.
     """
-    wanted = [folder / name for name in SUFFIX]
-    for path in wanted:
-        if path.exists():
-            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
-    missing = [one for one in (folder, *folder.parents) if not one.exists()]
-    partial = folder / f".examples-{secrets.token_hex(8)}"
-    made = list[Path]()
-    try:
-        _copy(partial)
-        for path in wanted:
-            (partial / path.name).rename(path)
-            made.append(path)
-        return made
-    except BaseException as error:
-        for path in made:
-            shutil.rmtree(path, ignore_errors=True)
-        if isinstance(error, OSError):  # about a file that the caller did not name
-            raise OSError(error.errno, error.strerror, str(folder)) from None
-        raise
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
-        with suppress(OSError):  # they are not empty
-            for one in missing:
-                one.rmdir()
-
-
-def _copy(folder: Path) -> None:
-    """Copy all shipped files into a folder, with the modes of new files."""
+    copies = []
     for name, suffix in SUFFIX.items():
         source = (root() or Path()) / name
+        (folder / name).mkdir(parents=True)
         for file in sorted(file for file in source.rglob("*") if file.suffix in (suffix, MOTION)):
             copy = folder / name / file.relative_to(source)
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file, copy)
+        copies.append(folder / name)
+    return copies

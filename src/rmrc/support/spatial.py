@@ -398,25 +398,3 @@ def shift_twist(twist: ArrayLike, r: ArrayLike) -> Array:
     linear = twist[..., :3] + np.cross(r, twist[..., 3:])
     angular = np.broadcast_to(twist[..., 3:], linear.shape)
     return np.concatenate([linear, angular], axis=-1)
-
-
-def shift_wrench(wrench: ArrayLike, r: ArrayLike) -> Array:
-    """Return the equivalent wrench at another point, along the same axes.
-
-    n' = n + r × f, which preserves power: wrench · twist is the same at both points
-    [Craig05, §5.11].
-
-    Args:
-        wrench: [f; n] at the first point, (..., 6) [N, N·m].
-        r: From the new point to the first, (..., 3) [m].
-
-    Returns:
-        [f; n'] at the new point, (..., 6) [N, N·m].
-
-    >>> shift_wrench([0.0, 1, 0, 0, 0, 0], [1.0, 0, 0])
-    array([0., 1., 0., 0., 0., 1.])
-    """
-    wrench, r = np.asarray(wrench, dtype=float), np.asarray(r, dtype=float)
-    moment = wrench[..., 3:] + np.cross(r, wrench[..., :3])
-    force = np.broadcast_to(wrench[..., :3], moment.shape)
-    return np.concatenate([force, moment], axis=-1)

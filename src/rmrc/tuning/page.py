@@ -7,6 +7,7 @@ from rmrc.show import run_page
 from rmrc.show.page import Page
 from rmrc.study import sweep_page
 from rmrc.study.dataset import read_left
+from rmrc.support.files import reading
 from rmrc.tuning import tune_page
 
 
@@ -20,10 +21,11 @@ def page(path: Path) -> Page:
         OSError: It cannot be read.
         QuestionError: It is another kind of file, or damaged.
     """
-    if path.suffix != ".parquet":
-        return run_page.page(path)
-    left = read_left(path)
-    return tune_page.page(path, left) if "on_front" in left.rows else sweep_page.page(path, left)
+    with reading(path, "an output of run, compare, sweep or tune"):
+        if path.suffix != ".parquet":
+            return run_page.page(path)
+        left = read_left(path)
+        return tune_page.page(path, left) if "on_front" in left.rows else sweep_page.page(path, left)
 
 
 def report(result: str | PathLike[str], path: str | PathLike[str] | None = None) -> Path:

@@ -9,14 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard
-from rmrc.results.tally import Tally
 from rmrc.scenario import Change, Variant, changes_of
 from rmrc.scenario.choices import POLICIES
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.executors import threads
-from rmrc.study.margins.search import bears
+from rmrc.study.margins.margins import bears
 from rmrc.study.study import Listed, OnRuns, Result, Study
+from rmrc.support.spatial import AXES
 from rmrc.tuning.bar import ALIKE, Bar
 from rmrc.tuning.front import Point
 from rmrc.tuning.space import Setting
@@ -169,16 +170,20 @@ class Limits:
             j, jerk = self.joints.index(joint), float(card["joint_jerk_cmd.peak"].value)
             yield _over("commanded jerk", joint, jerk, self.jerk[j], f"{self.units[j]}/s³")
 
-    def is_exceeded(self, tally: Tally) -> bool:
+    def is_exceeded(self, run: Run) -> bool:
         """Return whether a run has exceeded the limit of a joint already."""
-        most, rate, acceleration = 1.0 + TOLERANCE, tally.peak("joint_rate"), tally.peak("joint_acceleration")
-        over = (rate.value > most * self.rate) | (acceleration.value > most * self.acceleration)
-        return bool(over.any())
+        qdot, most = run["qdot"], 1.0 + TOLERANCE
+        rate = np.abs(qdot).max(axis=0)
+        acceleration = np.abs(np.diff(qdot, axis=0)).max(axis=0) / run.period
+        return bool(((rate > most * self.rate) | (acceleration > most * self.acceleration)).any())
 
-    def point(self, tally: Tally) -> tuple[float, float]:
+    def point(self, run: Run) -> tuple[float, float]:
         """Return the peak rate and the error of a run so far, as `measure` has them."""
-        position, orientation = (tally.peak(f"{part}_error").value[0] for part in ("position", "orientation"))
-        rate = (tally.peak("joint_rate").value / self.scale).max()
+        rate = (np.abs(run["qdot"]).max(axis=0) / self.scale).max()
+        position, orientation = (
+            np.linalg.norm(run["pose_error"][:, [i for i in some if AXES[i] in run.axes]], axis=1).max()
+            for some in (range(3), range(3, 6))
+        )
         return float(rate), float(np.maximum(position, self.length * orientation))
 
 
@@ -223,11 +228,11 @@ class Ending:
     limits: Limits
     rivals: NDArray[np.float64]
 
-    def __call__(self, index: int, tally: Tally) -> bool:
+    def __call__(self, index: int, run: Run) -> bool:
         """Return whether a run ends here."""
-        if self.limits.is_exceeded(tally):
+        if self.limits.is_exceeded(run):
             return True
-        rate, error = np.array([self.limits.point(tally)]).T
+        rate, error = np.array([self.limits.point(run)]).T
         return bool(self.bar.beats(rate, error, self.rivals[[index]], 1.0 + ALIKE)[0])
 
 

@@ -252,7 +252,7 @@ class Tuning:
             tried, feasible = tuple(search.tried), tuple(search.feasible)
             best = verdict.recommended
             control = self._written(best.setting).get("control", {}) if best else None
-            bears = self._margins(verdict, search.edge, stop)
+            bears = self._margins(verdict, stop)
             interrupted = stop.is_set()
         free = {key: one for key, one in limits.items() if key not in self._only}
         return Tuned(
@@ -260,12 +260,11 @@ class Tuning:
             search.looks, trials.tick, trials.done, interrupted,
         )  # fmt: skip
 
-    def _margins(self, verdict: Verdict, expected: float, stop: threading.Event) -> dict[str, Margins]:
+    def _margins(self, verdict: Verdict, stop: threading.Event) -> dict[str, Margins]:
         """Return the margins of recommendations on the slowest of the robots; nothing if interrupted.
 
         Args:
             verdict: The recommendations.
-            expected: Estimated feedback at their stability limit [1/s]; 0: unknown.
             stop: Event that ends the runs.
         """
         chosen = {"recommended": verdict.recommended, "second best": verdict.second}
@@ -274,11 +273,7 @@ class Tuning:
             for name, one in chosen.items()
             if one is not None and one.feedback > 0.0
         }
-        found = margins_of(
-            self._study, [*loops.values()], stop,
-            accuracy=_ACCURACY, threads=self._threads, is_sparing=True, expected=expected,
-            stable=self.margin if self.margin > 1.0 else 0.0,  # each of them was tried with it
-        )  # fmt: skip
+        found = margins_of(self._study, [*loops.values()], stop, accuracy=_ACCURACY, threads=self._threads)
         return {} if stop.is_set() else dict(zip(loops, found, strict=True))
 
     def write(

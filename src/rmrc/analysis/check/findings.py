@@ -13,7 +13,7 @@ from rmrc.analysis.inspect.directions import SLOW
 from rmrc.analysis.new.scaling import ASSUMED_RATE
 from rmrc.arm.inventory import Contact
 from rmrc.arm.notes import code_of
-from rmrc.results.loads import SLIP_CURE
+from rmrc.results.verdict import SLIP_CURE
 from rmrc.support.legible import listed
 
 Level = Literal["error", "warning", "note"]

@@ -1,28 +1,63 @@
-"""Margins of a scenario: how much more delay, lag and gain its loop tolerates before it is unstable."""
+"""Margins of a scenario: how much more delay, lag and gain its loop tolerates before it is unstable.
+
+Each limit is found by bisection of one factor: that of the feedback, or that of the total lateness of
+commands, τ + T/2 + T₁. Threads search several limits at a time.
+"""
 
 import math
 import os
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
 
-from rmrc.scenario import Change, Scenario, Source, changes_of, draft_of
+from rmrc.scenario import Change, Scenario, Source, changes_of
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.margins.ringing import Judged, judged, lateness
-from rmrc.study.margins.search import ACCURACY, Edge, Search, close_in, delay, gain, lag
-from rmrc.study.study import OnRuns, Study
+from rmrc.study.study import Study
 from rmrc.support.brief import brief
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
-from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag, rule_gain
+from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag
 
-# In a sparing search, the lateness of commands grows at most by this factor: the size of a larger margin does
-# not matter. There, a loop with little feedback, whose response is slow, is judged with this share of the
-# feedback that an ideal plant tolerates: a loop that tolerates more also tolerates less.
-_ENOUGH, _RAISED = 10.0, 0.5
+# The relative accuracy of a limit, and its bounds: at its limit a loop takes forever to show on which side of
+# it it is.
+ACCURACY, _FINEST, _COARSEST = 0.02, 0.005, 0.5
+# A search begins at this share of the ideal plant's limit: lags, limits and singularities leave less. Its
+# first step from there is at least this long, and each is twice as long as the last, up to this multiple of
+# the ideal plant's limit, and down to this share of the feedback.
+_FIRST, _STEP, _BEYOND, _LOWEST = 0.9, 1.1, 10.0, 0.01
+# A dead time is at most this share of the path's duration: with a longer one, no command arrives in time.
+_SHARE = 0.9
+# With this share of the ideal plant's limit, a loop shows its stability quickly.
+_QUICK = 0.25
 
-# The finest accuracy: at its limit a loop takes forever to show on which side of it it is.
-_FINEST, _COARSEST = 0.005, 0.5
+
+OnRuns = Callable[[int], None]
+_Judge = Callable[[Sequence[Change]], Judged | None]
+
+
+class Edge(NamedTuple):
+    """Interval that contains a limit.
+
+    Attributes:
+        low: Highest value up to which the loop is stable; 0: none.
+        high: Lowest unstable value; infinite: none was found.
+    """
+
+    low: float
+    high: float
+
+    @property
+    def value(self) -> float:
+        """The limit: the geometric mean of both bounds, or the only bound."""
+        return math.sqrt(self.low * self.high) if self.is_found else self.low or self.high
+
+    @property
+    def is_found(self) -> bool:
+        """Whether both bounds exist."""
+        return self.low > 0.0 and self.high < math.inf
 
 
 @dataclass(frozen=True)
@@ -58,27 +93,29 @@ class Margins:
 
     Attributes:
         scenario: The scenario.
-        late: Dead time of its commands, and the longest lag [s].
         written: Judgment of the loop as written; None: interrupted before.
         gain: Factor on control.feedback at the limit; below 1 if the loop is unstable as written.
         delay: Dead time that can be added [s]; None if the loop is unstable as written.
         lag: Lag that can be added at every joint [s]; None as for `delay`.
-        rule: The feedback by the rule of thumb [1/s].
-        ideal: The feedback at the limit of the ideal plant [1/s].
-        runs: Number of runs.
         interrupted: Whether Ctrl-C ended the search.
     """
 
     scenario: Scenario
-    late: tuple[float, float]
     written: Judged | None
     gain: Margin
     delay: Margin | None
     lag: Margin | None
-    rule: float
-    ideal: float
-    runs: int
     interrupted: bool
+
+    @property
+    def late(self) -> tuple[float, float]:
+        """Dead time of its commands, and the longest lag [s]."""
+        return lateness(self.scenario)
+
+    @property
+    def runs(self) -> int:
+        """Number of runs; as written, all limits share them."""
+        return 2 * (1 + sum(len(one.tried) - 1 for one in self.all))
 
     @property
     def is_stable(self) -> bool:
@@ -91,193 +128,8 @@ class Margins:
         return tuple(one for one in (self.gain, self.delay, self.lag) if one is not None)
 
 
-class Asking:
-    """A validated scenario and the search for its margins."""
-
-    def __init__(
-        self,
-        source: Source,
-        overrides: Sequence[str] = (),
-        *,
-        accuracy: float = ACCURACY,
-        threads: int | None = None,
-    ) -> None:
-        """Check everything before the first run.
-
-        Args:
-            source: The scenario, or its file.
-            overrides: `KEY=VALUE` texts.
-            accuracy: Relative accuracy of the limits: of the gain, and of the total lateness of commands.
-            threads: Number of threads; None: one per core.
-
-        Raises:
-            ScenarioError: Lists all problems.
-        """
-        if not _FINEST <= accuracy <= _COARSEST:
-            wrong = f"must be between {_FINEST:g} and {_COARSEST:g}, got {accuracy:g}"
-            raise ScenarioError.about("--accuracy", wrong)
-        self._study, self._accuracy = Study(draft_of(source, overrides)), accuracy
-        self._threads = threads or os.cpu_count() or 1
-        self._prepared: Prepared = self._study.prepare()
-        self.scenario = self._prepared.scenario
-        if self.scenario.control.feedback == 0.0:
-            wrong = "must be > 0, got 0: a loop without feedback cannot be unstable"
-            raise ScenarioError([self.scenario.problem("control.feedback", wrong)])
-
-    def compile(self) -> None:
-        """Load the compiled law, or compile it on first use, which takes seconds."""
-        self._study.compile([self._prepared])
-
-    def run(self, on_runs: OnRuns | None = None) -> Margins:
-        """Find the margins; Ctrl-C ends the search and keeps the results so far.
-
-        Args:
-            on_runs: Called after each round with its number of runs.
-
-        Raises:
-            ScenarioError: The runs do not fit into memory.
-        """
-        with interruptible() as stop:
-            (found,) = margins_of(
-                self._study, [()], stop, accuracy=self._accuracy, threads=self._threads, on_runs=on_runs
-            )
-        return found
-
-
-def margins_of(
-    study: Study,
-    settings: Sequence[Sequence[Change]],
-    stop: threading.Event,
-    *,
-    accuracy: float = ACCURACY,
-    threads: int = 1,
-    on_runs: OnRuns | None = None,
-    is_sparing: bool = False,
-    expected: float = 0.0,
-    stable: float = 0.0,
-) -> list[Margins]:
-    """Return the margins of several settings of a scenario, searched in parallel.
-
-    Args:
-        study: Study of the scenario.
-        settings: Changes that make each setting, with a positive feedback.
-        stop: Event that ends the runs.
-        accuracy: Relative accuracy of the limits.
-        threads: Number of threads.
-        on_runs: Called after each round with its number of runs.
-        is_sparing: Whether to take more rounds of fewer runs, with commands at most ten times as late.
-        expected: Expected feedback at the limit [1/s], where a sparing search begins; 0: unknown.
-        stable: Factor on the feedback with which each was found stable before; 0: none.
-
-    Raises:
-        ScenarioError: A setting is wrong, or they do not fit into memory.
-    """
-    loops = [_Loop(study.prepare(base), base, accuracy, is_sparing) for base in settings]
-    gains = [loop.searches["gain"] for loop in loops]
-    for search in gains:
-        search.stable = stable
-    if expected:
-        side = math.sqrt(1.0 + accuracy)
-        for loop, search in zip(loops, gains, strict=True):
-            search.guess, search.first = expected / loop.scenario.control.feedback, (1.0 / side, side)
-    if is_sparing:
-        close_in(study, gains, stop, threads, on_runs)
-    nominal = [loop.nominal for loop in loops if not loop.is_implied()]
-    close_in(study, nominal, stop, threads, on_runs)
-    every = [search for loop in loops for search in loop.rest()]
-    if is_sparing:
-        later = [one for loop in loops for name, one in loop.searches.items() if name != "gain"]
-        _imply(study, later, stop, threads)
-    close_in(study, every, stop, threads, on_runs)
-    return [loop.margins(is_interrupted=stop.is_set()) for loop in loops]
-
-
-def _imply(study: Study, searches: Sequence[Search], stop: threading.Event, threads: int) -> None:
-    """End searches for more time where a loop with more feedback tolerates the largest value."""
-    raised = list[tuple[Search, Prepared]]()
-    for search in searches:
-        search.most = min(search.most, _ENOUGH)
-        changes = search.changes(search.most)
-        late = study.prepare(changes).scenario
-        feedback = _RAISED * edge_gain(late.control.period, *lateness(late))
-        if feedback > late.control.feedback:
-            raised.append((search, study.prepare((*changes, *changes_of({"control.feedback": feedback})))))
-    found = judged(study, [world for _, world in raised], stop, threads)
-    for (search, _), one in zip(raised, found, strict=True):
-        if one is not None and not one.is_unstable:
-            search.known[search.most] = one
-
-
-class _Loop:
-    """A loop and its searches."""
-
-    def __init__(self, prepared: Prepared, base: Sequence[Change], accuracy: float, is_sparing: bool) -> None:
-        self._prepared, self._base, self.scenario = prepared, base, prepared.scenario
-        self._accuracy, self._is_sparing = accuracy, is_sparing
-        self.searches = {"gain": self._as_asked(gain(self.scenario, base))}
-        self.nominal = replace(gain(self.scenario, base), guess=1.0, least=1.0, most=1.0)
-
-    def _as_asked(self, search: Search) -> Search:
-        return replace(search, accuracy=self._accuracy, is_sparing=self._is_sparing)
-
-    def is_implied(self) -> bool:
-        """Return whether the loop is stable because one with more feedback is, and adopt that result."""
-        low, known = self.searches["gain"].edge.low, self.searches["gain"].known
-        if low >= 1.0:
-            self.nominal.known[1.0] = known.get(low, Judged("", math.nan, math.nan))  # known before
-        return low >= 1.0
-
-    @property
-    def _written(self) -> Judged | None:
-        return self.nominal.known.get(1.0)
-
-    def rest(self) -> list[Search]:
-        """Return the searches that follow the judgment of the loop as written; none if interrupted."""
-        if self._written is None:
-            return []
-        if not self._written.is_unstable:
-            longest = self._prepared.reference.duration
-            self.searches["delay"] = self._as_asked(delay(self.scenario, longest, self._base))
-            self.searches["lag"] = self._as_asked(lag(self.scenario, self._base))
-        for search in self.searches.values():
-            search.known[1.0] = self._written
-        return list(self.searches.values())
-
-    def margins(self, *, is_interrupted: bool) -> Margins:
-        """Return the result."""
-        one = self.scenario
-        late, period = lateness(one), one.control.period
-        found = {name: self._margin(name, search) for name, search in self.searches.items()}
-        others = sum(len(search.known.keys() - {1.0}) for search in self.searches.values())
-        runs = 2 * (len(self.nominal.known) + others)
-        return Margins(
-            one, late, self._written, found["gain"], found.get("delay"), found.get("lag"),
-            rule_gain(period, *late), edge_gain(period, *late), runs, is_interrupted,
-        )  # fmt: skip
-
-    def _margin(self, name: str, search: Search) -> Margin:
-        """Return the result of a search, with the limit of the ideal plant."""
-        feedback, period = self.scenario.control.feedback, self.scenario.control.period
-        tau, slowest = lateness(self.scenario)
-        rule = 1.0 / feedback - 1.0 / rule_gain(period, tau, slowest)  # of the total lateness of commands
-        if name == "gain":
-            rule = rule_gain(period, tau, slowest) / feedback
-            ideal = edge_gain(period, tau, slowest) / feedback
-        elif name == "delay":
-            ideal = max(0.0, edge_delay(feedback, period, slowest) - tau)
-        else:
-            ideal = max(0.0, edge_lag(feedback, period, tau) - slowest)
-        low, high = search.edge
-        edge = Edge(search.value(low) if low else 0.0, search.value(high))
-        return Margin(name, edge, search.value(search.most), ideal, rule, tuple(search.tried))
-
-
 def margins(
-    scenario: Source,
-    *,
-    accuracy: float = ACCURACY,
-    threads: int | None = None,
-    on_runs: OnRuns | None = None,
+    scenario: Source, *, accuracy: float = ACCURACY, threads: int | None = None, on_runs: OnRuns | None = None
 ) -> Margins:
     """Find by simulation how much more gain, delay and lag a loop tolerates before it is unstable.
 
@@ -287,12 +139,188 @@ def margins(
         scenario: The scenario, its file, or the name of a shipped one.
         accuracy: Relative accuracy of the limits: of the gain, and of the total lateness of commands.
         threads: Number of threads; None: one per core.
-        on_runs: Called after each round with its number of runs.
+        on_runs: Called after each tried setting with its number of runs.
 
     Returns:
         The margins; Ctrl-C ends the search and keeps the results so far.
 
     Raises:
-        ScenarioError: Lists all problems, before the first run; or the runs do not fit into memory.
+        ScenarioError: Lists all problems, before the first run; or a run does not fit into memory.
+        KeyboardInterrupt: Ctrl-C before the first run.
     """
-    return Asking(scenario, accuracy=accuracy, threads=threads).run(on_runs)
+    if not _FINEST <= accuracy <= _COARSEST:
+        wrong = f"must be between {_FINEST:g} and {_COARSEST:g}, got {accuracy:g}"
+        raise ScenarioError.about("--accuracy", wrong)
+    study, threads = Study(scenario), threads or os.cpu_count() or 1
+    prepared = study.prepare()
+    if prepared.scenario.control.feedback == 0.0:
+        wrong = "must be > 0, got 0: a loop without feedback cannot be unstable"
+        raise ScenarioError([prepared.scenario.problem("control.feedback", wrong)])
+    study.compile([prepared])
+    with interruptible() as stop:
+        return margins_of(study, [()], stop, accuracy=accuracy, threads=threads, on_runs=on_runs)[0]
+
+
+def margins_of(
+    study: Study, settings: Sequence[Sequence[Change]], stop: threading.Event, *,
+    accuracy: float = ACCURACY, threads: int = 1, on_runs: OnRuns | None = None,
+) -> list[Margins]:  # fmt: skip
+    """Return the margins of several settings of a scenario.
+
+    Args:
+        study: Study of the scenario.
+        settings: Changes that make each setting, with a positive feedback.
+        stop: Event that ends the runs.
+        accuracy: Relative accuracy of the limits.
+        threads: Number of threads.
+        on_runs: Called after each tried setting with its number of runs.
+
+    Raises:
+        ScenarioError: A setting is wrong, or a run does not fit into memory.
+    """
+    judge = _judge(study, stop, on_runs)
+    loops = [study.prepare(base) for base in settings]
+    with ThreadPoolExecutor(threads) as pool:
+        written = list(pool.map(judge, settings))
+        searches = [
+            [pool.submit(_close_in, judge, base, limit, one, accuracy) for limit in _limits(loop, one)]
+            for base, loop, one in zip(settings, loops, written, strict=True)
+        ]
+        found = [{one.name: one for one in (search.result() for search in some)} for some in searches]
+    return [
+        Margins(loop.scenario, one, some["gain"], some.get("delay"), some.get("lag"), stop.is_set())
+        for loop, one, some in zip(loops, written, found, strict=True)
+    ]
+
+
+def bears(
+    study: Study, settings: Sequence[Sequence[Change]], factor: float = 2.0, *,
+    threads: int = 1, stop: threading.Event | None = None,
+) -> list[bool | None]:  # fmt: skip
+    """Return whether loops stay stable with their feedback times a factor; None if interrupted.
+
+    Slow ringing takes long to detect, so a loop with little feedback is judged with more feedback first,
+    which implies stability with less; only if that fails is it judged as given.
+
+    Args:
+        study: Study of the scenario.
+        settings: Changes that make each setting; with a positive feedback.
+        factor: On `control.feedback`.
+        threads: Number of threads.
+        stop: Event that ends the runs.
+
+    Raises:
+        ScenarioError: A setting is wrong, or a run does not fit into memory.
+    """
+    judge = _judge(study, stop or threading.Event())
+    loops = [study.prepare(base).scenario for base in settings]
+
+    def is_borne(base: Sequence[Change], loop: Scenario) -> bool | None:
+        feedback = loop.control.feedback
+        quick = _QUICK * edge_gain(loop.control.period, *lateness(loop))
+        for tried in sorted({factor * feedback, max(factor * feedback, quick)}, reverse=True):
+            judgment = judge((*base, *changes_of({"control.feedback": tried})))
+            if judgment is None or not judgment.is_unstable:
+                return None if judgment is None else True
+        return False
+
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(is_borne, settings, loops))
+
+
+def _judge(study: Study, stop: threading.Event, on_runs: OnRuns | None = None) -> _Judge:
+    """Return the function that judges a setting, in any thread; one prepares at a time."""
+    lock = threading.Lock()
+
+    def judge(changes: Sequence[Change]) -> Judged | None:
+        with lock:
+            prepared = study.prepare(changes)
+        judgment = None if stop.is_set() else judged(prepared, stop)
+        if judgment and on_runs:
+            with lock:
+                on_runs(2)
+        return judgment
+
+    return judge
+
+
+class _Limit(NamedTuple):
+    """What is searched: a factor of the feedback, or of the total lateness of commands, τ + T/2 + T₁.
+
+    Attributes:
+        name: Name of the margin.
+        ideal: Factor at the limit of the ideal plant.
+        rule: Factor by the rule of thumb.
+        least: Smallest factor of the search.
+        most: Largest factor.
+        setting: Function from a reported value to its setting.
+        late: The total lateness, if the reported value is the additional time [s]; None: it is the factor.
+    """
+
+    name: str
+    ideal: float
+    rule: float
+    least: float
+    most: float
+    setting: Callable[[float], dict[str, object]]
+    late: float | None = None
+
+    def value(self, factor: float) -> float:
+        """Return the reported value."""
+        return factor if self.late is None else (factor - 1.0) * self.late
+
+
+def _limits(prepared: Prepared, written: Judged | None) -> Iterator[_Limit]:
+    """Yield the limits to search for: the gain's, and the others of a loop that is stable as written."""
+    scenario, plant = prepared.scenario, prepared.scenario.plant
+    feedback, period, (delay, lag) = scenario.control.feedback, scenario.control.period, lateness(scenario)
+    late = delay + lag + 0.5 * period
+    rule = 1.0 / (feedback * late)
+
+    def lags(more: float) -> object:
+        return [one + more for one in plant.lag] if isinstance(plant.lag, tuple) else plant.lag + more
+
+    ideal = edge_gain(period, delay, lag) / feedback
+    least, most = min(_LOWEST, 0.1 * ideal), _BEYOND * max(1.0, ideal)
+    yield _Limit("gain", ideal, rule, least, most, lambda factor: {"control.feedback": factor * feedback})
+    if written is None or written.is_unstable:
+        return
+    ideal = 1.0 + max(0.0, edge_delay(feedback, period, lag) - delay) / late
+    most = max(1.0, min(_BEYOND * ideal, 1.0 + (_SHARE * prepared.reference.duration - plant.delay) / late))
+    yield _Limit("delay", ideal, rule, 1.0, most, lambda more: {"plant.delay": plant.delay + more}, late)
+    ideal = 1.0 + max(0.0, edge_lag(feedback, period, delay) - lag) / late
+    most = _BEYOND * (ideal if ideal < math.inf else 1.0 + rule)
+    yield _Limit("lag", ideal, rule, 1.0, most, lambda more: {"plant.lag": lags(more)}, late)
+
+
+def _close_in(
+    judge: _Judge, base: Sequence[Change], limit: _Limit, written: Judged | None, accuracy: float
+) -> Margin:
+    """Search a limit by ever longer steps from below that of the ideal plant, then by bisection."""
+    tried = {1.0: written} if written else {}
+
+    def ends() -> tuple[float, float]:
+        high = min((factor for factor, judgment in tried.items() if judgment.is_unstable), default=math.inf)
+        return max((factor for factor in tried if factor < high), default=0.0), high
+
+    low, high = ends()
+    factor = min(max(_FIRST * limit.ideal, limit.least, low), limit.most, high)
+    step = max(_STEP, 1.0 + accuracy)
+    while True:
+        if factor not in tried:
+            judgment = judge((*base, *changes_of(limit.setting(limit.value(factor)))))
+            if judgment is None:
+                break
+            tried[factor] = judgment
+        low, high = ends()
+        if factor == high:
+            factor = max(high / step, math.sqrt(low * high) if low else limit.least)
+        else:
+            factor = min(low * step, math.sqrt(low * high) if high < math.inf else limit.most)
+        if factor in tried or high <= low * (1.0 + accuracy):
+            break
+        step *= step
+    edge = Edge(limit.value(low) if low else 0.0, limit.value(high))
+    most, ideal, rule = map(limit.value, (limit.most, limit.ideal, limit.rule))
+    each = tuple((limit.value(factor), judgment) for factor, judgment in sorted(tried.items()))
+    return Margin(limit.name, edge, most, ideal, rule, each)

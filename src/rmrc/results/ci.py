@@ -1,0 +1,184 @@
+"""Files of runs for CI, also of failed ones: JUnit XML, which it shows as tests, and Markdown."""
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+from rmrc.results.expectations import Outcome
+from rmrc.results.facts import versions
+from rmrc.results.leaving import refuse_unwritable
+from rmrc.results.run import Run
+from rmrc.support.errors import QuestionError, RmrcError
+from rmrc.support.files import write_text
+from rmrc.support.legible import escaped, visible
+
+# The file of a step of GitHub Actions; text appended to it becomes the summary of that step.
+STEP = "GITHUB_STEP_SUMMARY"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A check, as CI counts it.
+
+    Attributes:
+        name: It stays the same from one version to the next.
+        ok: Whether the check passed.
+        text: The result.
+    """
+
+    name: str
+    ok: bool
+    text: str
+
+    def __str__(self) -> str:
+        """Return one line."""
+        return f"{self.name}: {self.text}"
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A run, as CI counts it.
+
+    Attributes:
+        name: Name of the scenario, with the label of a variant.
+        cases: Outcomes of the expectations that count, or of the checks.
+        error: Why there was no run, or no complete one; "": it is complete.
+        verdict: The result, in a sentence.
+        seconds: Its duration.
+    """
+
+    name: str
+    cases: Sequence[Outcome | Case] = ()
+    error: str = ""
+    verdict: str = ""
+    seconds: float = 0.0
+
+
+def suite(
+    name: str, run: Run, outcomes: Sequence[Outcome], interrupted: bool, failures: Sequence[str]
+) -> Suite:
+    """Return a run as a suite.
+
+    Args:
+        name: Name of the run.
+        run: The run.
+        outcomes: Outcomes of the expectations that count.
+        interrupted: Whether Ctrl-C ended it.
+        failures: Reasons why its files could not be written, one line each.
+    """
+    error = "\n".join(failures)
+    if run.divergence or interrupted:
+        error = str(run.divergence or f"interrupted at tick {len(run)} of {run.planned}")
+    return Suite(name, outcomes, error, run.verdict, run.wall_time)
+
+
+@dataclass
+class Results:
+    """What the files tell.
+
+    Attributes:
+        name: Common name of all runs.
+        suites: One for each run.
+        figures: Their metrics, in Markdown; "": none.
+    """
+
+    name: str
+    suites: Sequence[Suite] = ()
+    figures: str = ""
+
+
+@contextmanager
+def files(name: str, xml: Path | None, summary: Path | None) -> Iterator[Results]:
+    """Yield the results of a verb, and write them to its CI files at the end, or else the failure.
+
+    Args:
+        name: Name of the scenario.
+        xml: File of JUnit XML; None: none.
+        summary: Markdown file; appended to if it is the step summary of GitHub Actions; None: none.
+
+    Raises:
+        QuestionError: A file has another suffix, or exists with other contents.
+        OSError: It cannot be written.
+    """
+    adds = summary is not None and str(summary) == os.environ.get(STEP)
+    if xml and (xml.suffix != ".xml" or (xml.is_file() and b"<testsuites" not in xml.read_bytes()[:200])):
+        raise QuestionError(f"--junit {visible(str(xml))}: is not JUnit XML; give a new file in .xml")
+    if summary and summary.suffix != ".md" and not adds:
+        raise QuestionError(f"--summary {visible(str(summary))}: must end in .md, or be ${STEP}")
+    refuse_unwritable(filter(None, (xml, summary)))
+    results = Results(name)
+    try:
+        yield results
+    except BaseException as error:
+        reason = str(error) if isinstance(error, RmrcError | OSError) else "ended before the first result"
+        results.suites = results.suites or [Suite(name, error=reason)]
+        raise
+    finally:
+        if xml:
+            write_text(xml, junit(results))
+        if summary and adds:  # texts of other commands of this step stay
+            with summary.open("a", encoding="utf-8") as file:
+                file.write(f"{markdown(results)}\n")
+        elif summary:
+            write_text(summary, markdown(results))
+
+
+def junit(results: Results) -> str:
+    """Return runs as JUnit XML: a case for each run, which an error fails, and one for each check.
+
+    The elements and attributes are those of the schema of Jenkins' xUnit plugin (`junit-10.xsd`), which
+    GitLab and the actions of GitHub read as well.
+    """
+    root = ElementTree.Element("testsuites", _counts(results.name, results.suites))
+    for one in results.suites:
+        element = ElementTree.SubElement(root, "testsuite", _counts(one.name, [one]))
+        properties = ElementTree.SubElement(element, "properties")
+        for library, number in versions().items():
+            ElementTree.SubElement(properties, "property", name=library, value=number)
+        cases = [("run", "error", one.error)]
+        cases += [(case.name, "failure", "" if case.ok else str(case)) for case in one.cases]
+        for case, tag, text in cases:
+            about = {"classname": visible(one.name), "name": visible(case)}
+            parent = ElementTree.SubElement(element, "testcase", about)
+            if text:  # its first line, which lists show, and the whole text
+                lines = visible(text, keep="\n")
+                message = lines.partition("\n")[0]
+                ElementTree.SubElement(parent, tag, type=tag, message=message).text = lines
+        ElementTree.SubElement(element, "system-out").text = visible(one.verdict)
+    ElementTree.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, "unicode")}\n'
+
+
+def _counts(name: str, suites: Sequence[Suite]) -> dict[str, str]:
+    """Return the attributes of some suites."""
+    return {
+        "name": visible(name),
+        "tests": str(sum(1 + len(one.cases) for one in suites)),
+        "failures": str(sum(not case.ok for one in suites for case in one.cases)),
+        "errors": str(sum(bool(one.error) for one in suites)),
+        "time": f"{math.fsum(one.seconds for one in suites):.3f}",
+    }
+
+
+def markdown(results: Results) -> str:
+    """Return the summary: a result line, then each run with its checks and metrics."""
+    suites, figures = results.suites, results.figures
+    oks = [case.ok for one in suites for case in one.cases]
+    errors = sum(bool(one.error) for one in suites)
+    words = [f"{sum(oks)} of {len(oks)} checks passed"] * bool(oks)
+    words += [f"{errors} of {len(suites)} runs incomplete"] * bool(errors)
+    passed = "✅" if all(oks) and not errors else "❌"
+    blocks = [f"### {passed} {escaped(visible(results.name))}: {', '.join(words) or 'complete'}"]
+    for one in suites:
+        blocks += [f"#### {escaped(visible(one.name))}"] * (len(suites) > 1)
+        blocks += [escaped(visible(one.verdict))]
+        rows = [("ERROR", f"run: {line}") for line in visible(one.error, keep="\n").splitlines()]
+        rows += [("ok" if case.ok else "MISSED", visible(str(case))) for case in one.cases]
+        blocks += ["\n".join(f"- {word}: {escaped(text)}" for word, text in rows)]
+    if figures:
+        blocks.append(f"<details><summary>Metrics</summary>\n\n{figures.strip()}\n\n</details>")
+    return "\n\n".join(filter(None, blocks)) + "\n"
