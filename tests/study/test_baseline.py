@@ -115,7 +115,7 @@ def test_comparisons_and_sweeps_leave_it_out():
     assert len(Job(near(baseline=PLAIN), variants=rmrc.scenario.grid(vary)).worlds) == 2
     rows = [rmrc.sweep(each, vary) for each in (near(baseline=PLAIN), near())]
     assert repr(rows[0].to_pylist()) == repr(rows[1].to_pylist())
-    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.control\.feedback.*cannot be varied"):
+    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.control\.feedback.*cannot be changed here"):
         near(**{"sweep.vary": {"baseline.control.feedback": [1, 2]}})
 
 
