@@ -159,9 +159,10 @@ def _driven(
     """Return the joints to actuate, outward."""
     for name in joints:
         if name not in free or joints.count(name) > 1:
-            where = f'is no hinge or slide joint on the chain to site "{site}"{did_you_mean(name, free)}'
-            why = "is listed twice" if name in free else "follows by an equality" if name in links else where
-            raise ModelError(f'{path}: joint "{name}" {why}; those to list: {", ".join(free)}', "joints")
+            why = f'no hinge or slide joint "{name}" on the chain to site "{site}"{did_you_mean(name, free)}'
+            if name in links or name in free:
+                why = f'joint "{name}" {"is listed twice" if name in free else "follows by an equality"}'
+            raise ModelError(f"{path}: {why}; the chain: {', '.join(free)}", "joints")
     outward = tuple(name for name in free if name in joints)
     if outward != tuple(joints):
         notes.append(f"list joints, and values for them, from the base outward: {', '.join(outward)}")
