@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rmrc.results import loads
-from rmrc.results.scorecard import scorecard
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -186,36 +184,3 @@ def test_no_gain_is_too_stiff_for_the_equalities(write, kv):
     _, run = ran(write(**ARMS["desktop"]), "servo", kv=kv)
     assert error(run) < 1e-3 and run["slip"].max() < 1e-7
     assert np.abs(np.diff(run["qdot"], axis=0)).max() < 0.01  # no chatter
-
-
-def test_a_soft_equality_of_the_author_slips_in_his_own_physics_and_is_told(write):
-    """τ/k of a spring: its followers give way to the weight, which no gravity compensation carries."""
-    about = ARMS["desktop"] | {
-        "softness": 'solref="0.1 1"',
-        "more": f"<actuator>{drives('motor')}</actuator>",
-    }
-    prepared, run = ran(write(**about), "model", gravity_compensation=False)
-    slip = gap(prepared.arm.model, run["qpos"])
-    assert_allclose(run["slip"], slip, atol=1e-15)
-    assert slip.max() > 2e-3
-    np.testing.assert_array_equal((run["status"] & Status.SLIPPED) != 0, slip > 1e-3)
-    card = scorecard(run)
-    assert card["slip.max"].value == run["slip"].max()
-    assert run["time"][run["slip"].argmax()] == card["slip.max_time"].value
-    assert card["status_time.SLIPPED"].value == pytest.approx(PERIOD * (slip > 1e-3).sum())
-    (line,) = loads.told(card, ())
-    assert "SLIPPED" in line and "solref" in line and f"{slip.max():.3g}" in line
-    assert not list(loads.told(card, ["slip.max"]))
-    stiff = about | {"softness": ""}  # where he wrote none
-    _, run = ran(write(**stiff), "model", gravity_compensation=False)
-    assert run["slip"].max() < 1e-6 and not list(loads.told(scorecard(run), ()))
-
-
-def test_what_holds_followers_is_told_where_the_author_had_it_otherwise(write):
-    soft = ARMS["desktop"] | {"softness": 'solref="0.1 1"', "more": '<option integrator="implicitfast"/>'}
-    assumed = {one.text: one.is_otherwise for one in ran(write(**soft), "servo")[0].assumed}
-    assert assumed["integrator discrete instead of the model's implicitfast"]
-    assert assumed["equalities of followers as stiff as the timestep bears, instead of the model's"]
-    assumed = {one.text: one.is_otherwise for one in ran(write(**ARMS["desktop"]), "servo")[0].assumed}
-    assert assumed["integrator discrete instead of the model's Euler"] is False
-    assert assumed["equalities of followers as stiff as the timestep bears, instead of the model's"] is False

@@ -137,11 +137,3 @@ def test_springs_that_no_drive_of_the_author_carries_are_told(write, slide, hing
         assert error(run) < 1e-3
     found = [one for one in rmrc.check(path).findings if one.code == "spring-load"]
     assert len(found) == bool(joints) and all("model plant" in one.text and one.way for one in found)
-
-
-def test_an_arm_without_springs_says_nothing_of_them(write):
-    for kind in ("ideal", "servo", "torque"):
-        assert (
-            ran(write(), kind, by=(0.0, 0.0, 0.0), gravity_compensation=kind == "torque" or None)[0].springs
-            == ""
-        )

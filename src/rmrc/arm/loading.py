@@ -9,15 +9,14 @@ import mujoco
 import numpy as np
 
 from rmrc.arm import names, numbers, urdf
+from rmrc.arm.actuators import limits
 from rmrc.arm.arm import Arm
 from rmrc.arm.bounds import bounded_memory
 from rmrc.arm.compiling import compiled, quiet_log, read
-from rmrc.arm.followers import Link, find_links, followers
+from rmrc.arm.equalities import Follower, find_links, find_ties, followers
 from rmrc.arm.keyframes import keyframes, starting_key
-from rmrc.arm.limits import leading_limit, position_limit, rate_limit, torque_limit
 from rmrc.arm.mounting import Asked, mounted
 from rmrc.arm.scan import check_file
-from rmrc.arm.ties import find_ties
 from rmrc.arm.wiring import SLIDE, find_chain, joints_above
 from rmrc.scenario.sections import ArmSection, ToolSection
 from rmrc.support.errors import ModelError, did_you_mean
@@ -118,8 +117,8 @@ def _found(
         )
     following = followers(model, chain, links, driven) if links else ()
     joint = np.array([model.joint(name).id for name in driven])
-    limit = position_limit(model, driven, following)
-    keys = keyframes(model, joint.tolist(), limit, asked.prefix, notes)
+    positions, rates, torques = limits(model, driven, following, velocity)
+    keys = keyframes(model, joint.tolist(), positions, asked.prefix, notes)
     if (
         spec is not None
         and is_urdf
@@ -133,14 +132,13 @@ def _found(
         joints=driven,
         is_slide=model.jnt_type[joint] == SLIDE,
         followers=following,
-        position_limit=limit,
-        rate_limit=leading_limit(model, driven, following, lambda i: _rate(model, velocity, i), -1),
-        torque_limit=leading_limit(model, driven, following, lambda i: torque_limit(model, i), 1),
+        position_limit=positions,
+        rate_limit=rates,
+        torque_limit=torques,
         keyframes=keys,
         model=model,
         _spec=spec,
         _links={name: links[name] for name in chain if name in links and links[name].leader not in joint},
-        variant=asked.variant,
         frame=frame,
         packages=asked.packages,
         notes=tuple(notes),
@@ -178,14 +176,9 @@ def load_asked(section: ArmSection) -> Arm:
     )  # fmt: skip
 
 
-def _rate(model: mujoco.MjModel, velocity: Mapping[str, float], i: int) -> float:
-    """Return the rate limit of a joint: the least of the model's own and a URDF's."""
-    return min(rate_limit(model, i), velocity.get(model.joint(i).name, np.inf))
-
-
 def _with_ties(arm: Arm) -> Arm:
     """Return the arm with its `ties`: equalities of its model that no Jacobian here includes."""
-    ties = find_ties(arm.model, arm.configuration("home"), *arm.followed_dofs, arm.others)
+    ties = find_ties(arm.model, arm.configuration("home"), arm.motion, arm.others)
     if not ties:
         return arm
     verbs = ("tie", "are") if len(ties) > 1 else ("ties", "is")
@@ -194,7 +187,7 @@ def _with_ties(arm: Arm) -> Arm:
 
 
 def _driven(
-    path: Path, model: mujoco.MjModel, site: str, own: Sequence[str], links: Mapping[str, Link],
+    path: Path, model: mujoco.MjModel, site: str, own: Sequence[str], links: Mapping[str, Follower],
     joints: Sequence[str], notes: list[str],
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the joints to actuate, outward."""

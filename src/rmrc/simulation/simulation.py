@@ -244,7 +244,7 @@ def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run
     arm, scenario = prepared.arm, prepared.scenario
     chain, inverse = prepared.true_arm.chain, scenario.control.inverse
     read = read_by(inverse.method, inverse.damping.schedule)
-    reach = 0.0 if arm.idle else chain.reach  # a joint without an actuator may move the links apart
+    reach = 0.0 if arm.idle() else chain.reach  # a joint without an actuator may move the links apart
     return Run(
         name=scenario.name,
         joints=arm.joints,
@@ -265,7 +265,7 @@ def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run
         damping_below=float(inverse.damping.below) if DAMPING_BELOW in read else 0.0,
         shoulder=tuple(chain.step[0].tolist()) if reach else (),
         reach=reach,
-        screws=() if arm.idle else chain.screws,
-        leaders=() if arm.idle else tuple(chain.leader.tolist()),
-        joint_scale=() if arm.idle else tuple(prepared.task.joint_scale.tolist()),
+        screws=() if arm.idle() else chain.screws,
+        leaders=() if arm.idle() else tuple(chain.leader.tolist()),
+        joint_scale=() if arm.idle() else tuple(prepared.task.joint_scale.tolist()),
     )
