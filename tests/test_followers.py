@@ -174,7 +174,9 @@ def test_computed_torque_bears_followers_too(model):
         # followers are off by their lag, in position and rate
         assert_allclose(run["tau"][t + 1], F.T @ force, atol=2e-3 * np.abs(F.T @ force).max())
         both.append([F.T @ force, force[arm.wiring.dof]])
-    whole, alone = np.moveaxis(both, 1, 0)[..., (arm.motion != 0).sum(axis=0) > 1]  # negative control: without what follows
+    whole, alone = np.moveaxis(both, 1, 0)[
+        ..., (arm.motion != 0).sum(axis=0) > 1
+    ]  # negative control: without what follows
     assert np.abs(whole - alone).max() > 0.1 * np.abs(whole).max()
 
 

@@ -130,13 +130,6 @@ def tell_intvelocity(loop, rates):
     loop.data.ctrl[:] = rates * [1.0, 0.5]
 
 
-def start_general(loop):
-    # a: 40 u + 3 − 200 q = load; b: −60 u − 60 q = load
-    q, load = loop.data.qpos, loop.load()
-    loop.data.ctrl[:] = (load[0] - 3 + 200 * q[0]) / 40, -(load[1] + 60 * q[1]) / 60
-    loop.data.act[:] = loop.data.ctrl[0]
-
-
 def tell_motor(loop, rates):
     # the least controls times gears: shares as the gears are, 5 and 3
     first, second = loop.torque(rates)
@@ -182,7 +175,6 @@ LOOPS = {
     "position": (nothing, moved(2.0, 1.0)),
     "velocity": (start_velocity, tell_velocity),
     "intvelocity": (nothing, tell_intvelocity),
-    "general": (start_general, moved(5.0, -1.0)),
     "motor": (nothing, tell_motor),
     "tendon": (start_tendon, tell_tendon),
     "cable": (start_cable, tell_cable),

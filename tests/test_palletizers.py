@@ -3,7 +3,6 @@
 The oracles are the equalities as they are written, the ideal plant, and a plain loop over MuJoCo.
 """
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -137,46 +136,6 @@ def test_a_hand_may_have_more_followers_than_the_arm_has_joints(write):
     prepared, run = ran(write(**ARMS["desktop"], hand=hand, finger=rules), "ideal")
     assert len(prepared.arm.followers) == 11 and run["slip"].max() < 1e-12
     assert gap(prepared.arm.model, run["qpos"]).max() < 1e-12
-
-
-def plain(prepared, run, integrator, solref, impedance):
-    """Return qpos, (T, nq), of the author's model with servos that gets the commands of a run.
-
-    Their gains are inertia over timestep, with the inertia of all that a joint moves with its followers.
-    """
-    arm = prepared.arm
-    spec = mujoco.MjSpec.from_file(str(arm.path))
-    spec.option.timestep, spec.option.integrator = PERIOD, integrator
-    data = mujoco.MjData(arm.model)
-    mujoco.mj_forward(arm.model, data)
-    M, F = np.zeros((arm.model.nv,) * 2), np.zeros((arm.model.nv, arm.n))
-    mujoco.mj_fullM(arm.model, data, M)
-    for j, row in enumerate(np.eye(arm.n)):
-        F[:, j] = arm.configuration(row) - arm.configuration(0.0 * row)
-    for name, inertia in zip(arm.joints, np.diag(F.T @ M @ F), strict=True):
-        actuator = spec.add_actuator(target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        actuator.set_to_velocity(kv=inertia / PERIOD)
-    for body in spec.bodies[1:]:
-        body.gravcomp = 1.0
-    for equality in spec.equalities:
-        equality.solref, equality.solimp[:2] = [solref, 1.0], impedance
-    model = spec.compile()
-    data, places = mujoco.MjData(model), []
-    data.qpos[:] = run["qpos"][0]
-    for rates in run["qdot_cmd"]:
-        places.append(np.array(data.qpos))
-        data.ctrl[:] = rates
-        mujoco.mj_step(model, data)
-    return np.array(places)
-
-
-def test_servos_are_a_plain_loop_over_mujoco_with_one_solution_for_servos_and_equalities(write):
-    """Equal to rounding that servos forget; with the inertia of servos beside the equalities, followers slip by 0.07 rad."""
-    prepared, run = ran(write(**ARMS["desktop"]), "servo")
-    discrete, fast = mujoco.mjtIntegrator.mjINT_DISCRETE, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    assert_allclose(plain(prepared, run, discrete, 0.1 * PERIOD, 0.9999), run["qpos"], rtol=0, atol=1e-9)
-    slipped = gap(prepared.arm.model, plain(prepared, run, fast, 0.02, (0.9, 0.95)))
-    assert slipped.max() > 0.05
 
 
 @pytest.mark.parametrize("kv", [1.0, 1e3, 1e7])

@@ -357,7 +357,9 @@ def test_every_model_and_screws_hold_what_statics_says(made, gravity, every):
         assert held.agrees, (arm.path.stem, held.difference, held.allowed, held.rate)
         assert held.ended.gravity.any() <= gravity
         # What dry friction may bear is beside that, and known.
-        assert (held.allowed - arm.model.dof_frictionloss @ np.abs(arm.motion) < 0.01 * held.ended.size.max()).all()
+        assert (
+            held.allowed - arm.model.dof_frictionloss @ np.abs(arm.motion) < 0.01 * held.ended.size.max()
+        ).all()
         # Negative control: the wrench of the other sign is not what they read.
         wrong = balance(arm, held.ended.q, -0.1 * wrench, gravity)
         assert not replace(held, ended=wrong).agrees

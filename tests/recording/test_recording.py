@@ -441,7 +441,9 @@ def test_capsules_end_where_mujoco_ends_them(recorded):
         if shape.kind != "capsule":
             continue
         body, geom = model.body(shape.body).name, model.geom(shape.name)
-        alike = [one.name for one in shapes_of(prepared.arm) if (one.body, one.kind) == (shape.body, "capsule")]
+        alike = [
+            one.name for one in shapes_of(prepared.arm) if (one.body, one.kind) == (shape.body, "capsule")
+        ]
         drawn, i = stored(path, f"/arm/{body}"), alike.index(shape.name)
         found = {name: row[0][i : i + 1] for name, row in drawn.items() if name.startswith("Capsules3D")}
         quat, turn = found["Capsules3D:quaternions"][0], np.empty(9)

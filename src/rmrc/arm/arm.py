@@ -378,12 +378,9 @@ class Arm:
         is_home = np.array_equal(qpos[elsewhere], self.configuration("home")[elsewhere])
         key = self._key_of(start) if isinstance(start, str) or is_home else None
         frame = None if key is None else self._written.keys[key]
-        texts = [np.array(values) for values in ((frame.ctrl, frame.act) if frame else ((), ()))]
-        given = [values if len(values) else None for values in texts]
-        controls = self.others.controls(self.data_at(qpos), *given)
-        owners = [
-            np.repeat(np.arange(model.nactuator), c) for c in (model.actuator_ctrlnum, model.actuator_actnum)
-        ]
+        given = [np.array(v) if len(v) else None for v in ((frame.ctrl, frame.act) if frame else ((), ()))]
+        controls, ids = self.others.controls(self.data_at(qpos), *given), np.arange(model.nactuator)
+        owners = np.repeat(ids, model.actuator_ctrlnum), np.repeat(ids, model.actuator_actnum)
         if not own:
             ctrl, act = (v[np.isin(o, self.others.kept)] for v, o in zip(controls, owners, strict=True))
             return ctrl, act
