@@ -240,7 +240,7 @@ def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run
         profile=expected_profile(scenario),
         rate_limit=tuple(prepared.law.rate_limit.tolist()),
         damping_below=float(inverse.damping.below or 0.0) if DAMPING_BELOW in read else 0.0,
-        screws=() if arm.idle else chain.screws,
-        leaders=() if arm.idle else tuple(chain.leader.tolist()),
-        joint_scale=() if arm.idle else tuple(prepared.task.joint_scale.tolist()),
+        screws=() if arm.idle() else chain.screws,
+        leaders=() if arm.idle() else tuple(chain.leader.tolist()),
+        joint_scale=() if arm.idle() else tuple(prepared.task.joint_scale.tolist()),
     )
