@@ -223,7 +223,7 @@ REFUSED = {
         '<mujoco><worldbody><body name="cart"><joint name="rail" type="ball"/><geom size="1"/><body pos="0 0 1">'
         '<joint axis="0 1 0"/><geom size="1"/></body></body></worldbody></mujoco>',
         None, None,
-        '{path}: … no hinge or slide joint … three hinges …; … at least one',
+        '{path}: the joint of body "cart" … ball joint; … hinge and slide …',
     ),
     "a ball alone": (
         '<mujoco><worldbody><body><joint name="b" type="ball"/><geom size="1"/></body></worldbody></mujoco>',

@@ -1,5 +1,6 @@
 """What may be taken of memory: against files that say it; what runs take: against what the system counts."""
 
+import math
 import re
 import subprocess
 import sys
@@ -34,50 +35,22 @@ def test_it_is_what_the_machine_has_left(tmp_path):
     assert memory.room(tmp_path) == (8_000_000 * 1024, "the machine")
 
 
-@pytest.mark.parametrize(
-    ("own", "files"),
-    [
-        (
-            "0::/work.slice/run.scope\n",
-            {
-                "sys/fs/cgroup/work.slice/run.scope/memory.max": "max\n",
-                "sys/fs/cgroup/work.slice/run.scope/memory.current": "1500000000\n",
-                # the limit is that of the group around it, some of which is cached files
-                "sys/fs/cgroup/work.slice/memory.max": "3000000000\n",
-                "sys/fs/cgroup/work.slice/memory.current": "2000000000\n",
-                "sys/fs/cgroup/work.slice/memory.stat": "anon 1\ninactive_file 500000000\n",
-            },
-        ),
-        (
-            "9:name=systemd:/\n4:cpu,memory:/docker/abc\n0::/\n",
-            {  # in a container, the group's path is mostly not there, and its own is the root
-                "sys/fs/cgroup/memory/docker/memory.limit_in_bytes": "9223372036854771712\n",  # none
-                "sys/fs/cgroup/memory/memory.limit_in_bytes": "3000000000\n",
-                "sys/fs/cgroup/memory/memory.usage_in_bytes": "2000000000\n",
-                "sys/fs/cgroup/memory/memory.stat": "cache 7\ntotal_inactive_file 500000000\n",
-            },
-        ),
-    ],
-    ids=["version 2", "version 1"],
-)
-def test_it_is_what_the_limit_of_a_cgroup_leaves(tmp_path, own, files):
+def test_it_is_what_the_limit_of_a_container_leaves(tmp_path):
     put(tmp_path, "proc/meminfo", "MemAvailable: 8000000 kB\n")
-    put(tmp_path, "proc/self/cgroup", own)
-    for path, text in files.items():
-        put(tmp_path, path, text)
-    assert memory.room(tmp_path) == (3 * GB - 2 * GB + GB / 2, "the memory limit of its cgroup")
+    put(tmp_path, "sys/fs/cgroup/memory.max", "3000000000\n")
+    put(tmp_path, "sys/fs/cgroup/memory.current", "2000000000\n")
+    put(tmp_path, "sys/fs/cgroup/memory.stat", "anon 1\ninactive_file 500000000\n")  # cached files
+    assert memory.room(tmp_path) == (3 * GB - 2 * GB + GB / 2, "the container")
+    put(tmp_path, "sys/fs/cgroup/memory.max", "max\n")
+    assert memory.room(tmp_path).bound == "the machine"
+    assert memory.room(tmp_path / "nothing").size == math.inf
 
 
-def test_the_least_counts_and_a_share_of_it_may_be_taken(monkeypatch):
+def test_a_share_of_what_is_left_may_be_taken(monkeypatch):
     monkeypatch.setattr(memory, "room", lambda: memory.Room(10 * GB, "the machine"))
-    monkeypatch.setattr(memory, "address_room", lambda: memory.Room(20 * GB, "ulimit -v"))
     assert memory.excess(8 * GB) is None
     said = "8.01 GB of memory, and 8 GB may be taken: 80% of the memory that the machine leaves"
     assert memory.excess(8.01 * GB) == said
-    # what is hardly touched counts for ulimit only
-    assert memory.excess(8 * GB, 8 * GB) is None
-    said = "17 GB of memory, and 16 GB may be taken: 80% of the memory that ulimit -v leaves"
-    assert memory.excess(8 * GB, 9 * GB) == said
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ import yaml
 from project import ROOT, told
 from rmrc.results.columns import COLUMNS
 from rmrc.results.events import CONDITIONS
-from rmrc.results.expectations import check
 from rmrc.results.run import Run
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load, loads
@@ -164,13 +163,6 @@ def test_the_peaks_of_commands_are_those_of_differences_from_rest():
     assert (card["joint_jerk_cmd.peak"].value, card["joint_jerk_cmd.peak_time"].value) == (20.0, 1.5)
 
 
-def test_an_arm_without_a_profile_has_no_figures_of_one():
-    card = card_of([0.0, 9.0])
-    assert math.isnan(card["profile.refused"].value) and card["profile.first_condition"].value == ""
-    (outcome,) = check(card, {"profile": "franka_fr3"})
-    assert not outcome.ok and says("profile: … undefined …") == str(outcome)
-
-
 # Scenarios ----------------------------------------------------------------------------------------
 
 FR3 = ROOT / "scenarios/fr3_elbow.yaml"
@@ -205,17 +197,6 @@ def test_a_profile_sets_what_is_not_written():
     # what is written wins, null as well
     found = control("{period: 0.002, limits: {profile: xarm7, rate: 1.5, acceleration: null}}")
     assert (found.period, found.limits.rate, found.limits.acceleration) == (0.002, 1.5, None)
-
-
-def test_another_profile_takes_the_place_of_all_that_the_first_one_set():
-    one = load(FR3, ["control.limits={profile: franka_fr3}"])
-    other = one.set({"control.limits.profile": "xarm7"})
-    assert other == load(FR3, ["control.limits={profile: xarm7}"])
-    assert (other.control.period, other.control.limits.jerk) == (0.004, None)
-    assert one.set({"control.limits.profile": None}) == load(FR3, ["control.limits={}"])
-    assert one.set({"control.feedback": 3.0}).control.limits == one.control.limits
-    assert one.set({"control.limits.rate": None}).control.limits.rate is None
-    assert one.set({"control.limits.rate": None}).control.limits.jerk == one.control.limits.jerk
 
 
 def test_joints_brake_before_the_positions_of_the_profile_so_that_no_rate_near_an_end_is_met():
@@ -301,33 +282,17 @@ def test_a_wrong_profile_is_one_line_with_its_place(tmp_path, text, wanted):
 
 
 @pytest.mark.parametrize(
-    ("override", "wanted"),
-    [
-        ("control.limits.profile=franka_fr4", '… control.limits.profile: … "franka_fr4" … "franka_fr3"…'),
-        ("control.limits.profile=gone.yaml", "… control.limits.profile: … gone.yaml…"),
-        ("control.limits.profile=3", "… control.limits.profile: … text … 3 …"),
-        ("expect.profile=robot", '… expect.profile: … "robot" … franka_fr3 …'),
-        ("expect.profile={below: 1}", "… expect.profile: … the name of a profile or a file"),
-        ("expect.joint_rate.peak=franka_fr3", "… expect.joint_rate.peak: … mapping …"),
-    ],
-)
-def test_what_names_no_profile_is_refused_on_one_line(override, wanted):
-    with pytest.raises(ScenarioError) as caught:
-        load(FR3, [override])
-    (line,) = str(caught.value).splitlines()
-    assert line == says(wanted)
-
-
-@pytest.mark.parametrize(
     ("overrides", "wanted"),
     [
+        (["control.limits.profile=franka_fr4"], '… control.limits.profile: … "franka_fr4" … "franka_fr3"…'),
+        (["control.limits.profile=gone.yaml"], "… control.limits.profile: … gone.yaml…"),
+        (["expect.profile=robot"], '… expect.profile: … "robot" … franka_fr3 …'),
         (["control.limits={profile: ur5e}"], "… control.limits.profile: ur5e … 6 joints … 7 (fr3_joint1…"),
         (["expect={profile: ur10e}"], "… expect.profile: ur10e … 6 joints … 7 (fr3_joint1…"),
         (["expect={profile: franka_fr3}", "control.period=0.002"], "… expect.profile: franka_fr3 … 0.001 s … 0.002 s … control.period: 0.001"),
-        (["control.limits={profile: ur5e}", "control.at_singularity=slow"], "… control.limits.profile: ur5e … 6 joints …"),
     ],
 )  # fmt: skip
-def test_a_profile_that_does_not_fit_the_arm_is_refused_on_one_line(overrides, wanted):
+def test_a_profile_that_is_none_or_does_not_fit_the_arm_is_refused_on_one_line(overrides, wanted):
     with pytest.raises(ScenarioError) as caught:
         prepare(load(FR3, [SHORT, *overrides]))
     (line,) = str(caught.value).splitlines()

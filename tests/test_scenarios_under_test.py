@@ -9,7 +9,6 @@ from xml.etree import ElementTree
 import pytest
 
 from project import ROOT
-from rmrc.cli import console
 
 PAGE = (ROOT / "docs/scenarios_under_test.md").read_text("utf-8")
 
@@ -59,14 +58,3 @@ def test_its_loop_runs_all_and_fails_if_any_does(tmp_path, names, status):
     reported = [line for line in calls if line.startswith("report")]
     assert reported == [f"report ci/{name}/of_its_own.npz --quiet" for name in names if name != "b"]
     assert all(f"--junit ci/{n}.xml --summary ci/{n}.md" in " ".join(calls) for n in names)
-
-
-def test_its_exit_codes_are_those_of_the_program():
-    told = re.findall(r"^\| ([\d, ]+) \| (.+?) \|", PAGE, re.MULTILINE)
-    codes = {int(code): meaning for listed, meaning in told for code in listed.split(", ")}
-    for code, word in (
-        (console.EXIT_MISSED, "misses"), (console.EXIT_INPUT, "refused"), (console.EXIT_DIVERGED, "diverged"),
-        (console.EXIT_INTERRUPTED, "Ctrl-C"), (console.EXIT_TERMINATED, "SIGTERM"), (0, "meets"),
-    ):  # fmt: skip
-        assert word in codes.pop(code)
-    assert codes == {}

@@ -171,18 +171,6 @@ def test_power_is_the_same_in_both_frames(pose_a_b, twist, wrench):
     assert_near(power, wrench @ twist)
 
 
-@given(vectors, six, six)
-def test_power_is_the_same_at_both_points(r, twist, wrench):
-    power = spatial.shift_wrench(wrench, r) @ spatial.shift_twist(twist, r)
-    assert_near(power, wrench @ twist)
-
-
-def test_power_is_not_kept_when_the_way_to_the_new_point_is_reversed_for_one_of_them():
-    wrench, twist, r = np.array([0.0, 1, 0, 0, 0, 0]), np.array([0.0, 0, 0, 0, 0, 1]), [1.0, 0, 0]
-    assert spatial.shift_wrench(wrench, r) @ spatial.shift_twist(twist, r) == wrench @ twist
-    assert spatial.shift_wrench(wrench, [-1.0, 0, 0]) @ spatial.shift_twist(twist, r) == -2
-
-
 @given(vectors, vectors, six)
 def test_shift_twist_is_the_velocity_of_the_other_point_of_a_turning_body(old, new, twist):
     v, omega = twist[:3], twist[3:]
@@ -191,14 +179,6 @@ def test_shift_twist_is_the_velocity_of_the_other_point_of_a_turning_body(old, n
     moved = (paths[0] - paths[1]) / (2 * dt)
     shifted = spatial.shift_twist(twist, old - new)
     assert_near(shifted, [*moved, *omega], atol=3e-8)
-
-
-@given(vectors, vectors, six)
-def test_shift_wrench_has_the_moment_of_the_force_about_the_new_point(old, new, wrench):
-    f, n = wrench[:3], wrench[3:]
-    expected = n + np.cross(old, f) - np.cross(new, f)  # moments about the origin, then back
-    shifted = spatial.shift_wrench(wrench, old - new)
-    assert_near(shifted, [*f, *expected])
 
 
 def quat_array(rng, *shape):
@@ -244,7 +224,6 @@ def number_array(rng, *shape):
         (spatial.twist_transform, matrix_array, vector_array),
         (spatial.wrench_transform, matrix_array, vector_array),
         (spatial.shift_twist, six_array, vector_array),
-        (spatial.shift_wrench, six_array, vector_array),
     ],
 )
 def test_leading_axes_broadcast_as_a_loop_would(function, first, second):

@@ -1,9 +1,6 @@
 """What comes from files, options and models is printed as it is: no markup, no control characters, not too long."""
 
-import json
 import re
-import subprocess
-import sys
 
 import pytest
 
@@ -70,32 +67,3 @@ def test_of_a_long_value_the_middle_is_cut_and_the_cure_stays(rmrc, tmp_path, ca
     assert len(err) < 6 * LONGEST + 250
     assert err.rstrip().endswith(end)
     assert re.search(r"….*\([0-9,]+ characters\)", err)
-
-
-# In the place of rmrc: tells what it was called with.
-ECHO = """
-import json, sys
-def main():
-    print(json.dumps(sys.argv[1:]))
-if __name__ == "__main__":
-    main()
-"""
-
-
-def test_a_command_to_copy_is_written_as_this_one_was_called(tmp_path):
-    """Copied to a shell, it calls what this one called, and names the same file."""
-    name = "it's\na model.xml"
-    (tmp_path / name).write_text(MODEL)
-    done = subprocess.run(
-        [sys.executable, "-m", "rmrc", "run", name], cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 2
-    (command,) = re.findall("`([^`]* inspect [^`]*)`", done.stderr)
-    assert command.startswith(f"{sys.executable} -m rmrc inspect ")
-    (tmp_path / "called/rmrc").mkdir(parents=True)
-    (tmp_path / "called/rmrc/__init__.py").touch()
-    (tmp_path / "called/rmrc/__main__.py").write_text(ECHO)
-    again = subprocess.run(
-        ["bash", "-c", command], cwd=tmp_path, capture_output=True, check=True, env={"PYTHONPATH": "called"},
-    )  # fmt: skip
-    assert json.loads(again.stdout) == ["inspect", name]

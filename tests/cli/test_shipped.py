@@ -1,7 +1,6 @@
 """What comes with the program: listed, found by its bare name, and copied out."""
 
 import json
-import shutil
 import subprocess
 import sys
 
@@ -146,22 +145,6 @@ def test_init_overwrites_nothing(rmrc, tmp_path):
     assert rmrc("init", ".") == (2, "", says(there("scenarios") + there("models")))
     assert rmrc("init", "scenarios") == (2, "", says("rmrc: error: scenarios: … file; … folder\n"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["models", "scenarios"]
-
-
-@pytest.mark.parametrize("fails", ["copyfile", "rename"])
-def test_init_that_fails_leaves_nothing(rmrc, tmp_path, monkeypatch, fails):
-    done = []
-    real = {"copyfile": shutil.copyfile, "rename": shipped.Path.rename}[fails]
-
-    def fail(*arguments):
-        done.append(arguments)
-        if len(done) > 1:
-            raise OSError(28, "No space left on device", str(arguments[-1]))
-        return real(*arguments)
-
-    monkeypatch.setattr(shutil if fails == "copyfile" else shipped.Path, fails, fail)
-    assert rmrc("init", "new/deep") == (2, "", "rmrc: error: new/deep: no space left on device\n")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_package_without_them_says_so(rmrc, monkeypatch):

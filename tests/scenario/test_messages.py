@@ -26,7 +26,7 @@ from wording import says
         ("task.axes=x", '… list … "x"'),
         ("target.offset=[1, 2, 3, 4]", "… 3 … items, got [1, 2, 3, 4]"),
         ("target.path=[]", "… 1 … items, got []"),
-        ("target.path=[{go: {to: [1, 0]}}]", "… go: … line, arc, …"),
+        ("target.path=[{go: {to: [1, 0]}}]", "… key; the keys are line, arc, …"),
         ("target.limits.velocity=250 mm/s", '… "250 mm/s"; write 0.25, in m/s'),
         ("target.limits.velocity=90 deg/s", "…; it is 1.570796 rad/s, … m/s"),
         ("arm.start=[60 degrees]", '… "60 degrees"; write 60 deg'),

@@ -31,8 +31,10 @@ def starting_key(model: mujoco.MjModel, joints: Sequence[int], prefix: str = "")
 
 def keyframes(
     model: mujoco.MjModel, joints: Sequence[int], limit: Array, prefix: str, notes: list[str]
-) -> dict[str, Array]:
+) -> tuple[dict[str, Array], int | None]:
     """Return the keyframes of a model by name, (nq,) each; `home` is among them unless it is qpos0.
+
+    The number of the keyframe that is home comes second; None without one.
 
     Args:
         model: Any model.
@@ -42,19 +44,19 @@ def keyframes(
         notes: Assumptions are added.
     """
     known = {name: np.array(model.key(i).qpos) for i in range(model.nkey) if (name := model.key(i).name)}
-    if "home" in known:
-        return known
     key, address = starting_key(model, joints, prefix), model.jnt_qposadr[joints]
+    if "home" in known:
+        return known, key
     if key is not None:
         name = model.key(key).name
         called = f'"{name}"' if name else f"number {key}, which has no name,"
         why = "the only one" if len(_keys(model, prefix)) == 1 else "the first within limits"
         notes.append(note("no-home", f"there is no keyframe home; {called} replaces it, {why}"))
-        return {**known, "home": np.array(model.key(key).qpos)}
+        return {**known, "home": np.array(model.key(key).qpos)}, key
     zero, (lower, upper) = model.qpos0[address], limit.T
     beyond = (zero < lower) | (zero > upper)
     if not beyond.any():
-        return known
+        return known, None
     home = np.array(model.qpos0)
     has_middle = beyond & np.isfinite(lower) & np.isfinite(upper)
     home[address] = np.clip(zero, lower, upper)
@@ -62,7 +64,7 @@ def keyframes(
     names = ", ".join(f'"{model.joint(joints[j]).name}"' for j in np.flatnonzero(beyond).tolist())
     told = f"0 is beyond the limits of joint {names}; home is the middle of their range"
     notes.append(note("no-home", f"there is no keyframe home, and {told}"))
-    return {**known, "home": home}
+    return {**known, "home": home}, None
 
 
 def _keys(model: mujoco.MjModel, prefix: str) -> list[int]:

@@ -11,7 +11,7 @@ from rmrc.arm import urdf
 from rmrc.arm.arm import Arm
 from rmrc.arm.compiling import compiled, in_our_words, opened, read
 from rmrc.arm.followers import Link, find_links, followers
-from rmrc.arm.keyframes import keyframes, starting_key
+from rmrc.arm.keyframes import keyframes
 from rmrc.arm.limits import leading_limit, position_limit, rate_limit, torque_limit
 from rmrc.arm.mounting import PREFIX, mounted
 from rmrc.arm.ties import find_ties
@@ -118,8 +118,7 @@ def _found(
     following = followers(model, chain, links, driven) if links else ()
     ids = [model.joint(joint).id for joint in driven]
     limit = position_limit(model, driven, following)
-    prefix = PREFIX if tool and tool.model else ""
-    keys = keyframes(model, ids, limit, prefix, notes)
+    keys, home = keyframes(model, ids, limit, PREFIX if tool and tool.model else "", notes)
     if robot is not None and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0))):
         notes += apart
         model = compiled(path, spec)
@@ -143,7 +142,7 @@ def _found(
         _links={joint: links[joint] for joint in chain if joint in links and links[joint].leader not in ids},
         frame=frame,
         notes=tuple(notes),
-        home=starting_key(model, ids, prefix),
+        home=home,
     )
     ties = find_ties(model, arm.configuration("home"), *arm.followed_dofs, arm.others)
     if not ties:
@@ -160,9 +159,10 @@ def _driven(
     """Return the joints to actuate, outward."""
     for name in joints:
         if name not in free or joints.count(name) > 1:
-            where = f'is no hinge or slide joint on the chain to site "{site}"{did_you_mean(name, free)}'
-            why = "is listed twice" if name in free else "follows by an equality" if name in links else where
-            raise ModelError(f'{path}: joint "{name}" {why}; those to list: {", ".join(free)}', "joints")
+            why = f'no hinge or slide joint "{name}" on the chain to site "{site}"{did_you_mean(name, free)}'
+            if name in links or name in free:
+                why = f'joint "{name}" {"is listed twice" if name in free else "follows by an equality"}'
+            raise ModelError(f"{path}: {why}; the chain: {', '.join(free)}", "joints")
     outward = tuple(name for name in free if name in joints)
     if outward != tuple(joints):
         notes.append(f"list joints, and values for them, from the base outward: {', '.join(outward)}")

@@ -57,7 +57,7 @@ def init(
 ) -> None:
     """Copy the shipped scenarios and models into a folder, for editing.
 
-    Overwrites nothing. Copies both folders completely or not at all.
+    Overwrites nothing.
     """
     _refuse_nothing()
     if folder.exists() and not folder.is_dir():

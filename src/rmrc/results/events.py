@@ -29,7 +29,7 @@ def stretches(holds: NDArray[np.bool_]) -> NDArray[np.int64]:
     Args:
         holds: Whether it does at each tick, (T,).
     """
-    return np.flatnonzero(np.diff(holds, prepend=False, append=False)).reshape(-1, 2)
+    return np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]))).reshape(-1, 2)
 
 
 def chatter(acceleration: Array, floor: Array, period: float) -> NDArray[np.int64]:

@@ -26,6 +26,7 @@ Metrics: TypeAlias = Iterator[tuple[str, float | str, str, str]]
 CLOSED = 1e-3
 # The lost direction has no linear or no angular part where that part of u_min is smaller: it is rounding.
 NO_PART = 1e-9
+_BITS = np.array(IN_RUNS, np.int64)[:, None]
 
 
 def metrics(run: Recorded) -> Metrics:
@@ -242,13 +243,14 @@ def _extremes(run: Recorded) -> Metrics:
 def _statuses(run: Recorded, tau: Array) -> Metrics:
     """Yield the duration of each status, and of standstill, contact, slip and actuators at their limit."""
     status = run.columns["status"].astype(np.int64)
-    seconds = {one: run.period * int(np.count_nonzero(status & one)) for one in IN_RUNS}
+    counts = np.count_nonzero(status & _BITS, axis=1).tolist()
+    seconds = {one: run.period * count for one, count in zip(IN_RUNS, counts, strict=True)}
 
     def first_time(ticks: NDArray[np.int64]) -> float:
         return float(run["time"][ticks[0]]) if len(ticks) else math.nan
 
-    without = run.period * int(np.count_nonzero(status == 0))
-    yield "status_time.OK", without, "s", "time without any status"
+    without = len(run) - int(np.count_nonzero(status))
+    yield "status_time.OK", run.period * without, "s", "time without any status"
     for one in IN_RUNS:
         yield f"status_time.{one.name}", seconds[one], "s", f"time with status {one.name}"
     stuck = stretches((status & Status.STUCK) != 0)
@@ -267,7 +269,7 @@ def _statuses(run: Recorded, tau: Array) -> Metrics:
     yield "slip.max_time", time, "s", "when the largest slip was reached first"
     limited = np.flatnonzero(status & Status.TORQUE_LIMITED)
     limit = np.array(run.torque_limit or (math.inf,) * len(tau))[:, None]
-    shares = np.nan_to_num(np.abs(tau[:, limited]) / limit)
+    shares = np.fmax(0.0, np.abs(tau[:, limited]) / limit)
     shares = shares[:, shares.any(axis=0)]
     name = run.joints[shares[:, 0].argmax()] if shares.size else ""
     yield "torque_limited.time", seconds[Status.TORQUE_LIMITED], "s", "time with an actuator at its limit"

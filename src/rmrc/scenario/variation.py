@@ -47,16 +47,21 @@ def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
         values: By dotted key, each as a file would have it.
 
     Raises:
-        ScenarioError: They are too few or too many, or two are the same.
-        ValueError: A key is not valid.
+        ScenarioError: A key is not valid; they are too few or too many, or two are the same.
 
     Example:
         >>> [each.label for each in grid({"control.feedback": [5, 10], "control.inverse.method": ["damped"]})]
         ['5, damped', '10, damped']
     """
-    changes = [[changes_of({name: value})[0] for value in listed] for name, listed in values.items()]
-    texts = [[c.value if isinstance(c.value, str) else inline(c.value) for c in each] for each in changes]
-    axes = [list(zip(*axis, strict=True)) for axis in zip(texts, changes, strict=True)]
+    axes = list[_Axis]()
+    for name, listed in values.items():
+        try:
+            if isinstance(listed, str):
+                raise ValueError(f"must be a list of values, got {listed!r}")
+            changes = [changes_of({name: value})[0] for value in listed]
+        except ValueError as error:
+            raise ScenarioError.about(f"vary {brief(name)}", str(error)) from None
+        axes.append([(c.value if isinstance(c.value, str) else inline(c.value), c) for c in changes])
     return _combined(axes, "vary", '{"control.inverse.method": ["inverse", "damped"]}')
 
 
