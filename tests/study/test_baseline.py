@@ -43,14 +43,6 @@ def test_a_baseline_is_the_scenario_with_its_changes_and_leaves_the_scenario_as_
     assert peak > 3.001 > of_scenario  # of another rate limit
 
 
-def test_later_changes_are_those_of_deeper_keys_and_a_mapping_of_no_section_takes_the_place():
-    changes = near(
-        baseline={"arm.start[1]": -0.2, "arm": {"start": [0.1, -0.3]}, "plant.stretch": {"link_1": 1.1}}
-    )
-    assert changes.changed(*changes.baseline_changes).arm.start == (0.1, -0.2)
-    assert not near().baseline_changes
-
-
 def test_columns_and_facts_of_both_are_kept_and_the_exit_code_is_that_of_the_scenario(rmrc, tmp_path):
     (tmp_path / "near.yaml").write_text(NEAR + f"baseline: {json.dumps(PLAIN)}\n")
     code, out, err = rmrc("run", "near.yaml")
