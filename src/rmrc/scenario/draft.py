@@ -114,12 +114,9 @@ class Scenario(Sections):
         if not self.baseline:
             return ()
         origins = {name: Origin(self.locate(f"baseline.{name}"), key=name) for name in self.baseline}
+        changes = [Change(split(name), value, origins[name]) for name, value in self.baseline.items()]
         accepted = {name: check for name, check in self.expect.items() if name == PROFILE}
-        return (
-            *(Change(split(name), value, origins[name]) for name, value in self.baseline.items()),
-            Change(("expect",), accepted),
-            Change(("baseline",), {}),
-        )
+        return (*changes, Change(("expect",), accepted), Change(("baseline",), {}))
 
     def to_yaml(self) -> str:
         """Return the complete scenario as it runs: all defaults, SI numbers, an absolute path.

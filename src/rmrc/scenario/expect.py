@@ -2,10 +2,10 @@
 
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, ConfigDict, Discriminator, Tag, model_validator
+from pydantic import AfterValidator, ConfigDict, model_validator
 
 from rmrc.scenario.profile import ProfileName
-from rmrc.scenario.values import Choice, NotNegative, Number, key, rule
+from rmrc.scenario.values import Choice, NotNegative, Number, TextOr, key, rule
 
 # The key in `expect` for a profile instead of a metric.
 PROFILE = "profile"
@@ -47,9 +47,5 @@ def _profile_apart(expect: dict[str, Any]) -> dict[str, Any]:
     return expect
 
 
-_Expected = Annotated[
-    Annotated[Check, Tag("<one>")] | Annotated[ProfileName, Tag("<text>")],
-    Discriminator(lambda value: "<text>" if isinstance(value, str) else "<one>"),
-]
-Expectations = Annotated[dict[str, _Expected], AfterValidator(_profile_apart)]
+Expectations = Annotated[dict[str, TextOr[ProfileName, Check]], AfterValidator(_profile_apart)]
 """A check of each metric, by its name, and a profile."""

@@ -228,7 +228,7 @@ _Two = Annotated[tuple[T, ...], count(2, 2), AfterValidator(_ordered)]
 _Three = Annotated[tuple[T, ...], count(3, 3)]
 # Only the option that fits reports errors.
 _OneOr = Annotated[Annotated[T, Tag("<one>")] | Annotated[U, Tag("<list>")], Discriminator(_one_or_list)]
-_TextOr = Annotated[Annotated[T, Tag("<text>")] | Annotated[U, Tag("<other>")], Discriminator(_text_or_other)]
+TextOr = Annotated[Annotated[T, Tag("<text>")] | Annotated[U, Tag("<other>")], Discriminator(_text_or_other)]
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 Frame = Literal["world", "base", "site"]
@@ -250,9 +250,9 @@ AngleOrEach = _OneOr[Angle, _Items[Angle]]
 NotNegativeAngleOrEach = _OneOr[NotNegativeAngle, _Items[NotNegativeAngle]]
 Range = _OneOr[NotNegative, _Two[NotNegative]]
 AngleRange = _OneOr[NotNegativeAngle, _Two[NotNegativeAngle]]
-NameOrPositions = _TextOr[Text, Positions]
-Direction = _TextOr[Literal["x", "y", "z"], Annotated[_Three[Number], AfterValidator(_directed)]]
-PositiveOrAuto = _TextOr[Literal["auto"], Positive]
+NameOrPositions = TextOr[Text, Positions]
+Direction = TextOr[Literal["x", "y", "z"], Annotated[_Three[Number], AfterValidator(_directed)]]
+PositiveOrAuto = TextOr[Literal["auto"], Positive]
 Bounds = Annotated[
     _Two[Angle],
     Field(description="lower and upper bound of the key", json_schema_extra={"unit": "as the key"}),
