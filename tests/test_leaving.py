@@ -3,8 +3,6 @@
 import errno
 import json
 import os
-import shutil
-from collections import namedtuple
 
 import pytest
 from numpy.testing import assert_array_equal
@@ -12,7 +10,6 @@ from numpy.testing import assert_array_equal
 from project import ROOT
 from rmrc.recording.stream import RecordingError, Stream
 from rmrc.results.columns import COLUMNS
-from rmrc.results.leaving import array_size
 from rmrc.results.run import Run
 from wording import says
 
@@ -70,24 +67,6 @@ def test_a_folder_that_cannot_be_written_is_told_before_anything_moves(rmrc, qui
     (quick / "file").write_text("")
     said = "rmrc: error: file/folder/quick.rrd: not a directory\n"
     assert rmrc("run", "quick.yaml", "--out", "file/folder") == (2, "", said)
-
-
-def test_a_disk_without_room_for_the_arrays_is_told_before_anything_moves(rmrc, quick, monkeypatch):
-    rmrc("run", "quick.yaml", "--no-record", "-q", "--out", "first")
-    run = Run.read(quick / "first/quick.npz")
-    arrays = sum(run[name].nbytes for name in COLUMNS)
-    assert array_size(len(run), 2, 2, 2) == arrays <= (quick / "first/quick.npz").stat().st_size
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**9, 10**9 - arrays + 1, arrays - 1))
-    code, out, err = rmrc("run", "quick.yaml")
-    assert (code, out) == (2, "") and left(quick) == []
-    size = f"{arrays / 1e6:.3g} MB"
-    assert err == (
-        f"rmrc: error: recordings/quick.rrd: takes {size} at least, and the disk has {size} free; free some space, give another folder with --out"
-        ", or shorten target.path\n"
-    )
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**9, 10**9 - arrays, arrays))
-    assert rmrc("run", "quick.yaml", "-q") == (0, "", "")
 
 
 def fails_from(call, monkeypatch):

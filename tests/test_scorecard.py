@@ -411,7 +411,7 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out(scenario):
         "joint_rate.sholder.rms": '… metric … "joint_rate.shoulder.rms"…',
         "tau.peak_joint": "… number",
         "contact.first_bodies": "… number",
-        "orientation_error.max": "… rx, ry, rz … task.axes",
+        "orientation_error.max": "… task.axes",
         "nonsense": "… metric … joint_rate, joint_rate_cmd… speed",
     }
     known = scenario("expect={ticks: {above: 1}}")

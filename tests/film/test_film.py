@@ -198,7 +198,7 @@ WRONG = {
     "order": (["there.npz", "--from", "0.3", "--to", "0.2"], "--from and --to … 0.3 and 0.2"),
     "too long": (["there.npz", "--speed", "0.0001"], "… frames … --fps … --speed …"),
     "changed": (["there.npz", "--set", "control.feedback=1"], "… finished run … scenario"),
-    "no scenario": (["bare.npz"], "bare.json: … `run` and `compare` write it …"),
+    "no scenario": (["bare.npz"], "bare.json: no such file…"),
     "damaged": (["torn.npz"], "torn.json: … damaged …"),
     "another run": (["other.npz"], "other.json: … another run …"),
     "a model": (["planar_2link.xml"], "… a model, …"),

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import rmrc
 from project import ROOT, mostly_long
 from rmrc.scenario import changes_of, draft_of, load, loads
-from rmrc.study.margins.margins import ACCURACY, bears, margins_of
+from rmrc.study.margins.margins import ACCURACY, bears
 from rmrc.study.margins.report import report
 from rmrc.study.margins.ringing import STILL_RINGS, judged, resting, still_ringing, twin_of
 from rmrc.study.study import Study
@@ -40,8 +40,8 @@ def judge(study, **changes):
     return judged(study.prepare(changes_of(changes)), threading.Event())
 
 
-def all_margins(study, settings, **how):
-    return margins_of(study, [*map(changes_of, settings)], threading.Event(), **how)
+def margins_of(study, changes, **how):
+    return rmrc.margins(study.prepare(changes_of(changes)).scenario, **how)
 
 
 # The edges -----------------------------------------------------------------------------------------
@@ -50,7 +50,7 @@ def all_margins(study, settings, **how):
 def test_the_edge_of_the_ideal_plant_is_that_of_the_equation_between_ticks_and_with_a_lag(short):
     late = [(0.0, 0.0), (1.0, 0.0), (5.0, 0.0), (0.5, 0.0), (2.7, 0.0), (1.0, 1.5), (0.6, 8.0), (4.0, 4.0)]
     settings = [{"plant.delay": PERIOD * d, "plant.lag": PERIOD * lag} for d, lag in late]
-    edges = [one.gain.edge for one in all_margins(short, settings)]
+    edges = [margins_of(short, changes).gain for changes in settings]
     # 2 sin(π/(2 (2 d + 1)))/T for d whole ticks without a lag
     wanted = [edge_gain(PERIOD, PERIOD * d, PERIOD * lag) for d, lag in late]
     assert_allclose(wanted[:3], [2.0 * math.sin(math.pi / (4 * d + 2)) / PERIOD for d in (0, 1, 5)])
@@ -60,23 +60,22 @@ def test_the_edge_of_the_ideal_plant_is_that_of_the_equation_between_ticks_and_w
 
 def test_the_same_dead_time_can_be_added_as_the_equation_says(short):
     for own in (0.0, 0.04):
-        one = short.prepare(changes_of({"plant.delay": own})).scenario
-        found = rmrc.margins(one, accuracy=0.04, threads=1)
-        assert found.is_stable and found.late == (own, 0.0)
+        found = margins_of(short, {"plant.delay": own}, accuracy=0.04, threads=1)
+        assert found.is_stable
         assert_allclose(own + found.delay.value + PERIOD / 2, own + found.delay.ideal + PERIOD / 2, rtol=0.02)
         # π/2/K is the dead time of a loop without a period
         assert_allclose(own + found.delay.ideal + PERIOD / 2, math.pi / 20.0, rtol=0.01)
-        assert (found.lag.edge.high == math.inf) == (found.lag.ideal == math.inf)
+        assert (found.lag.high == math.inf) == (found.lag.ideal == math.inf)
 
 
 def test_a_dead_time_that_a_short_path_cannot_show_is_more_than_most_of_its_time(short):
     """With 2/s the ideal plant tolerates 0.78 s, and the run takes 0.65 s, in which no command would arrive."""
     scenario, ends = short.prepare().scenario, short.prepare().reference.duration
     found = rmrc.margins(scenario.set({"control.feedback": 2.0}), accuracy=0.5).delay
-    assert found.ideal > 1.1 * ends and found.edge.high == math.inf
-    assert_allclose([found.edge.low, found.bound], 0.9 * ends, rtol=1e-9)
+    assert found.ideal > 1.1 * ends and found.high == math.inf
+    assert_allclose([found.low, found.bound], 0.9 * ends, rtol=1e-9)
     late = rmrc.margins(scenario.set({"control.feedback": 2.0, "plant.delay": 0.63}), accuracy=0.5).delay
-    assert late.edge == (0.0, math.inf)  # 0.6 s and more are beyond 0.9 of the path
+    assert (late.low, late.high) == (0.0, math.inf)  # 0.6 s and more are beyond 0.9 of the path
 
 
 def late_swings(scenario, feedback):
@@ -99,7 +98,7 @@ def test_edges_of_physical_plants_part_plain_runs_that_settle_from_those_that_sw
             "target.path": [{"line": {"by": [0.05, 0.0]}}, {"hold": {"for": 4.0}}],
         }
     )  # fmt: skip
-    edge = rmrc.margins(one).gain.edge
+    edge = rmrc.margins(one).gain
     assert edge.is_found
     stable, unstable = (late_swings(one, 10.0 * edge.value * share) for share in (0.85, 1.2))
     assert unstable > 20.0 * stable
@@ -117,22 +116,18 @@ def test_a_loop_bears_so_many_times_its_feedback_up_to_the_edge_of_the_equation(
     assert bears(short, [changes_of(slow)], 2.0) == [not twice.is_unstable]
 
 
-def test_results_depend_neither_on_threads_nor_on_loops_beside_and_accuracy_on_what_is_asked(short):
-    settings = [{"plant.delay": delay} for delay in (0.0, 0.02)]
-    both = all_margins(short, settings, threads=3, accuracy=0.2)
-    for one, other in zip(
-        both, (all_margins(short, [one], accuracy=0.2)[0] for one in settings), strict=True
-    ):
-        assert [margin.edge for margin in one.all] == [margin.edge for margin in other.all]
-        assert one.runs == other.runs and 1.02 < one.gain.edge.high / one.gain.edge.low <= 1.2
+def test_results_do_not_depend_on_threads_and_accuracy_is_what_is_asked(short):
+    both = [margins_of(short, {"plant.delay": 0.02}, threads=threads, accuracy=0.2) for threads in (1, 3)]
+    for one, other in zip(*(found.all for found in both), strict=True):
+        assert (one.low, one.high) == (other.low, other.high)
+    assert both[0].runs == both[1].runs and 1.02 < both[0].gain.high / both[0].gain.low <= 1.2
 
 
 # Unstable as written -------------------------------------------------------------------------------
 
 
 def test_a_loop_that_is_unstable_as_written_is_told_by_how_much_its_gain_must_fall(short):
-    one = short.prepare(changes_of({"plant.delay": 0.05, "control.feedback": 60.0})).scenario
-    found = rmrc.margins(one, threads=1)
+    found = margins_of(short, {"plant.delay": 0.05, "control.feedback": 60.0}, threads=1)
     assert not found.is_stable and found.written.reason == "rings"
     assert found.delay is None and found.lag is None
     assert_allclose(60.0 * found.gain.value, edge_gain(PERIOD, 0.05), rtol=0.02)
@@ -185,7 +180,7 @@ def test_with_eight_milliseconds_shipped_scenarios_bear_about_what_the_equations
     found = rmrc.margins(load(ROOT / f"scenarios/{name}.yaml", ["plant.delay=0.008"]))
     assert found.is_stable and len(found.all) == 3 and report(found).met
     for one in found.all:
-        low, high = one.edge
+        low, high = one.low, one.high
         assert 0.0 < low < high and low <= one.bound * (1 + 1e-9)
         # Limits and servos take little of what the ideal plant bears; a model's own drives have a lag that no key tells.
         assert low >= (0.5 if found.scenario.plant.kind == "model" else 0.9) * one.rule
@@ -239,7 +234,7 @@ def test_a_twin_has_the_path_but_for_its_kicks_and_rests_behind_it(short):
 )
 def test_a_mistake_is_a_line(short, changes, accuracy, line):
     with pytest.raises(ScenarioError) as error:
-        rmrc.margins(short.prepare(changes_of(changes)).scenario, accuracy=accuracy)
+        margins_of(short, changes, accuracy=accuracy)
     assert str(error.value) == says(line)
 
 
@@ -253,13 +248,12 @@ def test_what_was_found_is_kept_when_it_is_interrupted(short):
 
     found = rmrc.margins(short.prepare().scenario, accuracy=0.005, threads=1, on_runs=interrupt)
     assert found.interrupted and found.is_stable and found.runs == sum(finished)
-    assert found.gain.edge.low >= 1.0 and "Interrupted" in " ".join(report(found).sheets[1].notes)
+    assert found.gain.low >= 1.0 and "Interrupted" in " ".join(report(found).sheets[1].notes)
 
 
 def test_a_law_that_never_looks_bears_any_delay_and_the_answer_says_why(short):
     # By (113) only the law's own sum is fed back, without dead time: its edge is K T = 2.
-    blind = short.prepare(changes_of({"plant.delay": 0.04, "control.state": "integrated"})).scenario
-    found = rmrc.margins(blind)
-    assert found.is_stable and found.delay.edge.high == math.inf
-    assert_allclose(10.0 * found.gain.edge.value, 2.0 / PERIOD, rtol=0.02)
+    found = margins_of(short, {"plant.delay": 0.04, "control.state": "integrated"})
+    assert found.is_stable and found.delay.high == math.inf
+    assert_allclose(10.0 * found.gain.value, 2.0 / PERIOD, rtol=0.02)
     assert "gets no feedback from the plant" in " ".join(report(found).sheets[1].notes)

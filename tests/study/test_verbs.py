@@ -111,6 +111,7 @@ def test_sweep_gives_the_rows_of_the_verb_and_writes_them_if_it_is_asked_to(shor
 WRONG = {
     "no file": (lambda _: rmrc.run("line_trackin"), 'line_trackin: … file … "line_tracking"…'),
     "one variant": (lambda one: rmrc.compare(one, {"control.feedback": [5]}), "vary: … 2 variants … 1; … {…"),
+    "a text": (lambda one: rmrc.compare(one, {"control.inverse.method": "damped"}), "vary control.inverse.method: … list … 'damped'"),
     "a variant": (lambda one: rmrc.compare(one, {"control.feedback": [5, -5]}), 'variant "feedback=-5": control.feedback: … 0 … -5'),
     "a run": (lambda one: rmrc.sweep(one, {"control.feedback": [5, -5]}), "run 1 (control.feedback=-5): sweep.vary.control.feedback: … 0 … -5"),
     "no plan": (rmrc.sweep, "<text>:2:1: sweep: … 2 runs … 1; …"),

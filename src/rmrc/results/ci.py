@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
-from rmrc.results.expectations import Outcome
+from rmrc.results.expectations import Case
 from rmrc.results.facts import versions
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.results.run import Run
@@ -18,25 +18,6 @@ from rmrc.support.legible import escaped, visible
 
 # The file of a step of GitHub Actions; text appended to it becomes the summary of that step.
 STEP = "GITHUB_STEP_SUMMARY"
-
-
-@dataclass(frozen=True)
-class Case:
-    """A check, as CI counts it.
-
-    Attributes:
-        name: It stays the same from one version to the next.
-        ok: Whether the check passed.
-        text: The result.
-    """
-
-    name: str
-    ok: bool
-    text: str
-
-    def __str__(self) -> str:
-        """Return one line."""
-        return f"{self.name}: {self.text}"
 
 
 @dataclass(frozen=True)
@@ -52,28 +33,26 @@ class Suite:
     """
 
     name: str
-    cases: Sequence[Outcome | Case] = ()
+    cases: Sequence[Case] = ()
     error: str = ""
     verdict: str = ""
     seconds: float = 0.0
 
 
-def suite(
-    name: str, run: Run, outcomes: Sequence[Outcome], interrupted: bool, failures: Sequence[str]
-) -> Suite:
+def suite(name: str, run: Run, cases: Sequence[Case], interrupted: bool, failures: Sequence[str]) -> Suite:
     """Return a run as a suite.
 
     Args:
         name: Name of the run.
         run: The run.
-        outcomes: Outcomes of the expectations that count.
+        cases: Outcomes of its expectations.
         interrupted: Whether Ctrl-C ended it.
         failures: Reasons why its files could not be written, one line each.
     """
     error = "\n".join(failures)
     if run.divergence or interrupted:
         error = str(run.divergence or f"interrupted at tick {len(run)} of {run.planned}")
-    return Suite(name, outcomes, error, run.verdict, run.wall_time)
+    return Suite(name, cases, error, run.verdict, run.wall_time)
 
 
 @dataclass
@@ -120,11 +99,9 @@ def files(name: str, xml: Path | None, summary: Path | None) -> Iterator[Results
     finally:
         if xml:
             write_text(xml, junit(results))
-        if summary and adds:  # texts of other commands of this step stay
-            with summary.open("a", encoding="utf-8") as file:
-                file.write(f"{markdown(results)}\n")
-        elif summary:
-            write_text(summary, markdown(results))
+        if summary:  # texts of other commands of this step stay
+            before = f"{summary.read_text('utf-8')}\n" if adds and summary.exists() else ""
+            write_text(summary, f"{before}{markdown(results)}")
 
 
 def junit(results: Results) -> str:
@@ -134,51 +111,53 @@ def junit(results: Results) -> str:
     GitLab and the actions of GitHub read as well.
     """
     root = ElementTree.Element("testsuites", _counts(results.name, results.suites))
-    for one in results.suites:
-        element = ElementTree.SubElement(root, "testsuite", _counts(one.name, [one]))
+    for suite in results.suites:
+        element = ElementTree.SubElement(root, "testsuite", _counts(suite.name, [suite]))
         properties = ElementTree.SubElement(element, "properties")
         for library, number in versions().items():
             ElementTree.SubElement(properties, "property", name=library, value=number)
-        cases = [("run", "error", one.error)]
-        cases += [(case.name, "failure", "" if case.ok else str(case)) for case in one.cases]
-        for case, tag, text in cases:
-            about = {"classname": visible(one.name), "name": visible(case)}
-            parent = ElementTree.SubElement(element, "testcase", about)
+        cases = [("run", "error", suite.error)]
+        cases += [(case.name, "failure", "" if case.ok else str(case)) for case in suite.cases]
+        for name, tag, text in cases:
+            case = ElementTree.SubElement(
+                element, "testcase", classname=visible(suite.name), name=visible(name)
+            )
             if text:  # its first line, which lists show, and the whole text
                 lines = visible(text, keep="\n")
-                message = lines.partition("\n")[0]
-                ElementTree.SubElement(parent, tag, type=tag, message=message).text = lines
-        ElementTree.SubElement(element, "system-out").text = visible(one.verdict)
+                ElementTree.SubElement(case, tag, type=tag, message=lines.partition("\n")[0]).text = lines
+        ElementTree.SubElement(element, "system-out").text = visible(suite.verdict)
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, "unicode")}\n'
 
 
 def _counts(name: str, suites: Sequence[Suite]) -> dict[str, str]:
     """Return the attributes of some suites."""
+    oks = [case.ok for suite in suites for case in suite.cases]
     return {
         "name": visible(name),
-        "tests": str(sum(1 + len(one.cases) for one in suites)),
-        "failures": str(sum(not case.ok for one in suites for case in one.cases)),
-        "errors": str(sum(bool(one.error) for one in suites)),
-        "time": f"{math.fsum(one.seconds for one in suites):.3f}",
+        "tests": str(len(suites) + len(oks)),
+        "failures": str(oks.count(False)),
+        "errors": str(sum(bool(suite.error) for suite in suites)),
+        "time": f"{math.fsum(suite.seconds for suite in suites):.3f}",
     }
 
 
 def markdown(results: Results) -> str:
     """Return the summary: a result line, then each run with its checks and metrics."""
-    suites, figures = results.suites, results.figures
-    oks = [case.ok for one in suites for case in one.cases]
-    errors = sum(bool(one.error) for one in suites)
+    oks = [case.ok for suite in results.suites for case in suite.cases]
+    errors = sum(bool(suite.error) for suite in results.suites)
     words = [f"{sum(oks)} of {len(oks)} checks passed"] * bool(oks)
-    words += [f"{errors} of {len(suites)} runs incomplete"] * bool(errors)
-    passed = "✅" if all(oks) and not errors else "❌"
-    blocks = [f"### {passed} {escaped(visible(results.name))}: {', '.join(words) or 'complete'}"]
-    for one in suites:
-        blocks += [f"#### {escaped(visible(one.name))}"] * (len(suites) > 1)
-        blocks += [escaped(visible(one.verdict))]
-        rows = [("ERROR", f"run: {line}") for line in visible(one.error, keep="\n").splitlines()]
-        rows += [("ok" if case.ok else "MISSED", visible(str(case))) for case in one.cases]
-        blocks += ["\n".join(f"- {word}: {escaped(text)}" for word, text in rows)]
-    if figures:
-        blocks.append(f"<details><summary>Metrics</summary>\n\n{figures.strip()}\n\n</details>")
+    words += [f"{errors} of {len(results.suites)} runs incomplete"] * bool(errors)
+    mark = "✅" if all(oks) and not errors else "❌"
+    blocks = [f"### {mark} {escaped(visible(results.name))}: {', '.join(words) or 'complete'}"]
+    for suite in results.suites:
+        blocks += [f"#### {escaped(visible(suite.name))}"] * (len(results.suites) > 1)
+        lines = [f"ERROR: run: {line}" for line in suite.error.splitlines()]
+        lines += [f"{'ok' if case.ok else 'MISSED'}: {case}" for case in suite.cases]
+        blocks += [
+            escaped(visible(suite.verdict)),
+            "\n".join(f"- {escaped(visible(line))}" for line in lines),
+        ]
+    if results.figures:
+        blocks.append(f"<details><summary>Metrics</summary>\n\n{results.figures.strip()}\n\n</details>")
     return "\n\n".join(filter(None, blocks)) + "\n"

@@ -77,9 +77,8 @@ def widths(n: int, k: int, nq: int) -> dict[str, int]:
 
 def no_ticks(n: int, k: int, nq: int) -> dict[str, NDArray[np.generic]]:
     """Return the columns of a run without ticks; arguments as in `widths`."""
-    return {
-        name: np.empty((0, width) if COLUMNS[name].width else 0) for name, width in widths(n, k, nq).items()
-    }
+    sizes = widths(n, k, nq)
+    return {name: np.empty((0, sizes[name]) if column.width else 0) for name, column in COLUMNS.items()}
 
 
 @dataclass(frozen=True)
@@ -105,8 +104,8 @@ class Divergence:
 
 
 @dataclass(frozen=True, eq=False)
-class Facts:
-    """The facts about a run beside its columns, as its file has them.
+class Recorded:
+    """The columns of a run, and the facts about it.
 
     Attributes:
         name: Name of the scenario.
@@ -116,6 +115,7 @@ class Facts:
         length: Characteristic length L of the task [m].
         period: Control period [s].
         planned: Ticks of the path; a run has fewer if it was cut short, and more if it was slowed.
+        columns: Arrays by the names of COLUMNS, time first: (T,) or (T, width).
         divergence: Where it diverged, or None.
         wall_time: Seconds that the stepping of this world took.
         weights: Task weights, one per axis; none: all 1.
@@ -135,7 +135,8 @@ class Facts:
         joint_scale: Diagonal of S_q, by which the law scales joint rates, (n,); none: not known.
     """
 
-    __pydantic_config__: ClassVar[Mapping[str, str]] = {"ser_json_inf_nan": "strings"}
+    # of `rmrc.results.run`, which writes and reads the facts as JSON
+    __pydantic_config__: ClassVar = {"ser_json_inf_nan": "strings", "arbitrary_types_allowed": True}
 
     name: str
     joints: tuple[str, ...]
@@ -144,6 +145,7 @@ class Facts:
     length: float
     period: float
     planned: int
+    columns: Mapping[str, NDArray[np.generic]]
     divergence: Divergence | None = None
     wall_time: float = 0.0
     weights: tuple[float, ...] = ()
@@ -158,17 +160,6 @@ class Facts:
     screws: tuple[tuple[float, ...], ...] = ()
     leaders: tuple[int, ...] = ()
     joint_scale: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Recorded(Facts):
-    """The columns of a run, and the facts about it.
-
-    Attributes:
-        columns: Arrays by the names of COLUMNS, time first: (T,) or (T, width).
-    """
-
-    columns: Mapping[str, NDArray[np.generic]]
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return a column by name."""

@@ -1,4 +1,4 @@
-"""Countable events of a run: stretches of ticks, chatter, and commands that a profile refuses."""
+"""Countable events of a run: chatter, and commands that a profile refuses."""
 
 import math
 from typing import NamedTuple
@@ -23,15 +23,6 @@ CHATTER_TIME = 0.1
 CHATTER_FLOOR = 1.0
 
 
-def stretches(holds: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the first tick, and one past the last, of each stretch in which something holds, (k, 2).
-
-    Args:
-        holds: Whether it does at each tick, (T,).
-    """
-    return np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]))).reshape(-1, 2)
-
-
 def chatter(acceleration: Array, floor: Array, period: float) -> NDArray[np.int64]:
     """Return how many changes of sign come within CHATTER_TIME of the one before, (n,).
 
@@ -49,17 +40,19 @@ def chatter(acceleration: Array, floor: Array, period: float) -> NDArray[np.int6
     return counts
 
 
-class Violation(NamedTuple):
-    """A command that a profile refuses.
+class Refused(NamedTuple):
+    """The commands that a profile refuses.
 
     Attributes:
-        condition: Its first violated condition; "": there is no such command.
+        number: How many; NaN: there is no profile.
+        condition: The first violated condition of the first of them; "": there is none.
         joint: The first joint that violates it; -1: there is none.
         time: When the command was sent [s].
         value: Value that violates the condition.
         bound: Bound that it reaches.
     """
 
+    number: float = math.nan
     condition: str = ""
     joint: int = -1
     time: float = math.nan
@@ -69,8 +62,8 @@ class Violation(NamedTuple):
 
 def refused(
     profile: Profile, time: Array, q: Array, rate: Array, acceleration: Array, jerk: Array
-) -> tuple[int, Violation]:
-    """Return how many commands a profile refuses, and the first. A bound that is reached is violated.
+) -> Refused:
+    """Return the commands that a profile refuses. A bound that is reached is violated.
 
     Args:
         profile: The profile.
@@ -91,24 +84,24 @@ def refused(
     ends = profile.position
     bounds.insert(0, (column(ends, "lower", -math.inf), column(ends, "upper", math.inf)))
     values = (q, rate, acceleration, jerk)
-    violates = [~((x > low) & (x < high)) for x, (low, high) in zip(values, bounds, strict=True)]  # or NaN
-    ticks = np.flatnonzero(np.any(violates, axis=(0, 1)))
+    violates = np.array([~((x > low) & (x < high)) for x, (low, high) in zip(values, bounds, strict=True)])
+    ticks = np.flatnonzero(violates.any(axis=(0, 1)))  # of NaN as well
     if not len(ticks):
-        return 0, Violation()
-    tick = int(ticks[0])
-    i, j = np.argwhere(np.array(violates)[:, :, tick])[0].tolist()
+        return Refused(0.0)
+    tick = ticks[0]
+    i, j = np.argwhere(violates[:, :, tick])[0].tolist()
     value = float(values[i][j, tick])
     low, high = (float(np.broadcast_to(bound, q.shape)[j, tick]) for bound in bounds[i])
-    return len(ticks), Violation(CONDITIONS[i], j, float(time[tick]), value, low if value <= low else high)
+    bound = low if value <= low else high
+    return Refused(float(len(ticks)), CONDITIONS[i], j, float(time[tick]), value, bound)
 
 
 def _tapered(taper: Taper, q: Array, rate: Array) -> tuple[Array, Array]:
     """Return the bounds of rates at some positions, with the taper toward the ends, (n, T) each."""
-    lower, upper, offset, deceleration = (
-        np.array(part)[:, None] for part in (taper.lower, taper.upper, taper.offset, taper.deceleration)
-    )
-    low, high = (
-        np.maximum(0.0, np.sqrt(np.maximum(0.0, 2.0 * deceleration * distance)) - offset)
-        for distance in (q - lower, upper - q)
-    )
-    return np.maximum(-rate, -low), np.minimum(rate, high)
+
+    def most(distance: Array) -> Array:
+        slowing = np.sqrt(np.maximum(0.0, 2.0 * np.array(taper.deceleration)[:, None] * distance))
+        return np.asarray(np.minimum(rate, np.maximum(0.0, slowing - np.array(taper.offset)[:, None])))
+
+    lower, upper = (np.array(end)[:, None] for end in (taper.lower, taper.upper))
+    return -most(q - lower), most(upper - q)

@@ -16,42 +16,42 @@ from rmrc.support.spatial import AXES
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """The outcome of one expectation.
+class Case:
+    """The outcome of a check.
 
     Attributes:
-        name: Name of the metric.
+        name: It stays the same from one version to the next.
+        ok: Whether the check passed.
+        text: The result.
+    """
+
+    name: str
+    ok: bool
+    text: str
+
+    def __str__(self) -> str:
+        """Return one line: `joint_rate.peak: expected below 3 rad/s, got 3.21, 0.21 too high`."""
+        return f"{self.name}: {self.text}"
+
+
+@dataclass(frozen=True)
+class Outcome(Case):
+    """The outcome of one expectation; an undefined value is never ok.
+
+    Attributes:
         value: Value of the metric.
         wanted: In words, with the unit: `below 3 rad/s`.
         missed_by: Distance to the nearest value allowed: positive if the value is too high,
             negative if too low, 0 if it is allowed or exactly at a strict bound, NaN if undefined.
-        ok: Whether the value is allowed; an undefined one never is.
-        got: Description of an outcome that has no value; "": the value describes it.
     """
 
-    name: str
     value: float
     wanted: str
     missed_by: float
-    ok: bool
-    got: str = ""
-
-    def __str__(self) -> str:
-        """Return one line: `joint_rate.peak: expected below 3 rad/s, got 3.21, 0.21 too high`."""
-        text = f"{self.name}: expected {self.wanted}"
-        if math.isnan(self.value):
-            return f"{text}, but it is undefined for this run"
-        text += f", got {self.got or f'{self.value:.6g}'}"
-        if self.ok or self.got:
-            return text
-        if self.missed_by == 0.0:
-            return f"{text}, exactly the bound"
-        return f"{text}, {abs(self.missed_by):.3g} too {'high' if self.missed_by > 0 else 'low'}"
 
     def facts(self) -> dict[str, object]:
         """Return the attributes and the line as a dict for strict JSON, as in `Scorecard.nested`."""
-        values = {name: json_value(value) for name, value in vars(self).items() if name != "got"}
-        return {**values, "text": str(self)}
+        return {**{name: json_value(value) for name, value in vars(self).items()}, "text": str(self)}
 
 
 @lru_cache(maxsize=16)  # used again for each of thousands of variants
@@ -82,10 +82,14 @@ def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
     """
     card, problems = blank(tuple(joints), scenario.task.axes), []
     for name in scenario.expect:
-        if name in card and isinstance(card[name].value, str):
+        if name not in card and name != PROFILE:
+            groups = ", ".join(dict.fromkeys(known.partition(".")[0] for known in card))
+            hint = did_you_mean(name, card) or f"; metrics begin with {groups}"
+            is_other = name in blank(tuple(joints), AXES)
+            why = "needs other axes in task.axes" if is_other else f"no such metric{hint}"
+            problems.append((name, why))
+        elif name in card and isinstance(card[name].value, str):
             problems.append((name, "is the name of something; an expectation needs a number"))
-        elif name not in card and name != PROFILE:
-            problems.append((name, _unknown(name, card)))
     if problems:
         raise ScenarioError(scenario.problem(f"expect.{name}", why) for name, why in problems)
 
@@ -109,39 +113,36 @@ def check(card: Scorecard, expect: Mapping[str, Check | str]) -> list[Outcome]:
     ]
 
 
-def _unknown(name: str, card: Scorecard) -> str:
-    """Return why there is no such metric, and the remedy."""
-    for error, rows in (("position_error", AXES[:3]), ("orientation_error", AXES[3:])):
-        if name.startswith(error) and f"{error}.max" not in card:
-            return f"needs one of {', '.join(rows)} in task.axes"
-    groups = ", ".join(dict.fromkeys(known.partition(".")[0] for known in card))
-    return "no such metric" + (did_you_mean(name, card) or f"; metrics begin with {groups}")
-
-
 def _accepted(card: Scorecard, profile: str) -> Outcome:
     """Return whether a profile accepts all commands, and the first violation."""
-    count, ticks, profile = float(card["profile.refused"].value), card["ticks"].value, Path(profile).stem
-    got = f"{count:g} of {ticks} refused"
-    if count > 0.0:
-        names = ("condition", "joint", "time")
-        condition, joint, time = (card[f"profile.first_{name}"].value for name in names)
-        got += f', the first for the {condition} of "{joint}" at {time:.6g} s'
-    return Outcome(PROFILE, count, f"commands that {profile} accepts", count, count == 0.0, got)
+    parts = ("refused", "first_condition", "first_joint", "first_time")
+    count, condition, joint, time = (card[f"profile.{part}"].value for part in parts)
+    wanted = f"commands that {Path(profile).stem} accepts"
+    text = f"expected {wanted}, got {count:g} of {card['ticks'].value} refused"
+    if condition:
+        text += f', the first for the {condition} of "{joint}" at {time:.6g} s'
+    return Outcome(PROFILE, count == 0.0, text, float(count), wanted, float(count))
 
 
-def _outcome(name: str, figure: Figure, wanted: Check) -> Outcome:
+def _outcome(name: str, figure: Figure, check: Check) -> Outcome:
     value = float(figure.value)
     words, misses = [], []
     # `not value < bound` instead of `value >= bound`: NaN must miss.
-    if wanted.above is not None:
-        words.append(f"above {wanted.above:.12g}")
-        misses += [value - wanted.above] * (not value > wanted.above)
-    if wanted.below is not None:
-        words.append(f"below {wanted.below:.12g}")
-        misses += [value - wanted.below] * (not value < wanted.below)
-    if wanted.equals is not None and wanted.within is not None:
-        words.append(f"{wanted.equals:.12g} within {wanted.within:.12g}")
-        off = value - wanted.equals
-        misses += [off - math.copysign(wanted.within, off)] * (not abs(off) <= wanted.within)
-    text = " and ".join(words) + ("" if figure.unit == "1" else f" {figure.unit}")
-    return Outcome(name, value, text, max(misses, key=abs, default=0.0), not misses)
+    if check.above is not None:
+        words.append(f"above {check.above:.12g}")
+        misses += [value - check.above] * (not value > check.above)
+    if check.below is not None:
+        words.append(f"below {check.below:.12g}")
+        misses += [value - check.below] * (not value < check.below)
+    if check.equals is not None and check.within is not None:
+        words.append(f"{check.equals:.12g} within {check.within:.12g}")
+        off = value - check.equals
+        misses += [off - math.copysign(check.within, off)] * (not abs(off) <= check.within)
+    miss, wanted = max(misses, key=abs, default=0.0), " and ".join(words)
+    wanted += "" if figure.unit == "1" else f" {figure.unit}"
+    text = f"expected {wanted}, got {value:.6g}"
+    if math.isnan(value):
+        text = f"expected {wanted}, but it is undefined for this run"
+    elif misses:
+        text += f", {abs(miss):.3g} too {'high' if miss > 0 else 'low'}" if miss else ", exactly the bound"
+    return Outcome(name, not misses, text, value, wanted, miss)

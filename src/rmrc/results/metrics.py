@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.results.columns import Recorded
-from rmrc.results.events import CHATTER_FLOOR, CONDITIONS, Violation, chatter, refused, stretches
+from rmrc.results.events import CHATTER_FLOOR, CONDITIONS, Refused, chatter, refused
 from rmrc.scenario.choices import IN_RUNS, Status
 from rmrc.support.spatial import AXES
 
@@ -26,7 +26,6 @@ Metrics: TypeAlias = Iterator[tuple[str, float | str, str, str]]
 CLOSED = 1e-3
 # The lost direction has no linear or no angular part where that part of u_min is smaller: it is rounding.
 NO_PART = 1e-9
-_BITS = np.array(IN_RUNS, np.int64)[:, None]
 
 
 def metrics(run: Recorded) -> Metrics:
@@ -37,15 +36,16 @@ def metrics(run: Recorded) -> Metrics:
     acceleration = np.diff(qdot) / run.period
     acceleration_cmd = np.diff(qdot_cmd, prepend=0.0) / run.period
     jerk_cmd = np.diff(acceleration_cmd, prepend=0.0) / run.period
-    measured, quotient = (f"difference quotient of the {of} rate" for of in ("measured", "commanded"))
+    sent = "difference quotient of the commanded rate"
     total = "torque or force with that of gravity compensation"
 
     yield from _joints(run, "joint_rate", "measured rate", qdot, "/s", "rms times")
     yield from _joints(run, "joint_rate_cmd", "commanded rate", qdot_cmd, "/s", "rms times")
     yield from _joints(run, "joint_rate_plain", "rate of the plain inverse", qdot_plain, "/s")
+    measured = sent.replace("commanded", "measured")
     yield from _joints(run, "joint_acceleration", measured, acceleration, "/s²", "each")
-    yield from _joints(run, "joint_acceleration_cmd", quotient, acceleration_cmd, "/s²", "rms")
-    yield from _joints(run, "joint_jerk_cmd", f"second {quotient}", jerk_cmd, "/s³")
+    yield from _joints(run, "joint_acceleration_cmd", sent, acceleration_cmd, "/s²", "rms")
+    yield from _joints(run, "joint_jerk_cmd", f"second {sent}", jerk_cmd, "/s³")
     yield from _chatter(run, acceleration_cmd)
     yield from _joints(run, "tau", "actuator torque or force", tau, "", "each share")
     yield from _joints(run, "tau_total", total, tau + gravity, "", "share")
@@ -105,16 +105,15 @@ def _joints(run: Recorded, group: str, what: str, values: Array, per: str, more:
         more: Metrics beside the peak: `rms`, the largest of the joints; `each` joint's peak, or these with
             their `times` and rms; `share` of the torque limit.
     """
-    units = [f"{'m' if s else 'rad'}{per}" if per else ("N" if s else "N·m") for s in run.is_slide]
+    units = [f"{run.joint_unit(j)}{per}" if per else "N" if s else "N·m" for j, s in enumerate(run.is_slide)]
     unit = " or ".join(dict.fromkeys(units))
     each, times = peaks(run["time"], np.abs(values))
     j, peak, time = _largest(each, times)
-    name = "" if math.isnan(peak) else run.joints[j]
     yield f"{group}.peak", peak, unit, f"largest {what}, of all joints and ticks"
     yield f"{group}.peak_time", time, "s", f"when the largest {what} was reached first"
-    yield f"{group}.peak_joint", name, "", f"joint with the largest {what}"
-    rms = _rms(values) if "rms" in more else each
+    yield f"{group}.peak_joint", _name(run, j, peak), "", f"joint with the largest {what}"
     if "rms" in more:
+        rms = _rms(values)
         yield f"{group}.rms", float(rms.max()), unit, f"largest of the joints' rms {what}"
     for j, name in enumerate(run.joints if "each" in more or "times" in more else ()):
         yield f"{group}.{name}.peak", float(each[j]), units[j], f"largest {what} of {name}"
@@ -128,15 +127,19 @@ def _joints(run: Recorded, group: str, what: str, values: Array, per: str, more:
         yield f"{group}.share_of_limit", float(share), "1", meaning
 
 
+def _name(run: Recorded, j: int, value: float) -> str:
+    """Return the name of the joint with some value, or "" if that is undefined."""
+    return "" if math.isnan(value) else run.joints[j]
+
+
 def _chatter(run: Recorded, acceleration: Array) -> Metrics:
     """Yield the rate of quick sign changes of the commanded acceleration, (n, T)."""
     floor = np.array(run.chatter_floor or (CHATTER_FLOOR,) * len(run.joints))
-    counts = chatter(acceleration, floor, run.period).tolist()
-    count = max(counts)
+    counts = chatter(acceleration, floor, run.period)
+    count, name = int(counts.max()), run.joints[counts.argmax()]
     what = "sign changes of the commanded acceleration per second, counting those in quick succession"
-    name = run.joints[counts.index(count)] if count else ""
     yield "chatter", count / (len(run) * run.period or math.nan), "1/s", f"{what}; of the joint with the most"
-    yield "chatter_joint", name, "", "joint with the most chatter"
+    yield "chatter_joint", name if count else "", "", "joint with the most chatter"
 
 
 def joint_changes(run: Recorded) -> Array:
@@ -163,11 +166,10 @@ def _return(run: Recorded) -> Metrics:
     """Yield the distance of the joints from the start, if the path leads back to it."""
     changes = joint_changes(run)
     j, change, _ = _largest(changes, changes)
-    unit = " or ".join(dict.fromkeys("m" if slides else "rad" for slides in run.is_slide))
+    unit = " or ".join(dict.fromkeys(map(run.joint_unit, range(len(changes)))))
     what = "from the first tick to the last, of a closed path"
-    name = "" if math.isnan(change) else run.joints[j]
     yield "return.joint_change", change, unit, f"largest change of a joint {what}"
-    yield "return.change_joint", name, "", f"joint with the largest change {what}"
+    yield "return.change_joint", _name(run, j, change), "", f"joint with the largest change {what}"
 
 
 # Task -------------------------------------------------------------------------------------------
@@ -190,19 +192,17 @@ def _errors(run: Recorded) -> Metrics:
         if rows.any():
             size, along, across = _split(errors[rows], scale[rows, None] * u[rows], _norm(u[rows]))
             groups.append((name, unit, what, size))
-            for side, values in (("along", along), ("across", across)):
-                meaning = f"{name.replace('_', ' ')} {side} the {half} part of the lost direction"
-                parts.append((f"{name}_{side}", unit, meaning, values))
+            lost = f"{name.replace('_', ' ')} {{}} the {half} part of the lost direction"
+            parts.append((f"{name}_along", unit, lost.format("along"), along))
+            parts.append((f"{name}_across", unit, lost.format("across"), across))
     second = np.abs(run["secondary_error"])
     groups += [*parts, ("secondary_error", "m, rad", "error of the second task", second)]
-    values = np.vstack([values for *_, values in groups])
-    (peak, times), rms = peaks(run["time"], values), _rms(values)
-    ends = values[:, -1] if len(run) else peak
-    for i, (group, unit, what, _) in enumerate(groups):
-        yield f"{group}.rms", float(rms[i]), unit, f"{what}, rms over time"
-        yield f"{group}.max", float(peak[i]), unit, f"{what}, largest"
-        yield f"{group}.max_time", float(times[i]), "s", f"{what}, when it was largest first"
-        yield f"{group}.end", float(ends[i]), unit, f"{what}, at the last tick"
+    for name, unit, what, values in groups:
+        _, peak, time = _largest(*peaks(run["time"], values[None]))
+        yield f"{name}.rms", float(_rms(values[None])[0]), unit, f"{what}, rms over time"
+        yield f"{name}.max", peak, unit, f"{what}, largest"
+        yield f"{name}.max_time", time, "s", f"{what}, when it was largest first"
+        yield f"{name}.end", float(values[-1]) if len(run) else math.nan, unit, f"{what}, at the last tick"
 
 
 def _split(error: Array, lost: Array, share: Array) -> tuple[Array, Array, Array]:
@@ -243,54 +243,51 @@ def _extremes(run: Recorded) -> Metrics:
 def _statuses(run: Recorded, tau: Array) -> Metrics:
     """Yield the duration of each status, and of standstill, contact, slip and actuators at their limit."""
     status = run.columns["status"].astype(np.int64)
-    counts = np.count_nonzero(status & _BITS, axis=1).tolist()
-    seconds = {one: run.period * count for one, count in zip(IN_RUNS, counts, strict=True)}
+    ticks = {one: np.flatnonzero(status & one) for one in IN_RUNS}
+
+    def seconds(ticks: NDArray[np.int64]) -> float:
+        return run.period * len(ticks)
 
     def first_time(ticks: NDArray[np.int64]) -> float:
         return float(run["time"][ticks[0]]) if len(ticks) else math.nan
 
-    without = len(run) - int(np.count_nonzero(status))
-    yield "status_time.OK", run.period * without, "s", "time without any status"
+    yield "status_time.OK", seconds(np.flatnonzero(status == 0)), "s", "time without any status"
     for one in IN_RUNS:
-        yield f"status_time.{one.name}", seconds[one], "s", f"time with status {one.name}"
-    stuck = stretches((status & Status.STUCK) != 0)
-    longest = stuck[np.diff(stuck).argmax()] if len(stuck) else np.zeros(0, np.int64)
-    share = seconds[Status.STUCK] / (len(run) * run.period or math.nan)
-    most = run.period * int(np.diff(longest).sum())
-    yield "stuck.longest", most, "s", "longest time stuck without interruption"
+        yield f"status_time.{one.name}", seconds(ticks[one]), "s", f"time with status {one.name}"
+    stuck, contact, limited = ticks[Status.STUCK], ticks[Status.CONTACT], ticks[Status.TORQUE_LIMITED]
+    longest = max(np.split(stuck, np.flatnonzero(np.diff(stuck) > 1) + 1), key=len)
+    yield "stuck.longest", seconds(longest), "s", "longest time stuck without interruption"
     yield "stuck.longest_time", first_time(longest), "s", "when that began"
+    share = len(stuck) / (len(run) or math.nan)
     yield "stuck.share", share, "1", "fraction of the ticks in which it is stuck"
-    first = first_time(np.flatnonzero(status & Status.CONTACT))
-    yield "contact.time", seconds[Status.CONTACT], "s", "time in contact"
-    yield "contact.first_time", first, "s", "time of the first contact"
+    yield "contact.time", seconds(contact), "s", "time in contact"
+    yield "contact.first_time", first_time(contact), "s", "time of the first contact"
     yield "contact.first_bodies", " – ".join(run.touching), "", "bodies of the first contact"
     _, slip, time = _largest(*peaks(run["time"], run["slip"][None]))
     yield "slip.max", slip, "rad or m", "largest distance of a follower from its equality; undefined without"
     yield "slip.max_time", time, "s", "when the largest slip was reached first"
-    limited = np.flatnonzero(status & Status.TORQUE_LIMITED)
     limit = np.array(run.torque_limit or (math.inf,) * len(tau))[:, None]
     shares = np.fmax(0.0, np.abs(tau[:, limited]) / limit)
     shares = shares[:, shares.any(axis=0)]
     name = run.joints[shares[:, 0].argmax()] if shares.size else ""
-    yield "torque_limited.time", seconds[Status.TORQUE_LIMITED], "s", "time with an actuator at its limit"
+    yield "torque_limited.time", seconds(limited), "s", "time with an actuator at its limit"
     yield "torque_limited.first_time", first_time(limited), "s", "first time with an actuator at its limit"
     yield "torque_limited.first_joint", name, "", "joint whose actuator was at its limit first"
 
 
 def _profile(run: Recorded, q: Array, rate: Array, acceleration: Array, jerk: Array) -> Metrics:
     """Yield the number of commands that a profile refuses, and the condition that the first violates."""
-    count, violation = math.nan, Violation()
+    answer, first = Refused(), "the first command that the profile refuses"
     if run.profile:
-        count, violation = refused(run.profile, run["time"], q, rate, acceleration, jerk)
+        answer = refused(run.profile, run["time"], q, rate, acceleration, jerk)
     counted = "number of commands that the profile refuses; undefined without a profile"
-    first = "the first command that the profile refuses"
     violated = f"condition that {first} violates: {', '.join(CONDITIONS)}"
-    yield "profile.refused", float(count), "1", counted
-    yield "profile.first_time", violation.time, "s", f"when {first} was sent"
-    yield "profile.first_joint", run.joints[violation.joint] if count > 0 else "", "", f"joint of {first}"
-    yield "profile.first_condition", violation.condition, "", violated
-    yield "profile.first_value", violation.value, "SI", f"value of {first}"
-    yield "profile.first_bound", violation.bound, "SI", f"bound that {first} violates"
+    yield "profile.refused", answer.number, "1", counted
+    yield "profile.first_time", answer.time, "s", f"when {first} was sent"
+    yield "profile.first_joint", run.joints[answer.joint] if answer.condition else "", "", f"joint of {first}"
+    yield "profile.first_condition", answer.condition, "", violated
+    yield "profile.first_value", answer.value, "SI", f"value of {first}"
+    yield "profile.first_bound", answer.bound, "SI", f"bound that {first} violates"
 
 
 def _effort(run: Recorded) -> Metrics:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 import rmrc
-from rmrc.results.columns import COLUMNS, Facts, Recorded, widths
+from rmrc.results.columns import COLUMNS, Recorded, no_ticks
 from rmrc.results.scorecard import Scorecard, html_table, scorecard
 from rmrc.results.verdict import verdict
 from rmrc.support.brief import brief, cut
@@ -23,11 +23,8 @@ from rmrc.support.files import reading, written_whole
 BASELINE = "baseline/"
 
 
-_FACTS = TypeAdapter(Facts)
-
-
 @brief
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Run(Recorded):
     """The run of one world: `run["qdot_cmd"]` is a column, `run.scorecard["tau.peak"].value` a metric.
 
@@ -45,8 +42,7 @@ class Run(Recorded):
     @property
     def verdict(self) -> str:
         """The result in one sentence."""
-        other = self.baseline
-        return verdict(self, self.scorecard, None if other is None else (other, other.scorecard))
+        return verdict(self, self.scorecard, self.baseline)
 
     def plot(self, *arguments: Any, **options: Any) -> Any:
         """Draw it, and return matplotlib's figure, which a notebook shows; arguments as of `rmrc.plot`."""
@@ -81,26 +77,11 @@ class Run(Recorded):
 
     def _facts(self) -> dict[str, Any]:
         """Return the facts as strict JSON; infinite numbers are texts."""
-        facts: dict[str, Any] = json.loads(_FACTS.dump_json(self))
+        facts: dict[str, Any] = json.loads(_RUN.dump_json(self, exclude={"columns", "baseline"}))
         return facts | {"units": {name: column.unit for name, column in COLUMNS.items()}}
 
-    @classmethod
-    def _of(cls, facts: Mapping[str, Any], file: Mapping[str, Any], prefix: str = "") -> "Run":
-        """Return the run from the facts and arrays of a file.
 
-        Raises:
-            KeyError: A column is missing.
-            ValueError: The facts or columns are none that a run has saved.
-        """
-        columns = {name: file[f"{prefix}{name}"] for name in COLUMNS}
-        baseline = cls._of(facts["baseline"], file, BASELINE) if "baseline" in facts else None
-        run = cls(**vars(_FACTS.validate_python(facts)), columns=columns, baseline=baseline)
-        sizes = widths(len(run.joints), columns["sigma"].shape[-1], columns["qpos"].shape[-1])
-        for name, column in columns.items():
-            shape = (len(run), sizes[name]) if COLUMNS[name].width else (len(run),)
-            if column.shape != shape or column.dtype.kind not in "fi":
-                raise ValueError(f"column {name}")
-        return run
+_RUN = TypeAdapter(Run)
 
 
 class Runs(dict[str, Run]):
@@ -126,9 +107,9 @@ def save_runs(path: Path, runs: Mapping[str, Run]) -> None:
         path: Path of the file.
         runs: By label.
     """
-    arrays = {
-        f"{i}/{name}": column for i, run in enumerate(runs.values()) for name, column in run.columns.items()
-    }
+    arrays = dict[str, NDArray[np.generic]]()
+    for i, run in enumerate(runs.values()):
+        arrays |= {f"{i}/{name}": column for name, column in run.columns.items()}
     _write(path, arrays, [{"label": label, **run._facts()} for label, run in runs.items()])
 
 
@@ -142,8 +123,25 @@ def read_runs(path: Path) -> Runs:
     with reading(path, "the columns of a run"), path.open("rb") as opened, np.load(opened) as file:
         facts = json.loads(str(file["facts"]))
         if isinstance(facts, dict):
-            return Runs({facts["name"]: Run._of(facts, file)})
-        return Runs((part["label"], Run._of(part, file, f"{i}/")) for i, part in enumerate(facts))
+            return Runs({facts["name"]: _read(facts, file)})
+        return Runs((part["label"], _read(part, file, f"{i}/")) for i, part in enumerate(facts))
+
+
+def _read(facts: Mapping[str, Any], file: Mapping[str, Any], prefix: str = "") -> Run:
+    """Return the run from the facts and arrays of a file.
+
+    Raises:
+        KeyError: A column is missing.
+        ValueError: The facts or columns are none that a run has saved.
+    """
+    columns = {name: file[f"{prefix}{name}"] for name in COLUMNS}
+    baseline = _read(facts["baseline"], file, BASELINE) if "baseline" in facts else None
+    run = _RUN.validate_python({**facts, "columns": columns, "baseline": baseline})
+    shapes = no_ticks(len(run.joints), columns["sigma"].shape[-1], columns["qpos"].shape[-1])
+    for name, column in columns.items():
+        if column.shape != (len(run), *shapes[name].shape[1:]) or column.dtype.kind not in "fi":
+            raise ValueError(f"column {name}")
+    return run
 
 
 def _write(path: Path, arrays: Mapping[str, NDArray[np.generic]], facts: Any) -> None:

@@ -53,20 +53,20 @@ def warnings(card: Scorecard, expected: Collection[str]) -> Iterator[str]:
             yield f"{card.name}: {status}: {', '.join(shown)}; {cure}, or expect it: expect: {{{group}...}}"
 
 
-def verdict(run: Recorded, card: Scorecard, baseline: tuple[Recorded, Scorecard] | None = None) -> str:
+def verdict(run: Recorded, card: Scorecard, baseline: Recorded | None = None) -> str:
     """Return the verdict on a run: its end, its rates, its error, and what its baseline commanded.
 
     Args:
         run: The run so far.
         card: Its metrics.
-        baseline: Its baseline and the metrics of that, if it has one.
+        baseline: The run of its baseline, if it has one.
     """
     if not len(run):
         return f"{'Diverged' if run.divergence else 'Ended'} before the first tick was recorded."
     known = (("position_error.max", 1e3, "mm"), ("orientation_error.max", math.degrees(1.0), "deg"))
     errors = [f"{_amount(scale * float(card[m].value))} {unit}" for m, scale, unit in known if m in card]
-    other = _asked(run, card) if baseline is None else _commanded(*baseline)
-    return f"{_place(run)}: {_rates(run)}, with at most {' and '.join(errors)} of error{other}."
+    error = f"with at most {' and '.join(errors)} of error"
+    return f"{_place(run)}: {_rates(run)}, {error}{_other(run, baseline)}."
 
 
 def _place(run: Recorded) -> str:
@@ -78,8 +78,7 @@ def _place(run: Recorded) -> str:
         place = "Came near a"
     end = "" if run.is_complete else f" and went {math.floor(100.0 * run.completed)}% of its path"
     if run.divergence:
-        joint = f" at {visible(run.divergence.joint)}" if run.divergence.joint else ""
-        end = f" and diverged at {_amount(run.divergence.time)} s{joint}"
+        end = _divergence(run) + (f" at {visible(run.divergence.joint)}" if run.divergence.joint else "")
     most = "at most " if place == "Met no" else ""
     return f"{place} singularity (κ {most}{_amount(condition)}){end}"
 
@@ -89,42 +88,41 @@ def _rates(run: Recorded) -> str:
     limit = np.array(run.rate_limit or (math.inf,) * len(run.joints))
     scale = np.where(np.isfinite(limit), limit, 1.0)
     plain, commands = np.abs(run["qdot_plain"]), np.abs(run["qdot_cmd"])
-    peak = commands.max(axis=0)
+    peak, causes = commands.max(axis=0), list[str]()
     tick, j = np.unravel_index((plain / scale).argmax(), plain.shape)
-    causes = (
-        _causes(run, [int(tick), int(commands[:, j].argmax())]) if plain[tick, j] > MORE * peak[j] else ""
-    )
+    if plain[tick, j] > MORE * peak[j]:
+        ticks = [tick, commands[:, j].argmax()]
+        status = np.bitwise_or.reduce(run.columns["status"][ticks].astype(np.int64))
+        causes = [cause for one, cause in _CAUSES.items() if status & one]
     if not causes:
         j = (peak / scale).argmax()
     of = f" of {_amount(limit[j])}" if math.isfinite(limit[j]) else ""
-    joint, did = f"{visible(run.joints[j])}'s commands", "at" if causes else "peaked at"
-    return f"{causes}{joint} {did} {_amount(peak[j])}{of} {run.joint_unit(int(j))}/s"
+    kept, did = (f"{' and '.join(causes)} kept ", "at") if causes else ("", "peaked at")
+    return (
+        f"{kept}{visible(run.joints[j])}'s commands {did} {_amount(peak[j])}{of} {run.joint_unit(int(j))}/s"
+    )
 
 
-def _causes(run: Recorded, ticks: list[int]) -> str:
-    """Return the causes that acted at any of some ticks, in words; "": none."""
-    status = int(np.bitwise_or.reduce(run.columns["status"][ticks].astype(np.int64)))
-    names = [word for one, word in _CAUSES.items() if status & one]
-    return f"{' and '.join(names[:2])}{' and others' * (len(names) > 2)} kept " if names else ""
+def _other(run: Recorded, baseline: Recorded | None) -> str:
+    """Return the largest rate that a baseline commanded, or of the plain inverse if that is larger."""
+    if baseline is None:
+        (plain, text), (peak, _) = _peak(run, "qdot_plain"), _peak(run, "qdot_cmd")
+        return f"; the plain inverse would ask for {text}" if plain > MORE * peak else ""
+    commands, plain_rates = baseline["qdot_cmd"], baseline["qdot_plain"]
+    is_plain = len(baseline) and np.allclose(commands, plain_rates, rtol=1e-9, atol=1e-12)
+    name = "the plain inverse" if is_plain else "the baseline"
+    return f"; {name} commanded {_peak(baseline, 'qdot_cmd')[1]}{_divergence(baseline)}"
 
 
-def _asked(run: Recorded, card: Scorecard) -> str:
-    """Return the largest rate of the plain inverse, if that is more than was commanded."""
-    plain, peak = (float(card[f"joint_rate_{name}.peak"].value) for name in ("plain", "cmd"))
-    return f"; the plain inverse would ask for {_peak(run, card, 'plain')}" if plain > MORE * peak else ""
+def _divergence(run: Recorded) -> str:
+    return f" and diverged at {_amount(run.divergence.time)} s" if run.divergence else ""
 
 
-def _commanded(run: Recorded, card: Scorecard) -> str:
-    """Return the largest rate that a baseline commanded."""
-    is_plain = len(run) and np.allclose(run["qdot_cmd"], run["qdot_plain"], rtol=1e-9, atol=1e-12)
-    end = f" and diverged at {_amount(run.divergence.time)} s" if run.divergence else ""
-    return f"; {'the plain inverse' if is_plain else 'the baseline'} commanded {_peak(run, card, 'cmd')}{end}"
-
-
-def _peak(run: Recorded, card: Scorecard, name: str) -> str:
-    """Return the largest rate, over all joints and ticks, with the unit of its joint."""
-    peak, joint = (card[f"joint_rate_{name}.{part}"].value for part in ("peak", "peak_joint"))
-    return f"{_amount(float(peak))} {run.joint_unit(run.joints.index(str(joint))) if joint else '?'}/s"
+def _peak(run: Recorded, column: str) -> tuple[float, str]:
+    """Return the largest rate, over all joints and ticks, and it with the unit of its joint."""
+    peaks = np.abs(run[column]).max(axis=0, initial=0.0)
+    j = int(peaks.argmax())
+    return float(peaks[j]), f"{_amount(peaks[j])} {run.joint_unit(j)}/s"
 
 
 def _amount(value: float) -> str:

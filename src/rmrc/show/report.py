@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rmrc.results.ci import Case
+from rmrc.results.expectations import Case
 from rmrc.show.sheets import Sheet
 
 

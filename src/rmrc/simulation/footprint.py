@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
-from rmrc.results.leaving import array_size
+from rmrc.results.columns import widths
 from rmrc.simulation.prepare import Prepared
 from rmrc.support import memory
 from rmrc.support.errors import ScenarioError
@@ -42,7 +42,7 @@ def footprint(
     for world in prepared:
         n, nq, path = world.arm.n, len(world.qpos), world.reference.ticks
         others = nq if has_others(world.arm.wiring, nq) else 0
-        columns = array_size(world.most_ticks, n, min(n, len(world.task.rows)), others)
+        columns = 8 * world.most_ticks * sum(widths(n, min(n, len(world.task.rows)), others).values())
         models = 1 if world.plant.knows_all else 2  # that of the plant, and the one that its law assumes
         held = columns + path * RECORDED * recorded + models * WORLD
         each.append((held, models * int(world.arm.model.narena)))

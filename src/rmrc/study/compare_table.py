@@ -1,7 +1,7 @@
 """Table of variants: one row per variant, for a terminal and as Markdown."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -32,25 +32,21 @@ _FIGURES = (
 )  # fmt: skip
 
 
-def table(name: str, labels: Sequence[str], results: Sequence[Ran], stated: Mapping[str, str]) -> Sheet:
+def table(name: str, labels: Sequence[str], results: Sequence[Ran]) -> Sheet:
     """Return the table.
 
     Args:
         name: Name of the scenario.
         labels: Label of each variant.
         results: Result of each.
-        stated: The choices for which the scenario states expectations, if these do not apply to some variant.
     """
     groups = [[_column(results, *figure) for figure in titles.items()] for titles in _FIGURES]
-    groups = [[column for column in group if column] for group in groups]
     words = [("flipped", *(flipped(result.run) for result in results)), ("expect", *map(_expect, results))]
-    groups = [group for group in (*groups, words) if group]
+    groups = [[*filter(None, group)] for group in (*groups, words) if any(group)]
     variants = ("variant", *map(_label, labels, results))
     heading, *rows = zip(variants, *(column for group in groups for column in group), strict=True)
-    law = " and ".join(f"{key}={value}" for key, value in stated.items())
-    note = f'"-": the expectations of the scenario are for {law}; they are not checked for other choices.'
     of_words = frozenset({0, len(heading) - 2, len(heading) - 1})
-    return Sheet(name, heading, rows, of_words, tuple(map(len, groups)), (note,) if law else ())
+    return Sheet(name, heading, rows, of_words, tuple(map(len, groups)))
 
 
 def flipped(run: Run) -> str:

@@ -10,7 +10,7 @@ from rmrc.scenario import Source, Variant, block, draft_of, grid, loads
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.study import Study
 from rmrc.study.verbs import Values
-from rmrc.support.errors import QuestionError, ScenarioError
+from rmrc.support.errors import QuestionError
 from rmrc.support.files import reading
 from rmrc.support.legible import visible
 
@@ -81,22 +81,16 @@ def saved(path: Path) -> Worlds:
         path: NAME.npz, or its .rrd or .json.
 
     Raises:
-        QuestionError: One of the two files is missing or lacks data; or the scenario can no longer be
-            prepared, as without its model.
+        OSError: One of the two files is missing.
+        QuestionError: One lacks data, or they are of different runs.
+        ScenarioError: The scenario can no longer be prepared, as without its model.
     """
     runs, beside = read_runs(path.with_suffix(".npz")), path.with_suffix(".json")
-    name = visible(str(beside))
-    if not beside.exists():
-        raise QuestionError(f"{name}: is missing; `run` and `compare` write it, and it names the model")
     with reading(beside, f"what a run left beside {path.stem}.npz"):
         facts = json.loads(beside.read_text("utf-8"))
         variants = facts.get("variants") or [facts | {"label": facts["name"]}]
-        scenarios = {variant["label"]: variant["scenario"] for variant in variants}
-        texts = [block(scenario) for scenario in scenarios.values()]
-    if list(scenarios) != list(runs):
+        texts = {variant["label"]: block(variant["scenario"]) for variant in variants}
+    if list(texts) != list(runs):
+        name = visible(str(beside))
         raise QuestionError(f"{name}: belongs to another run than {visible(path.stem)}.npz next to it")
-    try:
-        worlds = [Study(loads(text)).prepare() for text in texts]
-        return {label: (world, runs[label]) for label, world in zip(runs, worlds, strict=True)}
-    except ScenarioError as error:
-        raise QuestionError(f"{name}: can no longer be drawn: {error.problems[0]}") from None
+    return {label: (Study(loads(text, str(beside))).prepare(), runs[label]) for label, text in texts.items()}

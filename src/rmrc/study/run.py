@@ -1,26 +1,25 @@
 """Run a scenario beside its baseline, or variants side by side; record them, and write files at the end."""
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial, reduce
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from rmrc.recording import unlogged
 from rmrc.results import facts
-from rmrc.results.leaving import Leaving, array_size, refuse_unwritable
+from rmrc.results.leaving import refuse_unwritable
 from rmrc.results.run import Run, Runs, save_runs
-from rmrc.scenario import Scenario, Source, Variant, choices, draft_of
+from rmrc.scenario import Source, Variant, draft_of
 from rmrc.show.sheets import Sheet, as_markdown
 from rmrc.show.tables import markdown
 from rmrc.simulation.footprint import refuse_excess
-from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Watcher
 from rmrc.study import compare_table
 from rmrc.study.study import Ran, Study
-from rmrc.support.errors import ScenarioError
+from rmrc.support.errors import RmrcError
 from rmrc.support.interruption import interruptible
 
 
@@ -54,21 +53,16 @@ class Job:
             ScenarioError: Lists all problems, one line each; a problem of every variant appears once.
             OSError: The files cannot be written.
         """
-        written = draft_of(source)
-        self._study, self._overrides = Study(written.overridden(overrides)), tuple(overrides)
+        self._study, self._overrides = Study(draft_of(source).overridden(overrides)), tuple(overrides)
         prepare_all, prepare_beside = self._study.prepare_all, self._study.prepare_beside
         self.variants = tuple(variants)
         self.worlds = prepare_all(self.variants) if variants else prepare_beside()
-        self._written = self.worlds[0].scenario
-        self.name, self._records = self._written.name, record and folder is not None
-        with suppress(ScenarioError):  # without the overrides, it may be incomplete
-            self._written = written.scenario()
+        self.name, self._records = self.worlds[0].scenario.name, record and folder is not None
         stem, suffixes = f"{self.name}{'.compare' * bool(variants)}", (".rrd", ".npz", ".json")
         self.files = [Path(folder, f"{stem}{suffix}") for suffix in suffixes[not record :]] if folder else []
         self.results, self.interrupted, self.failures = list[Ran](), False, list[str]()
-        self._stated = list[dict[str, str]]()
         refuse_excess(self.worlds, recorded=self._records)
-        refuse_unwritable(self.files, sum(map(_size_of, self.worlds)), ", or shorten target.path")
+        refuse_unwritable(self.files)
 
     @property
     def labels(self) -> list[str]:
@@ -93,7 +87,6 @@ class Job:
         Args:
             on_ticks: Called after each block with its number of ticks.
         """
-        leaving = Leaving()
         with interruptible() as stop, ExitStack() as stack:
             recording: Any = None
             if self._records:
@@ -101,23 +94,35 @@ class Job:
                 stack.enter_context(recording)
 
             def watch(index: int, part: Run) -> None:
-                if recording and not leaving.failures and not leaving.attempt(partial(show, index, part)):
+                if recording and not self.failures and not self._attempt(partial(show, index, part)):
                     recording.part_path.unlink(missing_ok=True)  # so that the columns have its room
                 on_ticks(len(part))
 
-            self._keep(self._study.step(self.worlds, stop, [watch]))
-            is_recorded = recording and not leaving.failures
-            for path, write in zip(self.files[-2:], (self._save_columns, self._save_facts), strict=False):
-                leaving.write([path], write)
-            if is_recorded:
-                leaving.write(self.files[:1], lambda _: recording.finish(self._markdown()))
-            self.files = [path for path in self.files if path in leaving.files]
-            self.interrupted, self.failures = stop.is_set(), leaving.failures
+            self.results = self._study.step(self.worlds, stop, [watch])
+            self.interrupted = stop.is_set()
+            if not self.variants and len(self.results) > 1:
+                run, baseline = (result.run for result in self.results)
+                self.results[0] = replace(self.results[0], run=replace(run, baseline=baseline))
+            is_recorded = not self.failures
+            data = self.files[-2:]
+            written = [path for path in data if self._attempt(partial(self._save, path))]
+            if recording and is_recorded and self._attempt(lambda: recording.finish(self._markdown())):
+                written.insert(0, self.files[0])
+            self.files = written
+
+    def _attempt(self, write: Callable[[], None]) -> bool:
+        """Return whether a part of the writing succeeded, and keep the reason if not."""
+        try:
+            write()
+        except OSError as error:
+            reason = f"{error.filename}: {(error.strerror or str(error)).lower()}"
+            self.failures.append(str(error) if isinstance(error, RmrcError) else reason)
+            return False
+        return True
 
     def table(self) -> Sheet:
         """Return the table of variants."""
-        stated = dict(pair for each in self._stated for pair in each.items())
-        return compare_table.table(self.name, self.labels, self.results, stated)
+        return compare_table.table(self.name, self.labels, self.results)
 
     def _recording(self) -> tuple[Any, Watcher]:
         """Return a new recording, and the function that writes a block of ticks to it."""
@@ -139,17 +144,20 @@ class Job:
         (result, *beside) = self.results
         return markdown(result.scorecard, result.outcomes, beside[0].scorecard if beside else None)
 
-    def _save_columns(self, path: Path) -> None:
-        save = partial(save_runs, runs=self.runs) if self.variants else self.results[0].run.save
-        save(path)
+    def _save(self, path: Path) -> None:
+        """Write the columns, or the facts."""
+        if path.suffix == ".json":
+            self._save_facts(path)
+        elif self.variants:
+            save_runs(path, self.runs)
+        else:
+            self.results[0].run.save(path)
 
     def _save_facts(self, path: Path) -> None:
-        known: dict[str, Any]
-        each = [result.facts() for result in self.results]
+        each, known = [result.facts() for result in self.results], dict[str, Any]()
         if self.variants:
-            for variant, stated, its in zip(self.variants, self._stated, each, strict=True):
+            for variant, its in zip(self.variants, each, strict=True):
                 its |= {"label": variant.label, "overrides": list(map(str, variant.changes))}
-                its |= {"expected_of_others": stated}
             known = {"overrides": self._overrides, "variants": each}
         else:
             known = each[0] | {"verdict": self.results[0].run.verdict}
@@ -157,42 +165,3 @@ class Job:
                 del its["expect"]
                 known["baseline"] = its | {"changes": self.worlds[0].scenario.baseline}
         facts.save(path, {"name": self.name, **known})
-
-    def _keep(self, results: list[Ran]) -> None:
-        """Keep results: a scenario's with the run of its baseline, variants' with the outcomes that count.
-
-        A file states its expectations for its own law; those of `--set` or `--vary` are for variants as they
-        are.
-        """
-        self.results, written = results, self._written
-        if not self.variants:
-            baseline = results[1].run if len(results) > 1 else None
-            results[0] = replace(results[0], run=replace(results[0].run, baseline=baseline))
-            return
-        for i, result in enumerate(results):
-            scenario = result.prepared.scenario
-            chosen = _choices(scenario)
-            others = {key: value for key, value in _choices(written).items() if chosen[key] != value}
-            counted = [
-                outcome
-                for outcome in result.outcomes
-                if not others or scenario.expect[outcome.name] != written.expect.get(outcome.name)
-            ]
-            self._stated.append(others if len(counted) < len(scenario.expect) else {})
-            results[i] = replace(result, outcomes=tuple(counted))
-
-
-def _size_of(world: Prepared) -> int:
-    """Return the size of the columns of a world [B]."""
-    n = world.arm.n
-    return array_size(world.reference.ticks, n, min(n, len(world.task.rows)), len(world.qpos))
-
-
-def _choices(scenario: Scenario) -> dict[str, str]:
-    """Return the named choices of a scenario's law, which are not numbers such as a damping or a limit.
-
-    A scenario states its expectations for these choices: they do not bind another inverse, as where the plain
-    inverse is expected to blow up.
-    """
-    keys = [f"control.{choice.key}" for choice in choices.CHOICES]
-    return {key: str(reduce(getattr, key.split("."), scenario)) for key in keys}

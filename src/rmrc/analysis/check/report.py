@@ -10,7 +10,7 @@ from rmrc.analysis.check.findings import CODES, Finding
 from rmrc.analysis.check.motion import BOUND, DURATION, Motion
 from rmrc.analysis.new.text import listed_positions
 from rmrc.arm.proportions import damping_maximum
-from rmrc.results.ci import Case
+from rmrc.results.expectations import Case
 from rmrc.results.scorecard import Figure
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number

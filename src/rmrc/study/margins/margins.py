@@ -7,7 +7,7 @@ commands, τ + T/2 + T₁. Threads search several limits at a time.
 import math
 import os
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -38,35 +38,14 @@ OnRuns = Callable[[int], None]
 _Judge = Callable[[Sequence[Change]], Judged | None]
 
 
-class Edge(NamedTuple):
-    """Interval that contains a limit.
-
-    Attributes:
-        low: Highest value up to which the loop is stable; 0: none.
-        high: Lowest unstable value; infinite: none was found.
-    """
-
-    low: float
-    high: float
-
-    @property
-    def value(self) -> float:
-        """The limit: the geometric mean of both bounds, or the only bound."""
-        return math.sqrt(self.low * self.high) if self.is_found else self.low or self.high
-
-    @property
-    def is_found(self) -> bool:
-        """Whether both bounds exist."""
-        return self.low > 0.0 and self.high < math.inf
-
-
 @dataclass(frozen=True)
 class Margin:
     """One stability margin of a loop.
 
     Attributes:
         name: `gain`, a factor on control.feedback; `delay` or `lag`, an additional time [s].
-        edge: Interval in which the loop becomes unstable; infinite above: no limit was found.
+        low: Highest value up to which the loop is stable; 0: none.
+        high: Lowest unstable value; infinite: none was found.
         bound: Largest value of the search.
         ideal: Limit of the ideal plant, by equation; infinite if any value is stable.
         rule: Value by the rule of thumb; below 1, or negative, if it allows less than the scenario has.
@@ -74,16 +53,22 @@ class Margin:
     """
 
     name: str
-    edge: Edge
+    low: float
+    high: float
     bound: float
     ideal: float
     rule: float
     tried: tuple[tuple[float, Judged], ...]
 
     @property
+    def is_found(self) -> bool:
+        """Whether the limit lies between two values that were tried."""
+        return self.low > 0.0 and self.high < math.inf
+
+    @property
     def value(self) -> float:
-        """The margin: the limit, or the largest stable value if none was found."""
-        return self.edge.value
+        """The margin: the geometric mean of both bounds, or the only bound."""
+        return math.sqrt(self.low * self.high) if self.is_found else self.low or self.high
 
 
 @brief
@@ -94,34 +79,23 @@ class Margins:
     Attributes:
         scenario: The scenario.
         written: Judgment of the loop as written; None: interrupted before.
-        all: The margins: of gain, and of delay and lag if the loop is stable as written.
         interrupted: Whether Ctrl-C ended the search.
+        gain: Factor on control.feedback at the limit; below 1 if the loop is unstable as written.
+        delay: Dead time that can be added [s]; None if the loop is unstable as written.
+        lag: Lag that can be added at every joint [s]; None if the loop is unstable as written.
     """
 
     scenario: Scenario
     written: Judged | None
-    all: tuple[Margin, ...]
     interrupted: bool
+    gain: Margin
+    delay: Margin | None = None
+    lag: Margin | None = None
 
     @property
-    def gain(self) -> Margin:
-        """Factor on control.feedback at the limit; below 1 if the loop is unstable as written."""
-        return self.all[0]
-
-    @property
-    def delay(self) -> Margin | None:
-        """Dead time that can be added [s]; None if the loop is unstable as written."""
-        return self.all[1] if self.is_stable else None
-
-    @property
-    def lag(self) -> Margin | None:
-        """Lag that can be added at every joint [s]; None if the loop is unstable as written."""
-        return self.all[2] if self.is_stable else None
-
-    @property
-    def late(self) -> tuple[float, float]:
-        """Dead time of its commands, and the longest lag [s]."""
-        return lateness(self.scenario)
+    def all(self) -> list[Margin]:
+        """The margins that were searched."""
+        return [margin for margin in (self.gain, self.delay, self.lag) if margin]
 
     @property
     def runs(self) -> int:
@@ -157,49 +131,19 @@ def margins(
     if not _FINEST <= accuracy <= _COARSEST:
         wrong = f"must be between {_FINEST:g} and {_COARSEST:g}, got {accuracy:g}"
         raise ScenarioError.about("--accuracy", wrong)
-    study, threads = Study(scenario), threads or os.cpu_count() or 1
-    prepared = study.prepare()
-    if prepared.scenario.control.feedback == 0.0:
+    study = Study(scenario)
+    loop = study.prepare()
+    if loop.scenario.control.feedback == 0.0:
         wrong = "must be > 0, got 0: a loop without feedback cannot be unstable"
-        raise ScenarioError([prepared.scenario.problem("control.feedback", wrong)])
-    study.compile([prepared])
-    with interruptible() as stop:
-        return margins_of(study, [()], stop, accuracy=accuracy, threads=threads, on_runs=on_runs)[0]
-
-
-def margins_of(
-    study: Study, settings: Sequence[Sequence[Change]], stop: threading.Event, *,
-    accuracy: float = ACCURACY, threads: int = 1, on_runs: OnRuns | None = None,
-) -> list[Margins]:  # fmt: skip
-    """Return the margins of several settings of a scenario.
-
-    Args:
-        study: Study of the scenario.
-        settings: Changes that make each setting, with a positive feedback.
-        stop: Event that ends the runs.
-        accuracy: Relative accuracy of the limits.
-        threads: Number of threads.
-        on_runs: Called after each tried setting with its number of runs.
-
-    Raises:
-        ScenarioError: A setting is wrong, or a run does not fit into memory.
-    """
-    judge = _judge(study, stop, on_runs)
-    loops = [study.prepare(base) for base in settings]
-    with ThreadPoolExecutor(threads) as pool:
-        judgments = list(pool.map(judge, settings))
-        searches = [
-            [
-                pool.submit(_close_in, judge, base, limit, written, accuracy)
-                for limit in _limits(loop, written)
-            ]
-            for base, loop, written in zip(settings, loops, judgments, strict=True)
-        ]
-        results = [tuple(search.result() for search in each) for each in searches]
-    return [
-        Margins(loop.scenario, written, each, stop.is_set())
-        for loop, written, each in zip(loops, judgments, results, strict=True)
-    ]
+        raise ScenarioError([loop.scenario.problem("control.feedback", wrong)])
+    study.compile([loop])
+    with interruptible() as stop, ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        judge = _judge(study, stop, on_runs)
+        written = judge(())
+        limits = _limits(loop) if written and not written.is_unstable else _limits(loop)[:1]
+        searches = [pool.submit(_close_in, judge, limit, written, accuracy) for limit in limits]
+        results = [search.result() for search in searches]
+    return Margins(loop.scenario, written, stop.is_set(), *results)
 
 
 def bears(
@@ -262,8 +206,8 @@ class _Limit(NamedTuple):
         rule: Factor by the rule of thumb.
         least: Smallest factor of the search.
         most: Largest factor.
-        setting: Function from a reported value to its setting.
-        late: The total lateness, if the reported value is the additional time [s]; None: it is the factor.
+        setting: Function from a margin to its setting.
+        late: The total lateness [s], of which a margin is the part that is added; 0: it is the factor.
     """
 
     name: str
@@ -272,39 +216,42 @@ class _Limit(NamedTuple):
     least: float
     most: float
     setting: Callable[[float], dict[str, object]]
-    late: float | None = None
+    late: float = 0.0
 
-    def value(self, factor: float) -> float:
-        """Return the reported value."""
-        return factor if self.late is None else (factor - 1.0) * self.late
+    def margin(self, factor: float) -> float:
+        """Return the reported value of a factor."""
+        return (factor - 1.0) * self.late if self.late else factor
 
 
-def _limits(prepared: Prepared, written: Judged | None) -> Iterator[_Limit]:
-    """Yield the limits to search for: the gain's, and the others of a loop that is stable as written."""
+def _limits(prepared: Prepared) -> list[_Limit]:
+    """Return the limits to search for."""
     scenario, plant = prepared.scenario, prepared.scenario.plant
     feedback, period, (delay, lag) = scenario.control.feedback, scenario.control.period, lateness(scenario)
     late = delay + lag + 0.5 * period
     rule = 1.0 / (feedback * late)
 
-    def lags(more: float) -> object:
-        return [lag + more for lag in plant.lag] if isinstance(plant.lag, tuple) else plant.lag + more
+    def slower(more: float) -> dict[str, object]:
+        lag = plant.lag
+        return {"plant.lag": [each + more for each in lag] if isinstance(lag, tuple) else lag + more}
 
-    ideal = edge_gain(period, delay, lag) / feedback
-    least, most = min(_LOWEST, 0.1 * ideal), _BEYOND * max(1.0, ideal)
-    yield _Limit("gain", ideal, rule, least, most, lambda factor: {"control.feedback": factor * feedback})
-    if written is None or written.is_unstable:
-        return
-    ideal = 1.0 + max(0.0, edge_delay(feedback, period, lag) - delay) / late
-    most = max(1.0, min(_BEYOND * ideal, 1.0 + (_SHARE * prepared.reference.duration - plant.delay) / late))
-    yield _Limit("delay", ideal, rule, 1.0, most, lambda more: {"plant.delay": plant.delay + more}, late)
-    ideal = 1.0 + max(0.0, edge_lag(feedback, period, delay) - lag) / late
-    most = _BEYOND * (ideal if ideal < math.inf else 1.0 + rule)
-    yield _Limit("lag", ideal, rule, 1.0, most, lambda more: {"plant.lag": lags(more)}, late)
+    gain = edge_gain(period, delay, lag) / feedback
+    delayed = 1.0 + max(0.0, edge_delay(feedback, period, lag) - delay) / late
+    lagging = 1.0 + max(0.0, edge_lag(feedback, period, delay) - lag) / late
+    longest = 1.0 + (_SHARE * prepared.reference.duration - plant.delay) / late
+    most = (
+        _BEYOND * max(1.0, gain),
+        max(1.0, min(_BEYOND * delayed, longest)),
+        _BEYOND * (lagging if lagging < math.inf else 1.0 + rule),
+    )
+    least = min(_LOWEST, 0.1 * gain)
+    return [
+        _Limit("gain", gain, rule, least, most[0], lambda factor: {"control.feedback": factor * feedback}),
+        _Limit("delay", delayed, rule, 1.0, most[1], lambda s: {"plant.delay": plant.delay + s}, late),
+        _Limit("lag", lagging, rule, 1.0, most[2], slower, late),
+    ]
 
 
-def _close_in(
-    judge: _Judge, base: Sequence[Change], limit: _Limit, written: Judged | None, accuracy: float
-) -> Margin:
+def _close_in(judge: _Judge, limit: _Limit, written: Judged | None, accuracy: float) -> Margin:
     """Search a limit by ever longer steps from below that of the ideal plant, then by bisection."""
     tried = {1.0: written} if written else {}
 
@@ -317,7 +264,7 @@ def _close_in(
     step = max(_STEP, 1.0 + accuracy)
     while True:
         if factor not in tried:
-            judgment = judge((*base, *changes_of(limit.setting(limit.value(factor)))))
+            judgment = judge(changes_of(limit.setting(limit.margin(factor))))
             if judgment is None:
                 break
             tried[factor] = judgment
@@ -329,7 +276,6 @@ def _close_in(
         if factor in tried or high <= low * (1.0 + accuracy):
             break
         step *= step
-    edge = Edge(limit.value(low) if low else 0.0, limit.value(high))
-    most, ideal, rule = map(limit.value, (limit.most, limit.ideal, limit.rule))
-    each = tuple((limit.value(factor), judgment) for factor, judgment in sorted(tried.items()))
-    return Margin(limit.name, edge, most, ideal, rule, each)
+    each = tuple((limit.margin(factor), judgment) for factor, judgment in sorted(tried.items()))
+    high, bound, ideal, rule = map(limit.margin, (high, limit.most, limit.ideal, limit.rule))
+    return Margin(limit.name, limit.margin(low) if low else 0.0, high, bound, ideal, rule, each)

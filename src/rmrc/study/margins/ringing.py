@@ -8,7 +8,7 @@ subtracted.
 import math
 import threading
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,13 +51,13 @@ class Judged:
     """Judgment of a world and its twin.
 
     Attributes:
-        reason: Why the loop is unstable: it diverged, keeps ringing after a kick, or oscillates from limit to
-            limit; "": it is stable.
+        reason: Why the loop is unstable: `diverged`, `rings` after a kick, or `reverses` from limit to limit;
+            "": it is stable.
         time: Time of the divergence, or start of the stretch [s]; NaN if stable.
         remainder: Remaining fraction of the response to a kick at the end of the worst stretch [1].
     """
 
-    reason: Literal["", "diverged", "rings", "reverses"]
+    reason: str
     time: float
     remainder: float
 
@@ -90,19 +90,20 @@ def judged(prepared: Prepared, stop: threading.Event) -> Judged | None:
             return None
         if run.divergence:
             return Judged("diverged", run.divergence.time, math.inf)
-        runs.append({name: run[name].copy() for name in ("q", "qdot_cmd", "path_time", "status")})
-    ticks = min(len(run["q"]) for run in runs)
-    apart = (runs[1]["q"][:ticks] - runs[0]["q"][:ticks]) / (world.task.joint_scale * kick)
-    swings, sent = without_trend(apart, width), runs[0]["qdot_cmd"]
-    is_limited = runs[0]["status"].astype(np.int64) & _LIMITED != 0
+        runs.append(run)
+    run, twin = runs
+    ticks = min(len(run), len(twin))
+    apart = (twin["q"][:ticks] - run["q"][:ticks]) / (world.task.joint_scale * kick)
+    swings, sent = without_trend(apart, width), run["qdot_cmd"]
+    is_limited = run["status"].astype(np.int64) & _LIMITED != 0
     # a slowed path reaches the start of a stretch late
-    firsts = np.searchsorted(runs[0]["path_time"], (np.array(starts) - 0.5) * period)
+    firsts = np.searchsorted(run["path_time"], (np.array(starts) - 0.5) * period)
     stretches = list[Judged]()
     for first, last in zip(firsts, [*(firsts[1:] - width // 2), len(swings)], strict=True):
         if last - first < _FEWEST * width:
             continue
         remainder = still_ringing(swings[first:last], max(_LEAST, _TELLING_STEPS * step / kick))
-        reason: Literal["", "rings", "reverses"] = ""
+        reason = ""
         if remainder >= STILL_RINGS:
             reason = "rings"
         elif reverses(sent[first:last], is_limited[first:last], _TO_AND_FRO * np.abs(sent).max(axis=0)):
