@@ -8,7 +8,6 @@ import pytest
 
 from project import ROOT
 from rmrc.analysis.check.findings import CODES
-from rmrc.results.facts import versions
 from rmrc.results.run import Run
 from wording import says
 
@@ -29,10 +28,8 @@ SCHEMA = {
     "testsuite": (
         {"name", "tests", "failures", "errors"},
         {"time", "skipped", "timestamp", "hostname", "id", "package", "group", "file", "log", "url"},
-        {"properties", "testcase", "testsuite", "system-out", "system-err"},
+        {"testcase", "testsuite", "system-out", "system-err"},
     ),
-    "properties": (set(), set(), {"property"}),
-    "property": ({"name", "value"}, set(), set()),
     "testcase": (
         {"name"}, {"time", "classname", "group"}, {"skipped", "error", "failure", "system-out", "system-err"},
     ),
@@ -87,7 +84,6 @@ def test_a_case_for_each_expectation_and_one_for_the_run(rmrc, quick):
     assert (code, err) == (0, "") and "wrote ci/a.xml\nwrote ci/a.md\n" in out
     root, run = read("ci/a.xml"), Run.read(quick / "recordings/quick.npz")
     assert told(root) == {"run": None, "position_error.max": None, "duration": None}
-    assert {one.get("name"): one.get("value") for one in root.iter("property")} == versions()
     assert root.find(".//system-out").text == run.verdict
     assert float(root.get("time")) == pytest.approx(run.wall_time, abs=5.1e-4)
     lines = (quick / "ci/a.md").read_text("utf-8").splitlines()

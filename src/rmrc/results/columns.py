@@ -27,10 +27,7 @@ class Column(NamedTuple):
     width: str = ""
 
 
-_POSE_ERROR = (
-    "[p_ref − p; log(R_ref Rᵀ)] of the true pose, along task.frame; if the site is free about one of its "
-    "axes, the tilt of that axis"
-)
+_POSE_ERROR = "[p_ref − p; log(R_ref Rᵀ)] of the true pose, along task.frame; of a free axis, its tilt"
 
 COLUMNS: Mapping[str, Column] = {
     "time": Column("s", "simulated time of the control tick"),
@@ -114,8 +111,8 @@ class Recorded:
         axes: Task axes that count.
         length: Characteristic length L of the task [m].
         period: Control period [s].
-        planned: Ticks of the path; a run has fewer if it was cut short, and more if it was slowed.
         columns: Arrays by the names of COLUMNS, time first: (T,) or (T, width).
+        planned: Ticks of the path; a run has fewer if it was cut short, and more if it was slowed.
         divergence: Where it diverged, or None.
         wall_time: Seconds that the stepping of this world took.
         weights: Task weights, one per axis; none: all 1.
@@ -144,8 +141,8 @@ class Recorded:
     axes: tuple[str, ...]
     length: float
     period: float
-    planned: int
     columns: Mapping[str, NDArray[np.generic]]
+    planned: int
     divergence: Divergence | None = None
     wall_time: float = 0.0
     weights: tuple[float, ...] = ()

@@ -1,4 +1,4 @@
-"""Countable events of a run: chatter, and commands that a profile refuses."""
+"""The commands of a run that a profile refuses, and the acceleration from which they chatter."""
 
 import math
 from typing import NamedTuple
@@ -13,31 +13,11 @@ Array = NDArray[np.float64]
 # The conditions of a profile.
 CONDITIONS = ("position", "rate", "acceleration", "jerk")
 
-# A command whose acceleration changes its sign twice within this time shakes the arm [s]: 5 Hz. On a smooth
-# path, changes are farther apart; a loop that oscillates, or a law that switches, takes some ticks.
-CHATTER_TIME = 0.1
 # An acceleration up to this does not count where a joint has no limits [rad/s² or m/s²]. With limits the
 # bound is the smaller of the acceleration to its largest rate in a second and a tenth of its largest
 # acceleration. Encoder noise of 1e-5 rad stays below it: at K = 20 /s and 1 ms it is 20 · 1e-5 · √2/0.001 =
 # 0.3 rad/s² rms.
 CHATTER_FLOOR = 1.0
-
-
-def chatter(acceleration: Array, floor: Array, period: float) -> NDArray[np.int64]:
-    """Return how many changes of sign come within CHATTER_TIME of the one before, (n,).
-
-    Args:
-        acceleration: Commanded accelerations, (n, T).
-        floor: Acceleration of each joint up to which a sign does not count, (n,).
-        period: Control period [s].
-    """
-    counts = np.zeros(len(floor), np.int64)
-    is_large = np.abs(acceleration) > floor[:, None]
-    for j in np.flatnonzero(is_large.any(axis=1)):
-        ticks = np.flatnonzero(is_large[j])
-        changes = ticks[1:][np.diff(acceleration[j, ticks] > 0.0)]
-        counts[j] = np.count_nonzero(np.diff(changes) <= round(CHATTER_TIME / period))
-    return counts
 
 
 class Refused(NamedTuple):

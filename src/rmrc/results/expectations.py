@@ -126,14 +126,13 @@ def _accepted(card: Scorecard, profile: str) -> Outcome:
 
 def _outcome(name: str, figure: Figure, check: Check) -> Outcome:
     value = float(figure.value)
-    words, misses = [], []
+    bounds = (("above", check.above), ("below", check.below))
+    words, misses = [f"{word} {bound:.12g}" for word, bound in bounds if bound is not None], []
     # `not value < bound` instead of `value >= bound`: NaN must miss.
-    if check.above is not None:
-        words.append(f"above {check.above:.12g}")
-        misses += [value - check.above] * (not value > check.above)
-    if check.below is not None:
-        words.append(f"below {check.below:.12g}")
-        misses += [value - check.below] * (not value < check.below)
+    if check.above is not None and not value > check.above:
+        misses.append(value - check.above)
+    if check.below is not None and not value < check.below:
+        misses.append(value - check.below)
     if check.equals is not None and check.within is not None:
         words.append(f"{check.equals:.12g} within {check.within:.12g}")
         off = value - check.equals

@@ -15,29 +15,22 @@ from rmrc.support.files import write_text
 LIBRARIES = ("rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk")
 
 
-version = cache(metadata.version)
-
-
-def versions(*more: str) -> dict[str, str]:
-    """Return the versions of the software that determines the bits of a result.
-
-    Args:
-        more: Libraries beside those that determine every run.
-    """
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of the software that determines the bits of a result."""
     versions = {"python": platform.python_version()}
-    for library in (*LIBRARIES, *more):
+    for library in LIBRARIES:
         with suppress(metadata.PackageNotFoundError):  # a worker of a sweep needs no rerun
-            versions[library] = version(library)
+            versions[library] = metadata.version(library)
     return versions
 
 
-def save(path: Path, facts: Mapping[str, Any], *more: str) -> None:
+def save(path: Path, facts: Mapping[str, Any]) -> None:
     """Write facts and the versions of the libraries that determine them, atomically.
 
     Args:
         path: Path of the file; its folder is created if missing.
         facts: Strict JSON.
-        more: Libraries beside those that determine every run.
     """
-    text = json.dumps({**facts, "versions": versions(*more)}, indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps({**facts, "versions": versions()}, indent=2, ensure_ascii=False, allow_nan=False)
     write_text(path, f"{text}\n")

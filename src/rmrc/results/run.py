@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 import rmrc
 from rmrc.results.columns import COLUMNS, Recorded, no_ticks
-from rmrc.results.scorecard import Scorecard, html_table, scorecard
+from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.results.verdict import verdict
 from rmrc.support.brief import brief, cut
 from rmrc.support.errors import QuestionError
@@ -48,10 +48,6 @@ class Run(Recorded):
         """Draw it, and return matplotlib's figure, which a notebook shows; arguments as of `rmrc.plot`."""
         return rmrc.plot(self, *arguments, **options)
 
-    def _repr_html_(self) -> str:
-        """Return its metrics, for a notebook."""
-        return self.scorecard._repr_html_()
-
     # Its file -------------------------------------------------------------------------------------
 
     def save(self, path: Path) -> None:
@@ -85,19 +81,12 @@ _RUN = TypeAdapter(Run)
 
 
 class Runs(dict[str, Run]):
-    """Runs by label, as `compare` returns them; a notebook shows the metrics in which they differ."""
+    """Runs by label, as `compare` returns them."""
 
     def __repr__(self) -> str:
         """Return the labels."""
         labels = ", ".join(f"{label!r}: {len(run)} ticks" for label, run in self.items())
         return cut(f"Runs({{{labels}}})")
-
-    def _repr_html_(self) -> str:
-        """Return the metrics in which they differ, side by side."""
-        cards = [run.scorecard for run in self.values()]
-        rows = [(name, one.unit, *(card[name].value for card in cards)) for name, one in cards[0].items()]
-        rows = [row for row in rows if len(set(map(str, row[2:]))) > 1]  # NaN equals no NaN
-        return html_table("metrics that differ", ("metric", "unit", *self), rows)
 
 
 def save_runs(path: Path, runs: Mapping[str, Run]) -> None:

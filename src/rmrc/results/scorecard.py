@@ -5,9 +5,8 @@ give equal metrics; only `wall_time` and `speed` differ from one execution to th
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from html import escape
 from typing import NamedTuple
 
 import numpy as np
@@ -58,11 +57,6 @@ class Scorecard(Mapping[str, Figure]):
         """Return the number of metrics."""
         return len(self.figures)
 
-    def _repr_html_(self) -> str:
-        """Return the defined metrics, for a notebook."""
-        rows = [(name, *one) for name, one in self.items() if json_value(one.value) is not None]
-        return html_table(self.name, ("metric", "value", "unit", "meaning"), rows)
-
     def nested(self) -> dict[str, object]:
         """Return the values as dicts within dicts, ready for strict JSON.
 
@@ -93,20 +87,3 @@ def json_value(value: float | str) -> float | str | None:
     if isinstance(value, str):
         return value or None
     return None if math.isnan(value) else str(value) if math.isinf(value) else value
-
-
-def html_table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[float | str]]) -> str:
-    """Return a table as HTML, for a notebook: numbers with six digits, NaN as a dash.
-
-    Args:
-        caption: Text above it.
-        headings: Headings of the columns.
-        rows: Rows of values.
-    """
-
-    def line(cells: Sequence[float | str], tag: str) -> str:
-        texts = [one if isinstance(one, str) else "–" if math.isnan(one) else f"{one:.6g}" for one in cells]
-        return f"<tr>{''.join(f'<{tag}>{escape(text)}</{tag}>' for text in texts)}</tr>"
-
-    body = "".join([line(headings, "th"), *(line(row, "td") for row in rows)])
-    return f"<table><caption>{escape(caption)}</caption>{body}</table>"

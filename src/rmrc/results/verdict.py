@@ -88,19 +88,17 @@ def _rates(run: Recorded) -> str:
     limit = np.array(run.rate_limit or (math.inf,) * len(run.joints))
     scale = np.where(np.isfinite(limit), limit, 1.0)
     plain, commands = np.abs(run["qdot_plain"]), np.abs(run["qdot_cmd"])
-    peak, causes = commands.max(axis=0), list[str]()
-    tick, j = np.unravel_index((plain / scale).argmax(), plain.shape)
-    if plain[tick, j] > MORE * peak[j]:
-        ticks = [tick, commands[:, j].argmax()]
+    peak, j, causes = commands.max(axis=0), int((plain.max(axis=0) / scale).argmax()), list[str]()
+    if plain[:, j].max() > MORE * peak[j]:
+        ticks = [plain[:, j].argmax(), commands[:, j].argmax()]
         status = np.bitwise_or.reduce(run.columns["status"][ticks].astype(np.int64))
         causes = [cause for one, cause in _CAUSES.items() if status & one]
     if not causes:
-        j = (peak / scale).argmax()
+        j = int((peak / scale).argmax())
     of = f" of {_amount(limit[j])}" if math.isfinite(limit[j]) else ""
     kept, did = (f"{' and '.join(causes)} kept ", "at") if causes else ("", "peaked at")
-    return (
-        f"{kept}{visible(run.joints[j])}'s commands {did} {_amount(peak[j])}{of} {run.joint_unit(int(j))}/s"
-    )
+    commands_of = f"{kept}{visible(run.joints[j])}'s commands"
+    return f"{commands_of} {did} {_amount(peak[j])}{of} {run.joint_unit(j)}/s"
 
 
 def _other(run: Recorded, baseline: Recorded | None) -> str:
