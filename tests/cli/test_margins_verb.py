@@ -37,8 +37,8 @@ def test_it_prints_what_the_loop_bears_beside_the_rule_and_the_ideal_plant(rmrc)
     lines = lines_of(out)
     assert lines[0] == says("quick: stability margins, … runs")
     assert "as written stable" in lines
-    assert "rule: K up to 1/(delay + T/2 + lag) 100.0 1/s" in lines
-    assert "limit of the ideal plant, K 100.0 1/s" in lines
+    assert "rule: K up to 1/(delay + T/2 + lag) 100 1/s" in lines
+    assert "limit of the ideal plant, K 100 1/s" in lines
     rows = {line.split(",")[0]: line for line in lines}
     assert rows["gain"].endswith(" 20.00 20.00 1")
     assert float(rows["delay"].split()[2]) == pytest.approx(edge_delay(5.0, 0.02), rel=0.1)

@@ -18,16 +18,12 @@ FLIPPED = 0.5
 
 # Headings of the metrics in groups that stay together where a terminal is narrow.
 _FIGURES = (
-    {
-        "joint_rate.peak": "rate\npeak", "joint_rate_cmd.peak": "command\npeak",
-        "joint_rate.rms": "rate\nrms", "joint_acceleration.peak": "accel.\npeak",
-        "tau.share_of_limit": "torque\npeak",
-    },
-    {
-        **{f"{error}_error_{part}.max": f"{short}.\nerror\n{part}"
-           for error, short in (("position", "pos"), ("orientation", "rot")) for part in ("along", "across")},
-        "position_error.end": "pos.\nerror\nat end", "orientation_error.end": "rot.\nerror\nat end",
-    },
+    {"joint_rate.peak": "rate\npeak", "joint_rate_cmd.peak": "command\npeak", "joint_rate.rms": "rate\nrms",
+     "joint_acceleration.peak": "accel.\npeak", "tau.share_of_limit": "torque\npeak"},
+    {"position_error_along.max": "pos.\nerror\nalong", "position_error_across.max": "pos.\nerror\nacross",
+     "orientation_error_along.max": "rot.\nerror\nalong",
+     "orientation_error_across.max": "rot.\nerror\nacross", "position_error.end": "pos.\nerror\nat end",
+     "orientation_error.end": "rot.\nerror\nat end"},
     {f"status_time.{status.name}": f"time\n{status.name}" for status in IN_RUNS},
 )  # fmt: skip
 
@@ -60,8 +56,7 @@ def flipped(run: Run) -> str:
     if math.isnan(changes[0]):
         return UNDEFINED
     if len(run.axes) < len(run.joints):
-        largest = int(np.argmax(changes))
-        return f"{number(changes[largest])} {run.joint_unit(largest)}"
+        return f"{number(changes.max())} {run.joint_unit(int(changes.argmax()))}"
     far = changes / np.where(run.is_slide, run.length, 1.0) > FLIPPED
     return ", ".join(joint for joint, is_far in zip(run.joints, far, strict=True) if is_far) or "no"
 
@@ -73,9 +68,8 @@ def _column(results: Sequence[Ran], metric: str, title: str) -> tuple[str, ...]:
     if not units or (title.startswith("time") and not any(figure and figure.value for figure in figures)):
         return ()
     heading = "\nor ".join("of limit" if unit == "1" else unit for unit in units)
-    return f"{title}\n{heading}", *(
-        number(float(figure.value)) if figure else UNDEFINED for figure in figures
-    )
+    cells = [number(float(figure.value)) if figure else UNDEFINED for figure in figures]
+    return f"{title}\n{heading}", *cells
 
 
 def _label(label: str, result: Ran) -> str:

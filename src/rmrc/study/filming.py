@@ -91,6 +91,5 @@ def saved(path: Path) -> Worlds:
         variants = facts.get("variants") or [facts | {"label": facts["name"]}]
         texts = {variant["label"]: block(variant["scenario"]) for variant in variants}
     if list(texts) != list(runs):
-        name = visible(str(beside))
-        raise QuestionError(f"{name}: belongs to another run than {visible(path.stem)}.npz next to it")
+        raise QuestionError(f"{visible(str(beside))}: belongs to another run than {path.stem}.npz next to it")
     return {label: (Study(loads(text, str(beside))).prepare(), runs[label]) for label, text in texts.items()}

@@ -169,10 +169,10 @@ def bears(
     loops = [study.prepare(base).scenario for base in settings]
 
     def is_borne(base: Sequence[Change], loop: Scenario) -> bool | None:
-        feedback = loop.control.feedback
+        wanted = factor * loop.control.feedback
         quick = _QUICK * edge_gain(loop.control.period, *lateness(loop))
-        for tried in sorted({factor * feedback, max(factor * feedback, quick)}, reverse=True):
-            judgment = judge((*base, *changes_of({"control.feedback": tried})))
+        for feedback in sorted({wanted, max(wanted, quick)}, reverse=True):
+            judgment = judge((*base, *changes_of({"control.feedback": feedback})))
             if judgment is None or not judgment.is_unstable:
                 return None if judgment is None else True
         return False

@@ -83,19 +83,15 @@ def judged(prepared: Prepared, stop: threading.Event) -> Judged | None:
     world = resting(prepared, (_FEWEST + 1) * width)
     count = min(_STRETCHES, max(1, world.reference.ticks // (_WINDOWS * width)))
     starts = tuple(i * world.reference.ticks // count for i in range(count))
-    runs = []
-    for each in (world, twin_of(world, starts, kick)):
-        (run,) = Simulation([each]).run(stop=stop)
-        if stop.is_set():
-            return None
-        if run.divergence:
-            return Judged("diverged", run.divergence.time, math.inf)
-        runs.append(run)
-    run, twin = runs
+    run, twin = (Simulation([each]).run(stop=stop)[0] for each in (world, twin_of(world, starts, kick)))
+    if stop.is_set():
+        return None
+    if end := run.divergence or twin.divergence:
+        return Judged("diverged", end.time, math.inf)
     ticks = min(len(run), len(twin))
     apart = (twin["q"][:ticks] - run["q"][:ticks]) / (world.task.joint_scale * kick)
     swings, sent = without_trend(apart, width), run["qdot_cmd"]
-    is_limited = run["status"].astype(np.int64) & _LIMITED != 0
+    least, is_limited = _TO_AND_FRO * np.abs(sent).max(axis=0), run["status"].astype(np.int64) & _LIMITED != 0
     # a slowed path reaches the start of a stretch late
     firsts = np.searchsorted(run["path_time"], (np.array(starts) - 0.5) * period)
     stretches = list[Judged]()
@@ -103,10 +99,8 @@ def judged(prepared: Prepared, stop: threading.Event) -> Judged | None:
         if last - first < _FEWEST * width:
             continue
         remainder = still_ringing(swings[first:last], max(_LEAST, _TELLING_STEPS * step / kick))
-        reason = ""
-        if remainder >= STILL_RINGS:
-            reason = "rings"
-        elif reverses(sent[first:last], is_limited[first:last], _TO_AND_FRO * np.abs(sent).max(axis=0)):
+        reason = "rings" if remainder >= STILL_RINGS else ""
+        if not reason and reverses(sent[first:last], is_limited[first:last], least):
             reason = "reverses"
         stretches.append(Judged(reason, float(first * period) if reason else math.nan, remainder))
     # the first unstable one, with the worst remaining fraction; the first stretch is never too short
