@@ -39,13 +39,11 @@ def metrics(run: Recorded) -> Metrics:
     acceleration = np.diff(qdot) / run.period
     acceleration_cmd = np.diff(qdot_cmd, prepend=0.0) / run.period
     jerk_cmd = np.diff(acceleration_cmd, prepend=0.0) / run.period
-    sent = "difference quotient of the commanded rate"
+    measured, sent = (f"difference quotient of the {rate} rate" for rate in ("measured", "commanded"))
     total = "torque or force with that of gravity compensation"
-
     yield from _joints(run, "joint_rate", "measured rate", qdot, "/s", "rms times")
     yield from _joints(run, "joint_rate_cmd", "commanded rate", qdot_cmd, "/s", "rms times")
     yield from _joints(run, "joint_rate_plain", "rate of the plain inverse", qdot_plain, "/s")
-    measured = sent.replace("commanded", "measured")
     yield from _joints(run, "joint_acceleration", measured, acceleration, "/s²", "each")
     yield from _joints(run, "joint_acceleration_cmd", sent, acceleration_cmd, "/s²", "rms")
     yield from _joints(run, "joint_jerk_cmd", f"second {sent}", jerk_cmd, "/s³")
@@ -60,32 +58,25 @@ def metrics(run: Recorded) -> Metrics:
     yield from _effort(run)
 
 
-def peaks(time: Array, values: Array) -> tuple[Array, Array]:
-    """Return the largest values (c,) of some quantities, and when each was first reached (c,) [s].
+def _peak(run: Recorded, values: Array) -> tuple[float, float]:
+    """Return the largest value of a quantity, and when it was first reached [s].
 
     NaN is above all numbers; its time is NaN. Both are NaN without ticks.
 
     Args:
-        time: Time of each tick [s], (T,).
-        values: The quantities at these ticks, or at the last of them, (c, T).
+        run: The run.
+        values: The quantity at its ticks, or at the last of them, (T,).
     """
-    count, ticks = values.shape
-    if not ticks:
-        return np.full(count, math.nan), np.full(count, math.nan)
-    first = values.argmax(axis=1)
-    peak = values[np.arange(count), first]
-    return peak, np.where(np.isnan(peak), math.nan, time[first - ticks])
+    if not len(values):
+        return math.nan, math.nan
+    tick = int(values.argmax()) - len(values)
+    value = float(values[tick])
+    return value, math.nan if math.isnan(value) else float(run["time"][tick])
 
 
-def _largest(values: Array, times: Array) -> tuple[int, float, float]:
-    """Return which value is the largest, its value and its time."""
-    j = int(values.argmax())
-    return j, float(values[j]), float(times[j])
-
-
-def _rms(values: Array) -> Array:
-    """Return the root of the mean square over the ticks, of (c, T)."""
-    return np.asarray(np.sqrt(np.einsum("ct,ct->c", values, values) / (values.shape[1] or math.nan)))
+def _rms(values: Array) -> float:
+    """Return the root of the mean square over the ticks, of (T,)."""
+    return float(np.sqrt(values @ values / (len(values) or math.nan)))
 
 
 def _norm(rows: Array) -> Array:
@@ -110,29 +101,25 @@ def _joints(run: Recorded, group: str, what: str, values: Array, per: str, more:
     """
     units = [f"{run.joint_unit(j)}{per}" if per else "N" if s else "N·m" for j, s in enumerate(run.is_slide)]
     unit = " or ".join(dict.fromkeys(units))
-    each, times = peaks(run["time"], np.abs(values))
-    j, peak, time = _largest(each, times)
-    yield f"{group}.peak", peak, unit, f"largest {what}, of all joints and ticks"
-    yield f"{group}.peak_time", time, "s", f"when the largest {what} was reached first"
-    yield f"{group}.peak_joint", _name(run, j, peak), "", f"joint with the largest {what}"
+    each, times = np.array([_peak(run, row) for row in np.abs(values)]).T
+    j = int(each.argmax())
+    name = "" if math.isnan(each[j]) else run.joints[j]
+    yield f"{group}.peak", float(each[j]), unit, f"largest {what}, of all joints and ticks"
+    yield f"{group}.peak_time", float(times[j]), "s", f"when the largest {what} was reached first"
+    yield f"{group}.peak_joint", name, "", f"joint with the largest {what}"
     if "rms" in more:
-        rms = _rms(values)
-        yield f"{group}.rms", float(rms.max()), unit, f"largest of the joints' rms {what}"
+        rms = [_rms(row) for row in values]
+        yield f"{group}.rms", float(np.max(rms)), unit, f"largest of the joints' rms {what}"
     for j, name in enumerate(run.joints if "each" in more or "times" in more else ()):
         yield f"{group}.{name}.peak", float(each[j]), units[j], f"largest {what} of {name}"
         if "times" in more:
             yield f"{group}.{name}.peak_time", float(times[j]), "s", f"when {name} was fastest first"
-            yield f"{group}.{name}.rms", float(rms[j]), units[j], f"{what} of {name}, rms over time"
+            yield f"{group}.{name}.rms", rms[j], units[j], f"{what} of {name}, rms over time"
     if "share" in more:
         limit = np.array(run.torque_limit or (math.inf,) * len(each))
         share = max((each / limit)[np.isfinite(limit) & (limit > 0.0)], default=math.nan)
         meaning = f"largest {what} as a share of its joint's limit; undefined without a limit"
         yield f"{group}.share_of_limit", float(share), "1", meaning
-
-
-def _name(run: Recorded, j: int, value: float) -> str:
-    """Return the name of the joint with some value, or "" if that is undefined."""
-    return "" if math.isnan(value) else run.joints[j]
 
 
 def _chatter(run: Recorded, acceleration: Array) -> Metrics:
@@ -172,11 +159,12 @@ def joint_changes(run: Recorded) -> Array:
 def _return(run: Recorded) -> Metrics:
     """Yield the distance of the joints from the start, if the path leads back to it."""
     changes = joint_changes(run)
-    j, change, _ = _largest(changes, changes)
+    j = int(changes.argmax())
+    name = "" if math.isnan(changes[j]) else run.joints[j]
     unit = " or ".join(dict.fromkeys(map(run.joint_unit, range(len(changes)))))
     what = "from the first tick to the last, of a closed path"
-    yield "return.joint_change", change, unit, f"largest change of a joint {what}"
-    yield "return.change_joint", _name(run, j, change), "", f"joint with the largest change {what}"
+    yield "return.joint_change", float(changes[j]), unit, f"largest change of a joint {what}"
+    yield "return.change_joint", name, "", f"joint with the largest change {what}"
 
 
 # Task -------------------------------------------------------------------------------------------
@@ -205,8 +193,8 @@ def _errors(run: Recorded) -> Metrics:
     second = np.abs(run["secondary_error"])
     groups += [*parts, ("secondary_error", "m, rad", "error of the second task", second)]
     for name, unit, what, values in groups:
-        _, peak, time = _largest(*peaks(run["time"], values[None]))
-        yield f"{name}.rms", float(_rms(values[None])[0]), unit, f"{what}, rms over time"
+        peak, time = _peak(run, values)
+        yield f"{name}.rms", _rms(values), unit, f"{what}, rms over time"
         yield f"{name}.max", peak, unit, f"{what}, largest"
         yield f"{name}.max_time", time, "s", f"{what}, when it was largest first"
         yield f"{name}.end", float(values[-1]) if len(run) else math.nan, unit, f"{what}, at the last tick"
@@ -238,7 +226,7 @@ def _extremes(run: Recorded) -> Metrics:
         ("path_rate.min", -1.0, run["path_rate"], "smallest pace along the path"),
         ("secondary_sigma.min", -1.0, run["secondary_sigma"], second),
     ):
-        _, value, time = _largest(*peaks(run["time"], sign * values[None]))
+        value, time = _peak(run, sign * values)
         yield name, sign * value, "1", meaning
         if name == "sigma.min":
             yield f"{name}_time", time, "s", "when the smallest singular value was reached first"
@@ -270,7 +258,7 @@ def _statuses(run: Recorded, tau: Array) -> Metrics:
     yield "contact.time", seconds(contact), "s", "time in contact"
     yield "contact.first_time", first_time(contact), "s", "time of the first contact"
     yield "contact.first_bodies", " – ".join(run.touching), "", "bodies of the first contact"
-    _, slip, time = _largest(*peaks(run["time"], run["slip"][None]))
+    slip, time = _peak(run, run["slip"])
     yield "slip.max", slip, "rad or m", "largest distance of a follower from its equality; undefined without"
     yield "slip.max_time", time, "s", "when the largest slip was reached first"
     limit = np.array(run.torque_limit or (math.inf,) * len(tau))[:, None]

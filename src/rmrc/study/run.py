@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -94,7 +93,7 @@ class Job:
                 stack.enter_context(recording)
 
             def watch(index: int, part: Run) -> None:
-                if recording and not self.failures and not self._attempt(partial(show, index, part)):
+                if recording and not self.failures and not self._attempt(show, index, part):
                     recording.part_path.unlink(missing_ok=True)  # so that the columns have its room
                 on_ticks(len(part))
 
@@ -104,16 +103,15 @@ class Job:
                 run, baseline = (result.run for result in self.results)
                 self.results[0] = replace(self.results[0], run=replace(run, baseline=baseline))
             is_recorded = not self.failures
-            data = self.files[-2:]
-            written = [path for path in data if self._attempt(partial(self._save, path))]
-            if recording and is_recorded and self._attempt(lambda: recording.finish(self._markdown())):
+            written = [path for path in self.files[-2:] if self._attempt(self._save, path)]
+            if recording and is_recorded and self._attempt(recording.finish, self._markdown()):
                 written.insert(0, self.files[0])
             self.files = written
 
-    def _attempt(self, write: Callable[[], None]) -> bool:
+    def _attempt(self, write: Callable[..., None], *arguments: Any) -> bool:
         """Return whether a part of the writing succeeded, and keep the reason if not."""
         try:
-            write()
+            write(*arguments)
         except OSError as error:
             reason = f"{error.filename}: {(error.strerror or str(error)).lower()}"
             self.failures.append(str(error) if isinstance(error, RmrcError) else reason)
@@ -154,14 +152,14 @@ class Job:
             self.results[0].run.save(path)
 
     def _save_facts(self, path: Path) -> None:
-        each, known = [result.facts() for result in self.results], dict[str, Any]()
+        known, *others = (result.facts() for result in self.results)
         if self.variants:
-            for variant, its in zip(self.variants, each, strict=True):
-                its |= {"label": variant.label, "overrides": list(map(str, variant.changes))}
-            known = {"overrides": self._overrides, "variants": each}
+            known = {"overrides": self._overrides, "variants": [known, *others]}
+            for (label, changes), its in zip(self.variants, known["variants"], strict=True):
+                its |= {"label": label, "overrides": list(map(str, changes))}
         else:
-            known = each[0] | {"verdict": self.results[0].run.verdict}
-            for its in each[1:]:
+            known["verdict"] = self.results[0].run.verdict
+            for its in others:
                 del its["expect"]
                 known["baseline"] = its | {"changes": self.worlds[0].scenario.baseline}
         facts.save(path, {"name": self.name, **known})
