@@ -15,7 +15,6 @@ figures:
 	$(PYTHON) -c "from pathlib import Path; from rmrc.show.textbook_figures import small_displacements; small_displacements([Path('docs/figures/small_displacements.png')])"
 	$(PYTHON) -m rmrc identify scenarios/arm_log.csv --picture docs/figures/identify_arm_log.png --out build/figures --quiet
 	$(PYTHON) -m rmrc tune scenarios/approach_singularity.yaml --set "target.path[0].line.to=[1.995, 0]" --picture docs/figures/front_approach_singularity.png --out build/figures --quiet
-	$(PYTHON) -m rmrc margins scenarios/approach_singularity.yaml --set plant.delay=0.008 --set "target.path[0].line.to=[1.995, 0]" --picture docs/figures/margins_approach_singularity.png --quiet
 
 # Those that need OpenGL.
 films:

@@ -1,4 +1,4 @@
-"""The verb `margins`: tables, JSON, a picture; exit codes, and what is refused in a line."""
+"""The verb `margins`: tables, JSON, exit codes, and what is refused in a line."""
 
 import json
 import os
@@ -47,12 +47,12 @@ def test_it_prints_what_the_loop_bears_beside_the_rule_and_the_ideal_plant(rmrc)
     assert lines[-1] == says('">": stable in all runs; … lag …')
 
 
-def test_json_has_every_setting_that_was_tried_and_the_picture_is_drawn(rmrc, tmp_path):
-    code, out, err = rmrc("margins", "quick.yaml", *COARSE, "--json", "--picture", "m.svg", "--threads", "1")
+def test_json_has_every_setting_that_was_tried(rmrc):
+    code, out, err = rmrc("margins", "quick.yaml", *COARSE, "--json", "--threads", "1")
     assert (code, err) == (0, "")
     found = json.loads(out)
     written = {"unstable": False, "reason": None, "time": None, "left": 0.0}
-    assert found["stable"] and found["written"] == written and found["files"] == ["m.svg"]
+    assert found["stable"] and found["written"] == written
     gain, lag = (found["margins"][name] for name in ("gain", "lag"))
     assert gain["stable_at"] <= gain["value"] <= gain["unstable_at"] <= 1.2 * gain["stable_at"]
     assert gain["ideal"] == pytest.approx(edge_gain(0.02) / 5)
@@ -61,12 +61,6 @@ def test_json_has_every_setting_that_was_tried_and_the_picture_is_drawn(rmrc, tm
     assert tried == found["runs"] / 2 + 2  # as written: once
     assert not lag["found"] and lag["unstable_at"] is None and lag["ideal"] is None
     assert lag["bound"] == pytest.approx(lag["stable_at"])
-    text = (tmp_path / "m.svg").read_text()
-    for words in (
-        "decays: stable", "keeps ringing: unstable", "limit by simulation", "limit of the ideal plant",
-        "gain, times [1]", "delay, more [s]", "lag, more [s]", "quick: stability margins",
-    ):  # fmt: skip
-        assert words in text
 
 
 def test_a_loop_that_is_unstable_as_written_gives_exit_code_1(rmrc):
@@ -85,13 +79,10 @@ def test_a_loop_that_is_unstable_as_written_gives_exit_code_1(rmrc):
     [
         (["--accuracy", "nan"], "--accuracy: must be between 0.005 and 0.5, got nan"),
         (["--set", "control.feedback=0"], "--set control.feedback: must be > 0, got 0: …"),
-        (["--picture", "m.jpg"], "--picture m.jpg: must end in .png, .svg or .pdf"),
-        (["--picture", "no/m.png"], "no…: …"),
         (["--set", "plant.delay=-1"], "--set plant.delay: … -1"),
     ],
 )
-def test_bad_input_is_a_line(rmrc, tmp_path, options, line):
-    (tmp_path / "no").write_text("a file where a folder should be")
+def test_bad_input_is_a_line(rmrc, options, line):
     code, out, err = rmrc("margins", "quick.yaml", *options)
     assert (code, out, err) == (2, "", says(f"rmrc: error: {line}\n"))
 

@@ -1,13 +1,12 @@
 """The verb `margins`: find how much more delay, lag and gain a loop tolerates."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rmrc import scenario as scenarios
 from rmrc.cli.console import EXIT_INTERRUPTED, complain, interruption, progress
-from rmrc.cli.options import AsJson, Junit, Quiet, Summary, Threads, drawable
+from rmrc.cli.options import AsJson, Junit, Quiet, Summary, Threads
 from rmrc.cli.reports import show
 from rmrc.cli.scenarios import Overrides, ScenarioFile
 
@@ -21,10 +20,6 @@ def margins(
         float, typer.Option(help="Relative precision of the stability limits, 0.005 to 0.5.")
     ] = 0.02,
     set_: Overrides = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Plot all tried settings to this file: .png, .svg or .pdf."),
-    ] = None,
     as_json: AsJson = False,
     threads: Threads = None,
     junit: Junit = None,
@@ -38,14 +33,11 @@ def margins(
     the ideal plant. Exit code 1: the loop is unstable as written.
     """
     from rmrc.results import ci
-    from rmrc.results.leaving import refuse_unwritable
     from rmrc.show.sheets import as_markdown
     from rmrc.study.margins.margins import margins as search
     from rmrc.study.margins.report import report
 
-    files = [path for path in (drawable(picture),) if path is not None]
     with ci.files(scenario.stem, junit, summary) as results:
-        refuse_unwritable(files)
         loaded = scenarios.load(scenario, set_ or ())
         with (
             interruption("interrupted before the first run"),
@@ -59,9 +51,6 @@ def margins(
         results.figures = "\n\n".join(map(as_markdown, answer.sheets))
     if cut:
         complain(cut)
-    for path in files:
-        if answer.draw is not None:
-            answer.draw(path)
-    show(answer, as_json, quiet, [*files, *filter(None, (junit, summary))])
+    show(answer, as_json, quiet, [*filter(None, (junit, summary))])
     if cut:
         raise typer.Exit(EXIT_INTERRUPTED)

@@ -5,12 +5,6 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from rmrc.support.errors import RmrcError
-
-
-class OutputError(RmrcError, OSError):
-    """An output file cannot be written."""
-
 
 def refuse_unwritable(paths: Iterable[Path]) -> None:
     """Check whether files can be written, before a run.

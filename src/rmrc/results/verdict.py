@@ -71,11 +71,9 @@ def verdict(run: Recorded, card: Scorecard, baseline: Recorded | None = None) ->
 
 def _place(run: Recorded) -> str:
     """Return how near to a singularity it came, and whether it is complete."""
-    condition, place = float(run["condition"].max()), "Met no"
-    if np.any(run.columns["status"].astype(np.int64) & Status.SINGULAR):
-        place = "Came to a"
-    elif condition >= NEAR:
-        place = "Came near a"
+    condition = float(run["condition"].max())
+    is_singular = np.any(run.columns["status"].astype(np.int64) & Status.SINGULAR)
+    place = "Came to a" if is_singular else "Came near a" if condition >= NEAR else "Met no"
     end = "" if run.is_complete else f" and went {math.floor(100.0 * run.completed)}% of its path"
     if run.divergence:
         end = _divergence(run) + (f" at {visible(run.divergence.joint)}" if run.divergence.joint else "")
@@ -106,8 +104,7 @@ def _other(run: Recorded, baseline: Recorded | None) -> str:
     if baseline is None:
         (plain, text), (peak, _) = _peak(run, "qdot_plain"), _peak(run, "qdot_cmd")
         return f"; the plain inverse would ask for {text}" if plain > MORE * peak else ""
-    commands, plain_rates = baseline["qdot_cmd"], baseline["qdot_plain"]
-    is_plain = len(baseline) and np.allclose(commands, plain_rates, rtol=1e-9, atol=1e-12)
+    is_plain = np.allclose(baseline["qdot_cmd"], baseline["qdot_plain"], rtol=1e-9, atol=1e-12)
     name = "the plain inverse" if is_plain else "the baseline"
     return f"; {name} commanded {_peak(baseline, 'qdot_cmd')[1]}{_divergence(baseline)}"
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
-from rmrc.results.leaving import OutputError
 from rmrc.results.run import Run, Runs
 from rmrc.scenario import Source, draft_of, grid
 from rmrc.study.dataset import Table
@@ -78,7 +77,7 @@ def _runs(job: Job) -> Runs:
     if job.interrupted:
         raise KeyboardInterrupt
     if job.failures:
-        raise OutputError("; ".join(job.failures))
+        raise OSError("; ".join(job.failures))
     return job.runs
 
 

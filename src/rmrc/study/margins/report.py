@@ -1,12 +1,8 @@
-"""Margins as tables, as JSON, and as a picture."""
+"""Margins as tables, and as JSON."""
 
 import math
 from collections.abc import Iterator
-from functools import partial
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from rmrc.results.expectations import Case
 from rmrc.show.report import Report, plain
@@ -23,8 +19,6 @@ _BLIND = (
     "control.state: integrated: the law gets no feedback from the plant, so delays cannot make it unstable. "
     '"ideal plant" and "rule" apply to a measured state.'
 )
-# Smallest and largest response in the picture: a divergence has none, and rounding has a smaller one.
-_LEAST, _MOST = 1e-3, 1e2
 
 
 def report(margins: Margins) -> Report:
@@ -65,7 +59,7 @@ def report(margins: Margins) -> Report:
         "runs": margins.runs, "interrupted": margins.interrupted,
     }  # fmt: skip
     cases = [Case("stable", not problem, problem or "as written")] if written else []
-    return Report(sheets, plain(values), partial(_draw, margins), not problem, problem, cases=cases)
+    return Report(sheets, plain(values), met=not problem, problem=problem, cases=cases)
 
 
 def _values(judgment: Judged) -> dict[str, Any]:
@@ -96,28 +90,3 @@ def _notes(margins: Margins) -> Iterator[str]:
         yield f'">": stable in all runs; the search ends at {", ".join(endless)}.'
     if margins.interrupted:
         yield "Interrupted: the limits have the precision reached until then."
-
-
-def _draw(margins: Margins, path: Path) -> None:
-    """Draw the remaining response to a kick for each tried setting, and the limits."""
-    from rmrc.show import figures
-
-    figure = figures.sheet(1.2 + 4.0 * len(margins.all), 4.4)
-    panels = figure.subplots(1, len(margins.all), sharey=True, squeeze=False)[0]
-    for axes, margin in zip(panels, margins.all, strict=True):
-        x = np.array([value for value, _ in margin.tried])
-        y = np.clip([judgment.remainder for _, judgment in margin.tried], _LEAST, _MOST)
-        rings = np.array([judgment.is_unstable for _, judgment in margin.tried])
-        axes.plot(x[~rings], y[~rings], "oC0", label="decays: stable")
-        axes.plot(x[rings], y[rings], "XC3", label="keeps ringing: unstable")
-        limit = margin.value if margin.is_found else math.inf
-        limits = {"limit by simulation": limit, "limit of the ideal plant": margin.ideal, "rule": margin.rule}
-        for (label, value), style in zip(limits.items(), ("-", "--", ":"), strict=True):
-            if 0.0 < value < math.inf:
-                axes.axvline(value, color="k", linestyle=style, label=label)
-        scale = "log" if margin.name == "gain" else "linear"
-        axes.set(yscale="log", xscale=scale, xlabel="{} [{}]".format(*_WHAT[margin.name]))
-    panels[0].set_ylabel("remaining response to a kick [1]")
-    panels[0].legend()
-    figure.suptitle(f"{figures.plain(margins.scenario.name)}: stability margins")
-    figures.save(figure, [path])
