@@ -38,8 +38,7 @@ OnRuns = Callable[[int], None]
 _Judge = Callable[[Sequence[Change]], Judged | None]
 
 
-@dataclass(frozen=True)
-class Margin:
+class Margin(NamedTuple):
     """One stability margin of a loop.
 
     Attributes:
@@ -238,16 +237,13 @@ def _limits(prepared: Prepared) -> list[_Limit]:
     delayed = 1.0 + max(0.0, edge_delay(feedback, period, lag) - delay) / late
     lagging = 1.0 + max(0.0, edge_lag(feedback, period, delay) - lag) / late
     longest = 1.0 + (_SHARE * prepared.reference.duration - plant.delay) / late
-    most = (
-        _BEYOND * max(1.0, gain),
-        max(1.0, min(_BEYOND * delayed, longest)),
-        _BEYOND * (lagging if lagging < math.inf else 1.0 + rule),
-    )
-    least = min(_LOWEST, 0.1 * gain)
+    least, most = min(_LOWEST, 0.1 * gain), _BEYOND * max(1.0, gain)
+    latest = max(1.0, min(_BEYOND * delayed, longest))
+    slowest = _BEYOND * (lagging if lagging < math.inf else 1.0 + rule)
     return [
-        _Limit("gain", gain, rule, least, most[0], lambda factor: {"control.feedback": factor * feedback}),
-        _Limit("delay", delayed, rule, 1.0, most[1], lambda s: {"plant.delay": plant.delay + s}, late),
-        _Limit("lag", lagging, rule, 1.0, most[2], slower, late),
+        _Limit("gain", gain, rule, least, most, lambda factor: {"control.feedback": factor * feedback}),
+        _Limit("delay", delayed, rule, 1.0, latest, lambda s: {"plant.delay": plant.delay + s}, late),
+        _Limit("lag", lagging, rule, 1.0, slowest, slower, late),
     ]
 
 
@@ -260,8 +256,10 @@ def _close_in(judge: _Judge, limit: _Limit, written: Judged | None, accuracy: fl
         return max((factor for factor in tried if factor < high), default=0.0), high
 
     low, high = ends()
-    factor = min(max(_FIRST * limit.ideal, limit.least, low), limit.most, high)
-    step = max(_STEP, 1.0 + accuracy)
+    factor, step = (
+        min(max(_FIRST * limit.ideal, limit.least, low), limit.most, high),
+        max(_STEP, 1.0 + accuracy),
+    )
     while True:
         if factor not in tried:
             judgment = judge(changes_of(limit.setting(limit.margin(factor))))

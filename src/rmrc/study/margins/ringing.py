@@ -7,8 +7,8 @@ subtracted.
 
 import math
 import threading
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,8 +46,7 @@ _LIMITED = int(
 )
 
 
-@dataclass(frozen=True)
-class Judged:
+class Judged(NamedTuple):
     """Judgment of a world and its twin.
 
     Attributes:
@@ -105,7 +104,7 @@ def judged(prepared: Prepared, stop: threading.Event) -> Judged | None:
         stretches.append(Judged(reason, float(first * period) if reason else math.nan, remainder))
     # the first unstable one, with the worst remaining fraction; the first stretch is never too short
     judgment = next((stretch for stretch in stretches if stretch.is_unstable), stretches[0])
-    return replace(judgment, remainder=max(stretch.remainder for stretch in stretches))
+    return judgment._replace(remainder=max(stretch.remainder for stretch in stretches))
 
 
 def lateness(scenario: Scenario) -> tuple[float, float]:
