@@ -7,14 +7,14 @@ import threading
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 import rmrc
 from project import ROOT, mostly_long
 from rmrc.scenario import changes_of, draft_of, load, loads
 from rmrc.study.margins.margins import ACCURACY, bears
 from rmrc.study.margins.report import report
-from rmrc.study.margins.ringing import STILL_RINGS, judged, resting, still_ringing, twin_of
+from rmrc.study.margins.ringing import STILL_RINGS, judged, still_ringing
 from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
 from rmrc.textbook.stability import edge_gain
@@ -206,19 +206,6 @@ T = np.arange(3000)
 )  # fmt: skip
 def test_what_is_called_ringing(swings, rings):
     assert (still_ringing(np.column_stack([np.zeros(3000), swings])) >= STILL_RINGS) == rings
-
-
-def test_a_twin_has_the_path_but_for_its_kicks_and_rests_behind_it(short):
-    path = short.prepare().reference
-    longer = resting(short.prepare(), path.ticks + 50)
-    own, moved = longer.reference.samples, twin_of(longer, (3, 40), 1e-3).reference.samples
-    assert len(own) == len(moved) == path.ticks + 50
-    assert_array_equal(own[: path.ticks], path.samples)
-    assert_array_equal(own[path.ticks :, :7], np.tile(path.pose[-1], (50, 1)))
-    kicked = np.flatnonzero(np.any(own != moved, axis=1))
-    assert_array_equal(kicked, [*range(3, 13), *range(40, 50)])  # 1/K is ten ticks
-    assert_allclose(np.abs(moved[kicked, :3] - own[kicked, :3]), 1e-3, rtol=1e-9)
-    assert_array_equal(own[:, 7:], moved[:, 7:])
 
 
 # Mistakes, Ctrl-C, and a law without feedback ------------------------------------------------------

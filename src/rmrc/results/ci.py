@@ -149,10 +149,8 @@ def markdown(results: Results) -> str:
         blocks += [f"#### {escaped(visible(suite.name))}"] * (len(results.suites) > 1)
         lines = [f"ERROR: run: {line}" for line in suite.error.splitlines()]
         lines += [f"{'ok' if case.ok else 'MISSED'}: {case}" for case in suite.cases]
-        blocks += [
-            escaped(visible(suite.verdict)),
-            "\n".join(f"- {escaped(visible(line))}" for line in lines),
-        ]
+        blocks.append(escaped(visible(suite.verdict)))
+        blocks.append("\n".join(f"- {escaped(visible(line))}" for line in lines))
     if results.figures:
         blocks.append(f"<details><summary>Metrics</summary>\n\n{results.figures.strip()}\n\n</details>")
     return "\n\n".join(filter(None, blocks)) + "\n"

@@ -79,9 +79,10 @@ def judged(prepared: Prepared, stop: threading.Event) -> Judged | None:
     period, width = prepared.scenario.control.period, window(prepared.scenario)
     step = float(np.max(prepared.scenario.arm.encoder.resolution / prepared.task.joint_scale))
     kick = max(KICK, _STEPS * step)
-    world = resting(prepared, (_FEWEST + 1) * width)
-    count = min(_STRETCHES, max(1, world.reference.ticks // (_WINDOWS * width)))
-    starts = tuple(i * world.reference.ticks // count for i in range(count))
+    ticks = max(prepared.reference.ticks, (_FEWEST + 1) * width)  # the target rests after the end of its path
+    world = replace(prepared, reference=replace(prepared.reference, ticks=ticks))
+    count = min(_STRETCHES, max(1, ticks // (_WINDOWS * width)))
+    starts = tuple(i * ticks // count for i in range(count))
     run, twin = (Simulation([each]).run(stop=stop)[0] for each in (world, twin_of(world, starts, kick)))
     if stop.is_set():
         return None
@@ -124,12 +125,6 @@ def window(scenario: Scenario) -> int:
     return max(5, math.ceil(2.0 * math.pi / (slowest * period)) | 1)
 
 
-def resting(prepared: Prepared, least: int) -> Prepared:
-    """Return a world of at least this many ticks, with the target at rest after the end of its path."""
-    path = prepared.reference
-    return replace(prepared, reference=replace(path, ticks=max(path.ticks, least)))
-
-
 def twin_of(prepared: Prepared, starts: tuple[int, ...], size: float) -> Prepared:
     """Return the twin of a world, which differs only by small, brief displacements of the reference.
 
@@ -137,7 +132,7 @@ def twin_of(prepared: Prepared, starts: tuple[int, ...], size: float) -> Prepare
     each axis, including axes outside the task. Each of 64 kicks goes to a different corner.
 
     Args:
-        prepared: The world returned by `resting`.
+        prepared: The world.
         starts: First tick of each kick, on the path.
         size: Displacement along each axis [rad]; for lengths, times `task.length`.
     """
