@@ -101,7 +101,9 @@ def test_a_body_is_a_frame_as_mujoco_has_it(data):
     assert_allclose(arm.jacobian([0.4, -0.7, 0.3]), full[:, :3], atol=1e-15)
 
 
-@pytest.mark.parametrize("turned", [{"orientation": (0.1, 0.2, 0.3)}, {"orientation": (1.0, 2.0, 3.0, 4.0)}, {}])
+@pytest.mark.parametrize(
+    "turned", [{"orientation": (0.1, 0.2, 0.3)}, {"orientation": (1.0, 2.0, 3.0, 4.0)}, {}]
+)
 @pytest.mark.parametrize(
     "mass", [{}, {"mass": 0.7, "center": (0.0, 0.01, 0.05), "inertia": (3e-3, 4e-3, 5e-3)}]
 )
@@ -113,7 +115,9 @@ def test_a_tool_is_a_frame_and_a_mass_on_a_body(data, turned, mass):
     assert_allclose(position, data.body("palm").xpos + palm.apply([0.1, 0.2, 0.3]), atol=1e-15)
     values = turned.get("orientation", (0, 0, 0))
     is_quaternion = len(values) == 4
-    own = Rotation.from_quat(values, scalar_first=True) if is_quaternion else Rotation.from_euler("xyz", values)
+    own = (
+        Rotation.from_quat(values, scalar_first=True) if is_quaternion else Rotation.from_euler("xyz", values)
+    )
     assert_allclose(turn.as_matrix(), (palm * own).as_matrix(), atol=1e-14)
     # the weight that the drives bear more is m g at the center of mass: J^T f, by differences of its height
     plain = arms.load(MODELS / "gripper.xml", body="palm")
