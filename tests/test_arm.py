@@ -1,6 +1,5 @@
 """Any MJCF as an arm: chain, limits, Jacobian, adaptation; and every refusal in full."""
 
-import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,7 +7,6 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from chains import random_chain, seeds
-from project import ROOT
 from rmrc import arm as arms
 from rmrc.plants.servo import rate_servo
 from rmrc.plants.torque import motor
@@ -46,10 +44,6 @@ def test_chain_is_found_from_the_site_and_limits_from_joints_and_actuators(cart)
     assert_allclose(cart.rate_limit, [np.inf, 1.5])
     # A motor: gear · control. A servo: the tighter of 3 N·m at the joint and gear · 7 behind the actuator.
     assert_allclose(cart.torque_limit, [10, 3])
-
-
-def test_one_joint_can_be_left_out(tmp_path):
-    assert load(tmp_path, CART, "hand", ["swing"]).joints == ("swing",)
 
 
 def test_adapted_model_has_one_unclamped_actuator_a_joint_and_keeps_the_others(cart):
@@ -131,67 +125,9 @@ def test_a_keyframe_that_forgets_the_travel_is_put_right(tmp_path):
     assert_allclose(arm.configuration("up"), arm.configuration([0.1, 0.2, 0.3]))
 
 
-def test_a_screw_feels_the_inertia_of_both_of_its_halves(tmp_path):
-    """Twice the kinetic energy of the motion at a rate of 1: ½ q̇ᵀ M q̇ of MuJoCo's own state."""
-    arm = load(tmp_path, screw_chain())
-    model, data = arm.model, mujoco.MjData(arm.model)
-    data.qpos[:] = arm.configuration("home")
-    for j in range(arm.n):
-        data.qvel[:] = 0
-        data.qvel[arm.wiring.dof[j]] = 1.0
-        if j == 1:
-            data.qvel[arm.wiring.follower_dof] = 0.05
-        mujoco.mj_forward(model, data)
-        mujoco.mj_energyVel(model, data)
-        assert arm.inertia[j] == pytest.approx(2 * data.energy[1], rel=1e-12)
-
-
-def test_a_travel_cannot_be_driven(tmp_path):
-    with pytest.raises(ModelError) as caught:
-        load(tmp_path, screw_chain(), joints=["turn", "travel"])
-    assert str(caught.value) == says(f'{tmp_path / "model.xml"}: joint "travel" … equality; …')
-
-
-def test_without_a_name_the_frame_is_that_of_the_hand(tmp_path):
-    """More joints move a finger than the hand, whatever they are; the hand's own body does without a site."""
-    assert load(tmp_path, CART, None).site == "hand"
-    assert arms.load(ROOT / "models/stanford.xml").site == "tool"
-    follows = CART.replace('<geom size="0.02"/>', '<geom size="0.02"/><site name="pad"/>')
-    equality = '<equality><joint joint1="grip" joint2="swing"/></equality><actuator>'
-    for text in (follows, follows.replace("<actuator>", equality)):
-        assert load(tmp_path, text, None).site == "hand"
-    dangles = follows.replace('axis="1 0 0"/><geom size="0.02"/>', 'type="ball"/><geom size="0.02"/>')
-    dangles = dangles.replace('<position name="grip" joint="grip" kp="1"/>', "").partition("<keyframe>")[0]
-    assert load(tmp_path, dangles + "</mujoco>", None).site == "hand"
-    for text in (CART.replace('<site name="hand" pos="0 0 1"/>', ""), CART.replace('name="hand" ', "")):
-        arm = load(tmp_path, text, None)
-        assert (arm.site, arm.joints) == ("arm", ("rail", "swing"))
-        assert_allclose(arm.pose([0.5, 0.0]), [0.5, 0, 0.1, 1, 0, 0, 0])
-
-
-def test_a_keyframe_without_a_name_is_none(tmp_path):
-    text = CART.replace("<keyframe>", '<keyframe><key qpos="0.1 0.1 0.1"/>')
-    arm = load(tmp_path, text, "hand")
-    assert list(arm.keyframes) == ["up", "home"]
-    assert_allclose(arm.keyframes["home"], [0.1, 0.1, 0.1])  # the first within limits
-
-
 def test_a_dampers_control_is_no_limit_of_torque(tmp_path):
     damper = '<damper name="brake" joint="swing" kv="3" ctrlrange="0 1"/></actuator>'
     assert_allclose(load(tmp_path, CART.replace("</actuator>", damper), "hand").torque_limit, [10, 3])
-
-
-def test_frames_are_mujocos_body_poses_and_jacobians(cart):
-    q = np.array([[0.1, 0.2], [0.5, -0.4]])
-    poses, jacobians = cart.frames(np.column_stack([q, [0.0, 0.0]]))
-    data = mujoco.MjData(cart.model)
-    assert cart.body_names == ["world", "cart", "arm", "finger"]
-    assert cart.is_fixed.tolist() == [True, False, False, False]
-    assert_allclose(jacobians, [cart.jacobian(positions) for positions in q], atol=0)
-    for positions, row in zip(q, poses, strict=True):
-        data.qpos[:2] = positions
-        mujoco.mj_forward(cart.model, data)
-        assert_allclose(row, np.hstack([data.xpos, data.xquat]), atol=1e-15)
 
 
 def test_inertia_is_what_a_lone_joint_feels(cart):
@@ -199,40 +135,8 @@ def test_inertia_is_what_a_lone_joint_feels(cart):
     assert cart.inertia[0] == pytest.approx(cart.model.body_mass[1:].sum(), rel=1e-12)
 
 
-def test_shapes_are_the_visible_ones_with_color_and_pose(cart):
-    shapes = {shape.name: shape for shape in cart.shapes()}
-    assert [shape.kind for shape in shapes.values()] == ["sphere", "box", "sphere"]
-    box = shapes["geom1"]
-    assert_allclose(box.size, [0.1, 0.2, 0.3])
-    assert_allclose(box.pose, [0, 0, 0.3, 0.6, 0.8, 0, 0])
-    assert box.body == 2
-
-
 REFUSED = {
     "no file": (None, "tip", None, "{path}: … file"),
-    "not XML": ("<mujoco", "tip", None, "{path}: … XML …: line 1, …"),
-    "bad element": ("<mujoco><worldbody><body><box/></body></worldbody></mujoco>", "tip", None, "{path}: …"),
-    "no site": (CART, "hnad", None, '{path}: … site "hnad" … "hand"… hand'),
-    "no joint": (CART, "hand", ["grip"], '{path}: … joint "grip" … "hand"; … rail, swing'),
-    "ball joint": (
-        '<mujoco><worldbody><body><joint name="b" type="ball"/><geom size="1"/><site name="tip"/></body></worldbody></mujoco>',
-        "tip", None,
-        '{path}: … body "body1" … site "tip" … ball joint; … hinge and slide …',
-    ),
-    "hinge beyond a ball": (
-        '<mujoco><worldbody><body name="cart"><joint name="rail" type="ball"/><geom size="1"/><body pos="0 0 1">'
-        '<joint axis="0 1 0"/><geom size="1"/></body></body></worldbody></mujoco>',
-        None, None,
-        '{path}: the joint of body "cart" … ball joint; … hinge and slide …',
-    ),
-    "a ball alone": (
-        '<mujoco><worldbody><body><joint name="b" type="ball"/><geom size="1"/></body></worldbody></mujoco>',
-        None, None, '{path}: … no hinge or slide joint …; … at least one',
-    ),
-    "fixed site": (
-        '<mujoco><worldbody><site name="tip"/></worldbody></mujoco>',
-        "tip", None, '{path}: … joint … site "tip"; …',
-    ),
     "nan": (
         CART.replace('pos="0 0 0.1"', 'pos="0 nan 0.1"'), "hand", None,
         '{path}:2: body "arm": pos … finite … "0 nan 0.1"',

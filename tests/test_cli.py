@@ -166,8 +166,8 @@ def test_a_mistake_is_one_line_each_and_exit_2_before_anything_moves(rmrc, tmp_p
     ("arguments", "message"),
     [
         (["run", "quik.yaml"], 'quik.yaml: … file … "quick.yaml"…'),
-        (["run", "quick.yaml", "--out", "quick.yaml"], "quick.yaml: file exists"),
-        (["run", "quick.yaml", "--out", "quick.yaml/x"], "quick.yaml/x: not a directory"),
+        (["run", "quick.yaml", "--out", "quick.yaml"], "quick.yaml/quick.rrd: not a directory"),
+        (["run", "quick.yaml", "--out", "quick.yaml/x"], "quick.yaml/x/quick.rrd: not a directory"),
     ],
 )
 def test_a_file_that_will_not_do_is_one_line(rmrc, arguments, message):

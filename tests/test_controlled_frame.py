@@ -54,26 +54,6 @@ def test_the_longest_limb_is_the_arm_and_a_torso_is_not_its_hand(tmp_path):
     assert found.model.jnt_bodyid[found.wiring.joint].tolist() == [1, 3, 4, 5, 6]
 
 
-def test_a_torso_with_as_many_branches_as_a_hand_has_fingers_is_none(tmp_path):
-    """Two arms, a head and a laser: what is longer than any finger is an arm."""
-    limb = '<body><joint axis="0 {k} 1"/><geom size="0.1"/>{inner}</body>'
-    short, arm, finger = limb.format(k=0, inner=""), "", ""
-    for k in range(6):
-        arm, finger = limb.format(k=k, inner=arm), limb.format(k=k, inner=finger) if k < 4 else finger
-    for limbs, joints in (((short, short, arm, arm), 7), ((finger,) * 4, 1)):
-        body = f'<body name="torso"><joint/><geom size="1"/>{"".join(limbs)}</body>'
-        (tmp_path / "model.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
-        assert arms.load(tmp_path / "model.xml").n == joints
-
-
-def test_a_link_that_is_a_frame_is_taken_before_the_link_that_carries_it(tmp_path):
-    for name, chosen in (("gripper_frame_link", "gripper_frame_link"), ("grip_2", "gripper_link")):
-        text = f'''<mujoco><worldbody><body><joint/><geom size=".1"/><body name="gripper_link"><joint/><geom size=".1"/>
-          <body name="{name}" pos="0 0 .1"/></body></body></worldbody></mujoco>'''
-        (tmp_path / "model.xml").write_text(text)
-        assert arms.load(tmp_path / "model.xml").site == chosen
-
-
 @pytest.fixture
 def data():
     model = mujoco.MjModel.from_xml_path(str(MODELS / "gripper.xml"))
@@ -132,22 +112,6 @@ def test_a_tool_is_a_frame_and_a_mass_on_a_body(data, turned, mass):
 
     slope = [(height(q + h * e) - height(q - h * e)) / (2 * h) for e in np.eye(3)]
     assert_allclose(more, m * 9.81 * np.array(slope), atol=1e-8)
-    # and the mass matrix grows by m J_c^T J_c + J_w^T R I R^T J_w
-    J = arm.jacobian(q)
-    to_center = turn.apply(mass.get("center", (0, 0, 0)))
-    of_center = J[:3] - np.cross(to_center, J[3:], axis=0)
-    moments = turn.as_matrix() @ np.diag(mass.get("inertia", (0, 0, 0))) @ turn.as_matrix().T
-    wanted = m * of_center.T @ of_center + J[3:].T @ moments @ J[3:]
-    assert_allclose(mass_matrix(arm, q) - mass_matrix(plain, q), wanted, atol=1e-14)
-
-
-def mass_matrix(arm, q):
-    data = mujoco.MjData(arm.model)
-    data.qpos[:3] = q
-    mujoco.mj_forward(arm.model, data)
-    full = np.zeros((arm.model.nv, arm.model.nv))
-    mujoco.mj_fullM(arm.model, data, full)
-    return full[:3, :3]
 
 
 def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes_of_its_own(tmp_path):
@@ -174,14 +138,6 @@ def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes_of_its_own
     assert_allclose(
         pose[:3], link[:3] + turn.apply(np.array([1.0, 0.0, 0.0]) + inner.apply([0.2, 0, 0.1])), atol=1e-15
     )
-
-
-def test_tools_that_differ_are_stepped_apart():
-    """Worlds of one file share a model of MuJoCo's only where they hold the same."""
-    path = MODELS / "gripper.xml"
-    one, same, other = (arms.load(path, tool=ToolSection(body="palm", mass=m)) for m in (1.0, 1.0, 2.0))
-    assert one.variant == same.variant != other.variant
-    assert arms.load(path, body="palm").variant == ()
 
 
 @pytest.mark.parametrize(

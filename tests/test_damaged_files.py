@@ -118,7 +118,9 @@ def test_a_pipe_in_place_of_a_file_is_refused_and_never_waited_for(arguments, co
         os.mkfifo(copied / f"pipe.{suffix}")
     (copied / "pipes").mkdir()
     os.mkfifo(copied / "pipes" / "u.sweep.parquet")
-    guard = threading.Timer(60, os.kill, (os.getpid(), signal.SIGINT))  # a wait fails the test instead of the suite
+    guard = threading.Timer(
+        60, os.kill, (os.getpid(), signal.SIGINT)
+    )  # a wait fails the test instead of the suite
     guard.start()
     try:
         code, _, err = rmrc(*arguments)
@@ -127,9 +129,14 @@ def test_a_pipe_in_place_of_a_file_is_refused_and_never_waited_for(arguments, co
     assert code == 2 and err.count("\n") == 1 and ("pipe." in err or "pipes" in err), err
 
 
-@pytest.mark.parametrize("error", [OSError("bad page"), NotImplementedError("method 97"), ValueError(""), KeyError("x")])
+@pytest.mark.parametrize(
+    "error", [OSError("bad page"), NotImplementedError("method 97"), ValueError(""), KeyError("x")]
+)
 def test_whatever_a_library_raises_about_a_file_is_one_line(tmp_path, error):
-    with pytest.raises(package.QuestionError, match="is not a log, or is damaged"), reading(tmp_path / "l", "a log"):
+    with (
+        pytest.raises(package.QuestionError, match="is not a log, or is damaged"),
+        reading(tmp_path / "l", "a log"),
+    ):
         raise error
     with pytest.raises(FileNotFoundError), reading(tmp_path / "missing", "a log"):
         (tmp_path / "missing").read_text()

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from project import ROOT, mostly_long
 from rmrc.arm import load
+from rmrc.recording.shapes import shapes_of
 from rmrc.results.columns import COLUMNS
 from rmrc.scenario import variants
 from rmrc.simulation.prepare import prepare
@@ -125,7 +126,7 @@ def test_a_stretched_arm_is_where_its_lengths_put_it():
         y = 1.25 * math.sin(q1) + 0.8 * math.sin(q1 + q2)
         assert_allclose(arm.pose([q1, q2])[:3], [x, y, 0.0], atol=1e-12)  # rounding
     assert_allclose(arm.chain.step[1], [1.25, 0.0, 0.0], atol=1e-15)
-    sizes = {shape.name: (shape.size, shape.pose) for shape in arm.shapes()}
+    sizes = {shape.name: (shape.size, shape.pose) for shape in shapes_of(arm)}
     assert_allclose(sizes["tube_2"][0][:2], 0.8 * np.array([0.03, 0.485]))
     assert_allclose(sizes["tube_2"][1][:3], [0.8 * 0.485, 0.0, 0.0], atol=1e-15)
 

@@ -17,9 +17,8 @@ from rmrc.analysis.inspect.routes import jacobians as routes
 from rmrc.analysis.statics.balance import balance
 from rmrc.analysis.survey import jacobians, survey
 from rmrc.law.controller import Controller
-from rmrc.law.task import Task, choose
+from rmrc.law.task import choose
 from rmrc.scenario import Scenario
-from rmrc.scenario.control import ControlSection
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ModelError
@@ -109,52 +108,13 @@ def test_the_law_sees_the_same_arm_in_mujocos_data_and_in_its_own_chain(folder, 
     mujoco.mj_fwdPosition(arm.model, data)
     twist, J = np.random.default_rng(seed).normal(size=6), projected(arm, q)
     for attached in (data, None):
-        if attached is None and arm.idle:
+        if attached is None and arm.idle():
             continue
         controller, wanted = Controller(arm), {"pose": arm.pose(q), "twist": twist}
         controller.step(q, **wanted) if attached is None else controller.step_data(attached, **wanted)
         assert_allclose(
             controller._worlds[0]["state"]["J"][:, : arm.n], J, atol=ROUNDING * max(1.0, np.abs(J).max())
         )
-
-
-@pytest.mark.parametrize("frame", ["world", "site"])
-def test_the_gradient_of_manipulability_knows_the_followers(write, frame):
-    """The wish is the gradient in the null space, against differences of sixth order: 1e-9 at this step."""
-    seed = next(
-        s
-        for s in range(100)
-        if len(random_followers(s, 7)) == 3 and "side" not in str(random_followers(s, 7))
-    )
-    arm = write(random_chain(seed, 7, followers=True))
-    n, rows, step = arm.n, [0, 1, 2], 2e-3
-    (q,) = arm.sampled(1, 4)
-
-    def A(at):
-        data = mujoco.MjData(arm.model)
-        data.qpos[:] = arm.configuration(at)
-        mujoco.mj_kinematics(arm.model, data)
-        R = data.site("tip").xmat.reshape(3, 3) if frame == "site" else np.eye(3)
-        return R.T @ projected(arm, at)[:3]
-
-    def w(at):
-        return np.prod(np.linalg.svd(A(at), compute_uv=False))
-
-    factors = {-3: -1, -2: 9, -1: -45, 1: 45, 2: -9, 3: 1}
-    slope = [sum(f * w(q + i * step * e) for i, f in factors.items()) / (60 * step) for e in np.eye(n)]
-    section = ControlSection.model_validate(
-        {
-            "inverse": {"method": "pseudoinverse"},
-            "nullspace": {"objective": "manipulability"},
-            "feedback": 0.0,
-        }
-    )
-    controller = Controller(arm, control=section, task=Task(arm, np.array(rows), frame=frame))
-    controller.step(q, pose=arm.pose(q))
-    N = np.eye(n) - np.linalg.pinv(A(q)) @ A(q)
-    size = max(1.0, np.abs(slope).max())
-    assert np.abs(N @ slope).max() > 1e-3
-    assert_allclose(controller._worlds[0]["scratch"]["qdot0"][:n], N @ slope, rtol=0, atol=1e-7 * size)
 
 
 # Plants -----------------------------------------------------------------------------------------------------------
@@ -178,24 +138,6 @@ def ran(model, kind, by, **plant):
 
 
 MOVES = {"telescope": (0.1, 0.05, -0.02), "mimic": (-0.1, 0.0, 0.05)}
-
-
-@pytest.mark.parametrize("model", MOVES)
-def test_the_ideal_plant_is_a_plain_loop_that_places_followers(model):
-    prepared, run = ran(model, "ideal", MOVES[model])
-    arm, rows = prepared.arm, prepared.task.rows
-    q = prepared.qpos[arm.wiring.qpos]
-    for t in range(len(run)):
-        # sums of some hundred rounded steps
-        assert_allclose(run["q"][t], q, atol=1e-12)
-        wanted = run["twist_ref"][t] + 20.0 * run["pose_error"][t]
-        if t % 50 == 0:
-            assert_allclose(run["pose"][t], arm.pose(q), atol=1e-11)
-            assert_allclose(projected(arm, q)[rows] @ run["qdot_cmd"][t], wanted[rows], atol=1e-9)
-        q = q + TIMESTEP * run["qdot_cmd"][t]
-    assert (
-        np.abs(run["pose_error"][-1, :3][rows[rows < 3]]).max() < 1e-5
-    )  # a step of 1 ms, and a pause of two time constants
 
 
 # How far followers lag [m or rad]: what equalities as stiff as this step bears give way to the forces of this move.
@@ -232,20 +174,10 @@ def test_computed_torque_bears_followers_too(model):
         # followers are off by their lag, in position and rate
         assert_allclose(run["tau"][t + 1], F.T @ force, atol=2e-3 * np.abs(F.T @ force).max())
         both.append([F.T @ force, force[arm.wiring.dof]])
-    whole, alone = np.moveaxis(both, 1, 0)[..., arm.leads]  # negative control: without what follows
+    whole, alone = np.moveaxis(both, 1, 0)[
+        ..., (arm.motion != 0).sum(axis=0) > 1
+    ]  # negative control: without what follows
     assert np.abs(whole - alone).max() > 0.1 * np.abs(whole).max()
-
-
-@pytest.mark.parametrize("kind", ["servo", "torque"])
-def test_a_screw_rises_in_the_physics(tmp_path, kind):
-    arm = made(tmp_path, screw_chain())
-    prepared = prepare(Scenario.model_validate({
-        "name": "screw", "arm": {"model": arm.path, "site": "tip"}, "task": {"axes": ("x", "y", "z")},
-        "control": {"period": TIMESTEP, "inverse": {"method": "inverse"}},
-        "target": {"path": ({"line": {"by": (0.0, 0.03, 0.01)}},)}, "plant": {"kind": kind, "timestep": TIMESTEP},
-    }))  # fmt: skip
-    (run,) = Simulation([prepared]).run()
-    assert run.is_complete and np.abs(run["pose_error"][:, :3]).max() < 1e-3
 
 
 def test_limits_of_followers_bound_their_leaders():
@@ -262,9 +194,9 @@ def test_limits_of_followers_bound_their_leaders():
 @pytest.mark.parametrize(
     ("equality", "told"),
     [
-        ('<joint joint1="travel" joint2="screw" polycoef="0 0.05 1 0 0"/>', 'joint "travel" … "screw" … linear … 0 0.05 1 0 0'),
-        ('<joint joint1="travel" joint2="screw"/><joint joint1="travel" joint2="swing"/>', 'joint "travel" … "screw" … "swing" …'),
-        ('<joint joint1="travel" joint2="screw"/><joint joint1="screw" joint2="travel"/>', 'joint "travel" … "screw" … circle …'),
+        ('<joint joint1="travel" joint2="screw" polycoef="0 0.05 1 0 0"/>', 'joint "travel" … linearly; … 0 0.05 1 0 0'),
+        ('<joint joint1="travel" joint2="screw"/><joint joint1="travel" joint2="swing"/>', 'joint "travel" … two equalities, …'),
+        ('<joint joint1="travel" joint2="screw"/><joint joint1="screw" joint2="travel"/>', 'joint "travel" … circle, …'),
     ],
 )  # fmt: skip
 def test_what_cannot_be_followed_is_refused_by_name(write, equality, told):
@@ -291,12 +223,12 @@ def test_any_joint_may_follow_any_other(write, equality, joints):
     assert_allclose(J["differences"], J["mujoco"], atol=1e-7)
     assert_allclose(J["screws"], J["mujoco"], atol=1e-10)
     if "0.02 0 0" in equality:  # held where the equality has it, from qpos0
-        assert arm.configuration(q)[2] == pytest.approx(0.03) and arm.idle == ("travel",)
+        assert arm.configuration(q)[2] == pytest.approx(0.03) and arm.idle() == ("travel",)
 
 
 def test_hinges_come_round_if_their_followers_do(write):
     mimic = arms.load(MODELS / "mimic.xml", "tip")
-    assert mimic.comes_round.tolist() == [True, True] and mimic.leads.tolist() == [False, True]
+    assert mimic.comes_round.tolist() == [True, True]
     half = write((MODELS / "mimic.xml").read_text().replace("0 -1 0 0 0", "0 -0.5 0 0 0"))
     assert half.comes_round.tolist() == [True, False]
 
@@ -321,22 +253,22 @@ TENDONS = """<tendon><fixed name="both"><joint joint="shoulder" coef="1"/><joint
 @pytest.mark.parametrize(
     ("world", "hand", "more", "tie"),
     [
-        ("", "", '<equality><weld name="w" body1="hand"/></equality>', 'weld "w" … "hand" … world'),
-        ("", "", '<equality><connect body1="upper" anchor="0.2 0 0"/></equality>', 'connect 0 … "upper" … world'),
-        ('<site name="here"/>', "", '<equality><weld name="w" site1="here" site2="tip"/></equality>', 'weld … site "here" … "tip"'),
-        ("", "", '<equality><weld name="w" body1="hand" body2="upper"/></equality>', 'weld "w" …'),
+        ("", "", '<equality><weld name="w" body1="hand"/></equality>', 'equality weld "w"'),
+        ("", "", '<equality><connect body1="upper" anchor="0.2 0 0"/></equality>', 'equality connect 0'),
+        ('<site name="here"/>', "", '<equality><weld name="w" site1="here" site2="tip"/></equality>', 'equality weld "w"'),
+        ("", "", '<equality><weld name="w" body1="hand" body2="upper"/></equality>', 'equality weld "w"'),
         ("", "", '<equality><weld name="w" body1="hand" active="false"/></equality>', ""),
         ("", "", '<option><flag equality="disable"/></option><equality><weld name="w" body1="hand"/></equality>', ""),
         (CUBE, "", '<equality><weld name="w" body1="hand" body2="cube"/></equality>', ""),
-        (CUBE, "", '<equality><weld name="w" body1="hand" body2="cube"/><weld name="v" body1="cube"/></equality>', 'weld "w" … "v" …'),
+        (CUBE, "", '<equality><weld name="w" body1="hand" body2="cube"/><weld name="v" body1="cube"/></equality>', 'equality weld "w", equality weld "v"'),
         ("", FOUR_BAR, '<equality><connect body1="bar" body2="rocker" anchor="0.1 0 0"/></equality>', ""),
-        ("", FOUR_BAR, f'{TENDONS}<equality><tendon name="t" tendon1="both"/></equality>', 'tendon equality "t" … "both"'),
+        ("", FOUR_BAR, f'{TENDONS}<equality><tendon name="t" tendon1="both"/></equality>', 'equality tendon "t"'),
         ("", FOUR_BAR, f'{TENDONS}<equality><tendon name="t" tendon1="both" tendon2="one"/></equality>', ""),
         (SECOND, "", '<equality><connect name="c" body1="grip" body2="hand" anchor="-0.2 0 0"/></equality>', ""),
         (SECOND, "", '<equality><connect name="c" body1="grip" body2="hand" anchor="-0.2 0 0"/></equality>'
-         '<actuator><position joint="o1" kp="100"/><position joint="o2" kp="100"/></actuator>', 'connect "c" … "grip" … "hand"'),
+         '<actuator><position joint="o1" kp="100"/><position joint="o2" kp="100"/></actuator>', 'equality connect "c"'),
         ("", FOUR_BAR, '<equality><joint joint1="crank" joint2="elbow"/><joint name="j" joint1="crank" joint2="shoulder"/></equality>',
-         'joint equality … "crank" … "elbow" … "j" …'),
+         'equality joint 0, equality joint "j"'),
         ("", FOUR_BAR, '<equality><joint joint1="crank" joint2="elbow"/></equality><actuator><position joint="crank" kp="9"/></actuator>', ""),
     ],
 )  # fmt: skip
@@ -355,47 +287,3 @@ def test_of_a_linkage_the_part_that_is_an_open_chain_may_be_driven():
     assert arms.load(MODELS / "loop.xml", "hand").ties
     upper = arms.load(MODELS / "loop.xml", body="upper")
     assert upper.joints == ("shoulder",) and upper.ties == ()
-
-
-def test_verbs_that_solve_or_drive_refuse_a_tied_arm_and_inspect_says_so(rmrc, tmp_path):
-    model, scenario = MODELS / "mocap_weld.xml", tmp_path / "tied.yaml"
-    scenario.write_text(
-        f"name: tied\narm: {{model: {model}, site: tip, start: [0.3, 0.5]}}\ntask: {{axes: [x, z]}}\n"
-        "target: {path: [{line: {by: [-0.05, 0, 0]}}]}\n"
-    )
-    told = says(f'… {model}: weld "drag" of body "target" to body "hand" … open chain; … active …')
-    for verb in (
-        ["run", scenario], ["compare", scenario, "--vary", "control.inverse.method=inverse,damped"], ["sweep", scenario, "--vary", "control.feedback=1,2"], ["tune", scenario],
-        ["ik", model, "--site", "tip", "--to-q", "0.1,0.2"], ["statics", model, "--site", "tip", "--wrench", "0,0,-1,0,0,0"], ["workspace", model, "--site", "tip"], ["check", model], ["new", model],
-    ):  # fmt: skip
-        status, _, err = rmrc(*map(str, verb))
-        assert status == 2 and err.strip().splitlines()[-1] == told, (verb, err)
-    status, out, err = rmrc("inspect", str(model), "--site", "tip")
-    assert status == 0 and "drag" in out + err and "grip" not in out + err
-
-
-@pytest.mark.long
-def test_an_arm_with_more_axes_than_its_record_has_joints_moves(tmp_path):
-    """Eight joints fill a record; with a ninth axis what belongs to joints and to axes is of two types."""
-    text, ends = "", ""
-    for j in range(8):
-        text += f'<body name="b{j}" pos=".15 0 0"><joint name="j{j}" axis="0 {j % 2} {1 - j % 2}"/><geom size=".02"/>'
-        ends += "</body>"
-    text += '<body name="out"><joint name="out" type="slide" axis="1 0 0"/><geom size=".02"/><site name="tip"/></body>'
-    follows = '<equality><joint joint1="out" joint2="j7" polycoef="0 .1 0 0 0"/></equality>'
-    home = '<keyframe><key name="home" qpos="0 .3 -.2 .4 .3 -.5 .2 .6 .06"/></keyframe>'
-    path = tmp_path / "nine.xml"
-    path.write_text(f"<mujoco><worldbody>{text}{ends}</worldbody>{follows}{home}</mujoco>")
-    scenario = Scenario.model_validate({
-        "name": "nine", "arm": {"model": path, "site": "tip"},
-        "control": {"inverse": {"method": "pseudoinverse"}, "nullspace": {"objective": "manipulability"}},
-        "target": {"path": ({"line": {"by": (-0.1, 0.05, 0.0)}},)}, "plant": {"kind": "ideal"},
-    })  # fmt: skip
-    (run,) = Simulation([prepare(scenario)]).run()
-    model = mujoco.MjModel.from_xml_path(str(path))
-    data = mujoco.MjData(model)
-    data.qpos[:] = run["qpos"][-1]
-    mujoco.mj_forward(model, data)
-    assert_allclose(run["qpos"][-1][8], 0.1 * run["q"][-1][7], atol=ROUNDING)
-    assert_allclose(run["pose"][-1][:3], data.site("tip").xpos, atol=ROUNDING)
-    assert np.abs(run["pose_error"]).max() < 1e-4 and np.ptp(run["qpos"][:, 8]) > 1e-3

@@ -6,20 +6,16 @@ written by hand for each model, from the meaning of MJCF's elements.
 
 import mujoco
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from loops import controller_of
 from project import ROOT, mostly_long
-from rmrc.scenario import Scenario, load
+from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.sweep import Sweep
-from rmrc.study.verbs import compare
 from rmrc.support.errors import ScenarioError
-from rmrc.tuning.tune import Tuning
 from wording import says
 
 MODELS = ROOT / "tests/models/drives"
@@ -134,26 +130,10 @@ def tell_intvelocity(loop, rates):
     loop.data.ctrl[:] = rates * [1.0, 0.5]
 
 
-def start_general(loop):
-    # a: 40 u + 3 − 200 q = load; b: −60 u − 60 q = load
-    q, load = loop.data.qpos, loop.load()
-    loop.data.ctrl[:] = (load[0] - 3 + 200 * q[0]) / 40, -(load[1] + 60 * q[1]) / 60
-    loop.data.act[:] = loop.data.ctrl[0]
-
-
 def tell_motor(loop, rates):
     # the least controls times gears: shares as the gears are, 5 and 3
     first, second = loop.torque(rates)
     loop.data.ctrl[:] = np.clip(first * 5 / 34, -20, 20), first * 3 / 34, -(second - 0.4) / 2
-
-
-def start_compensated(loop):
-    q, load = loop.data.qpos, loop.load()
-    loop.data.ctrl[1] = q[1] + load[1] / 90
-
-
-def tell_compensated(loop, rates):
-    loop.data.ctrl[:] = loop.torque(rates)[0], loop.data.ctrl[1] + rates[1] * loop.period
 
 
 def start_tendon(loop):
@@ -166,11 +146,6 @@ def start_tendon(loop):
 def tell_tendon(loop, rates):
     loop.data.ctrl[:] += np.array([rates.sum(), -rates[1] / 2]) * loop.period
     loop.data.ctrl[1] = np.clip(loop.data.ctrl[1], -1, 1)
-
-
-def tell_tendon_motor(loop, rates):
-    first, second = loop.torque(rates)
-    loop.data.ctrl[:] = (first + second) / 10, first - second
 
 
 def start_cable(loop):
@@ -200,11 +175,8 @@ LOOPS = {
     "position": (nothing, moved(2.0, 1.0)),
     "velocity": (start_velocity, tell_velocity),
     "intvelocity": (nothing, tell_intvelocity),
-    "general": (start_general, moved(5.0, -1.0)),
     "motor": (nothing, tell_motor),
-    "compensated": (start_compensated, tell_compensated),
     "tendon": (start_tendon, tell_tendon),
-    "tendon_motor": (nothing, tell_tendon_motor),
     "cable": (start_cable, tell_cable),
     "late": (start_late, moved(1.0, 1.0)),
     "pair": (nothing, tell_pair),
@@ -247,26 +219,6 @@ def test_beside_its_keyframe_an_arm_starts_at_rest(name):
     assert np.abs(done["tau"][-1]).max() > 0.1
 
 
-def test_a_payload_is_held_at_the_start_and_a_wrench_is_not():
-    still = scenario("tendon", start=(0.3, -0.7), payload=0.5).set({
-        "control.feedback": 0.0, "target.path": [{"hold": {"for": 0.2}}],
-    })  # fmt: skip
-    (done,) = Simulation([prepare(still)]).run()
-    assert np.abs(done["q"] - [0.3, -0.7]).max() < 1e-9
-    (pushed,) = Simulation([prepare(still.set({"plant.wrench": [0, 0, -5, 0, 0, 0]}))]).run()
-    assert np.abs(pushed["q"] - [0.3, -0.7]).max() > 1e-3
-
-
-def test_motors_do_not_know_a_payload():
-    loaded, bare = (run("motor", start=(0.3, -0.7), payload=payload)[1] for payload in (0.5, 0.0))
-    assert _off(loaded) > 1.2 * _off(bare)
-
-
-def _off(done):
-    """Return how far the site was from where it should be [m]."""
-    return np.abs(done["pose_error"][:, [0, 2]]).max()
-
-
 TIMESTEPS = {  # period, timestep written: taken, whether that is said
     (0.004, None): (0.002, False), (0.002, None): (0.002, False), (0.001, None): (0.001, True),
     (0.005, None): (0.005 / 3, True), (0.001, 0.0005): (0.0005, True),
@@ -283,11 +235,6 @@ def test_the_timestep_is_the_models_own_or_the_next_that_divides_the_period_whic
     assert notes == ([says(f"timestep {taken:g} s … 0.002 s … {why}")] if is_said else [])
     qpos, _ = Loop(prepared, taken).run(nothing, moved(2.0, 1.0))
     assert_allclose(done["qpos"], qpos, rtol=0, atol=EXACT)
-
-
-def test_a_timestep_that_is_written_must_divide_the_period():
-    with pytest.raises(ValueError, match=r"integer multiple of plant\.timestep, got 0\.001 and 0\.002"):
-        scenario("position", period=0.001, timestep=0.002)
 
 
 # Ranges ------------------------------------------------------------------------------------------------
@@ -316,19 +263,6 @@ def _clamped_position():
         loop.data.ctrl[1] = np.clip(loop.data.ctrl[1], -2.5, 2.5)
 
     return start, tell
-
-
-def test_a_rate_beyond_the_range_of_a_servo_is_a_status():
-    _, done = run("velocity", by=(0.1, 0.0, 0.1))
-    assert not (done["status"].astype(int) & int(Status.RATE_LIMITED)).any()
-    fast = scenario("velocity", by=(0.2, 0.0, 0.2)).set({
-        "control.limits.rate": 50.0, "target.limits": {"velocity": 5.0, "acceleration": 60.0, "jerk": 6000.0}
-    })  # fmt: skip
-    (done,) = Simulation([prepare(fast)]).run()
-    told = (done["status"].astype(int) & int(Status.RATE_LIMITED)) > 0
-    # told a tick after the command that was cut
-    assert_array_equal(told[1:], np.abs(done["qdot_cmd"][:-1, 0]) > 1.0)
-    assert told.any()
 
 
 # Which drives ------------------------------------------------------------------------------------------
@@ -371,98 +305,3 @@ def test_a_motor_beside_a_servo_keeps_its_control_and_is_named():
     drives = prepared.arm.drives
     assert [prepared.arm.model.actuator(i).name for i in drives.idle] == ["a3"]
     assert any(one.text == says("actuators … a3") for one in prepared.assumed)
-
-
-def test_other_plants_do_not_see_the_authors_drives():
-    # the same arm on servos of ours, with no actuator of the author's left
-    prepared, done = run("position", kind="servo", timestep=0.001)
-    assert prepared.plant.model().nactuator == 2
-    assert 1.2 * _off(done) < _off(run("position")[1])
-
-
-def test_gravity_compensation_is_the_authors_unless_the_scenario_says():
-    own, floating = run("tendon")[0], run("tendon", gravity_compensation=True)[0]
-    assert not own.plant.model().body_gravcomp.any()
-    assert floating.plant.model().body_gravcomp[1:].all()
-    authors = run("compensated")[0]
-    assert_array_equal(authors.plant.model().body_gravcomp, [0, 1, 0.5])
-
-
-def test_worlds_that_differ_are_each_as_alone():
-    worlds = [
-        prepare(scenario("cable", start=start, **plant))
-        for start, plant in (
-            ((0.3, -0.7), {"payload": 0.2}), ((-0.2, 0.9), {"payload": 0.1, "gravity": (0.0, 0.0, -3.0)}),
-            ((0.3, -0.7), {"payload": 0.3, "bandwidth": 100.0}),
-        )
-    ]  # fmt: skip
-    together = Simulation(worlds).run()
-    for one, done in zip(worlds, together, strict=True):
-        (alone,) = Simulation([one]).run()
-        assert_array_equal(done["qpos"], alone["qpos"])
-        assert_array_equal(done["tau"], alone["tau"])
-
-
-# Studies: compare, sweep and tune ----------------------------------------------------------------------
-
-WRITTEN = f"""
-name: drives
-arm: {{model: {MODELS}/position.xml, site: hand}}
-task: {{axes: [x, z]}}
-control: {{period: {PERIOD}, feedback: 5.0}}
-target: {{path: [{{line: {{by: [0.05, 0, 0.05]}}}}, {{hold: {{for: 0.3}}}}]}}
-plant: {{kind: model, bandwidth: 100.0}}
-"""
-
-
-@pytest.fixture
-def written(tmp_path):
-    """Return the path of the scenario of `run("position")` as a file."""
-    path = tmp_path / "drives.yaml"
-    path.write_text(WRITTEN)
-    return path
-
-
-def plain_loop(path, *settings):
-    """Return what a plain loop over the author's file does of a scenario with these settings: qpos."""
-    return Loop(prepare(load(path, settings))).run(nothing, moved(2.0, 1.0))[0]
-
-
-def test_a_comparison_has_what_the_plain_loop_does(written, tmp_path):
-    kinds = ("servo", "model")
-    runs = compare(written, {"plant.kind": kinds}, out=tmp_path / "out")
-    assert [*runs] == [*kinds]
-    servo, own = (run["qpos"] for run in runs.values())
-    qpos = plain_loop(written)
-    assert_allclose(own, qpos, rtol=0, atol=EXACT)
-    assert np.abs(servo - qpos).max() > 1e-3  # our servos do not sag
-
-
-def test_rows_of_a_sweep_have_what_the_plain_loop_does(written, tmp_path):
-    gains = 2.0, 8.0
-    sweep = Sweep(written, ["sweep.vary.control.feedback=[2, 8]"], folder=tmp_path / "out", threads=1)
-    assert sweep.run().done == 2
-    rows = pq.read_table(sweep.dataset.file).to_pylist()
-    errors = [row["position_error.end"] for row in rows]
-    for gain, row in zip(gains, rows, strict=True):
-        prepared = prepare(load(written, [f"control.feedback={gain}"]))
-        end = prepared.arm.pose(plain_loop(written, f"control.feedback={gain}")[-1])
-        off = np.linalg.norm((prepared.reference.pose[-1] - end)[[0, 2]])
-        # the last tick is recorded before its step in both
-        assert abs(row["position_error.end"] - off) < EXACT and row["status"] == "complete"
-    assert errors[1] < 0.7 * errors[0]  # more feedback, less sag
-
-
-@pytest.mark.usefixtures("unmargined")
-def test_what_tune_promises_of_a_setting_is_what_the_plain_loop_does(written):
-    work = Tuning(
-        written, only=["control.inverse.method=damped"], perturbed=0, runs=12, seed=1, threads=1, ideal=True
-    )
-    found = work.run()
-    best = found.verdict.recommended or found.verdict.nearest
-    settings = [str(change) for change in best.setting.changes]
-    prepared = prepare(load(written, settings))
-    poses = np.array([prepared.arm.pose(q) for q in plain_loop(written, *settings)])
-    off = np.linalg.norm((prepared.reference.pose - poses)[:, [0, 2]], axis=1).max()
-    assert abs(best.worst.error - off) < EXACT
-    assert len({round(one.worst.error, 6) for one in found.tried}) > 1

@@ -3,13 +3,10 @@
 The oracles are the equalities as they are written, the ideal plant, and a plain loop over MuJoCo.
 """
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rmrc.results.scorecard import scorecard
-from rmrc.results.verdict import warnings
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -141,81 +138,8 @@ def test_a_hand_may_have_more_followers_than_the_arm_has_joints(write):
     assert gap(prepared.arm.model, run["qpos"]).max() < 1e-12
 
 
-def plain(prepared, run, integrator, solref, impedance):
-    """Return qpos, (T, nq), of the author's model with servos that gets the commands of a run.
-
-    Their gains are inertia over timestep, with the inertia of all that a joint moves with its followers.
-    """
-    arm = prepared.arm
-    spec = mujoco.MjSpec.from_file(str(arm.path))
-    spec.option.timestep, spec.option.integrator = PERIOD, integrator
-    data = mujoco.MjData(arm.model)
-    mujoco.mj_forward(arm.model, data)
-    M, F = np.zeros((arm.model.nv,) * 2), np.zeros((arm.model.nv, arm.n))
-    mujoco.mj_fullM(arm.model, data, M)
-    for j, row in enumerate(np.eye(arm.n)):
-        F[:, j] = arm.configuration(row) - arm.configuration(0.0 * row)
-    for name, inertia in zip(arm.joints, np.diag(F.T @ M @ F), strict=True):
-        actuator = spec.add_actuator(target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        actuator.set_to_velocity(kv=inertia / PERIOD)
-    for body in spec.bodies[1:]:
-        body.gravcomp = 1.0
-    for equality in spec.equalities:
-        equality.solref, equality.solimp[:2] = [solref, 1.0], impedance
-    model = spec.compile()
-    data, places = mujoco.MjData(model), []
-    data.qpos[:] = run["qpos"][0]
-    for rates in run["qdot_cmd"]:
-        places.append(np.array(data.qpos))
-        data.ctrl[:] = rates
-        mujoco.mj_step(model, data)
-    return np.array(places)
-
-
-def test_servos_are_a_plain_loop_over_mujoco_with_one_solution_for_servos_and_equalities(write):
-    """Equal to rounding that servos forget; with the inertia of servos beside the equalities, followers slip by 0.07 rad."""
-    prepared, run = ran(write(**ARMS["desktop"]), "servo")
-    discrete, fast = mujoco.mjtIntegrator.mjINT_DISCRETE, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    assert_allclose(plain(prepared, run, discrete, 0.1 * PERIOD, 0.9999), run["qpos"], rtol=0, atol=1e-9)
-    slipped = gap(prepared.arm.model, plain(prepared, run, fast, 0.02, (0.9, 0.95)))
-    assert slipped.max() > 0.05
-
-
 @pytest.mark.parametrize("kv", [1.0, 1e3, 1e7])
 def test_no_gain_is_too_stiff_for_the_equalities(write, kv):
     _, run = ran(write(**ARMS["desktop"]), "servo", kv=kv)
     assert error(run) < 1e-3 and run["slip"].max() < 1e-7
     assert np.abs(np.diff(run["qdot"], axis=0)).max() < 0.01  # no chatter
-
-
-def test_a_soft_equality_of_the_author_slips_in_his_own_physics_and_is_told(write):
-    """τ/k of a spring: its followers give way to the weight, which no gravity compensation carries."""
-    about = ARMS["desktop"] | {
-        "softness": 'solref="0.1 1"',
-        "more": f"<actuator>{drives('motor')}</actuator>",
-    }
-    prepared, run = ran(write(**about), "model", gravity_compensation=False)
-    slip = gap(prepared.arm.model, run["qpos"])
-    assert_allclose(run["slip"], slip, atol=1e-15)
-    assert slip.max() > 2e-3
-    np.testing.assert_array_equal((run["status"] & Status.SLIPPED) != 0, slip > 1e-3)
-    card = scorecard(run)
-    assert card["slip.max"].value == run["slip"].max()
-    assert run["time"][run["slip"].argmax()] == card["slip.max_time"].value
-    assert card["status_time.SLIPPED"].value == pytest.approx(PERIOD * (slip > 1e-3).sum())
-    (line,) = warnings(card, ())
-    assert "SLIPPED" in line and "solref" in line and f"{slip.max():.3g}" in line
-    assert not list(warnings(card, ["slip.max"]))
-    stiff = about | {"softness": ""}  # where he wrote none
-    _, run = ran(write(**stiff), "model", gravity_compensation=False)
-    assert run["slip"].max() < 1e-6 and not list(warnings(scorecard(run), ()))
-
-
-def test_what_holds_followers_is_told_where_the_author_had_it_otherwise(write):
-    soft = ARMS["desktop"] | {"softness": 'solref="0.1 1"', "more": '<option integrator="implicitfast"/>'}
-    assumed = {one.text: one.is_otherwise for one in ran(write(**soft), "servo")[0].assumed}
-    assert assumed["integrator discrete instead of the model's implicitfast"]
-    assert assumed["equalities of followers as stiff as the timestep bears, instead of the model's"]
-    assumed = {one.text: one.is_otherwise for one in ran(write(**ARMS["desktop"]), "servo")[0].assumed}
-    assert assumed["integrator discrete instead of the model's Euler"] is False
-    assert assumed["equalities of followers as stiff as the timestep bears, instead of the model's"] is False

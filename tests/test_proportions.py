@@ -1,6 +1,5 @@
 """Numbers that come from the arm: the length and the damping, against MuJoCo's Jacobians and numpy."""
 
-import json
 import math
 
 import mujoco
@@ -9,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from project import ROOT
-from rmrc import Controller, Law, load
+from rmrc import Controller, load
 from rmrc.analysis.check.check import check
 from rmrc.analysis.inspect.inspection import inspect
 from rmrc.analysis.new.scaling import scales
@@ -18,7 +17,6 @@ from rmrc.arm import load_model
 from rmrc.arm.proportions import damping_maximum
 from rmrc.law.task import choose
 from rmrc.scenario import loads
-from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
@@ -119,13 +117,6 @@ def test_the_weights_of_task_and_joints_count():
     assert numbers(one)[1] == float(f"{usual / 3:.2g}")
 
 
-def test_the_same_arm_has_the_same_numbers_at_every_reading():
-    models = [ROOT / "models/fr3.xml"] * 2
-    first, second = (Controller(load_arm(path)) for path in models)
-    assert numbers(first) == numbers(second)
-    assert numbers(first) == numbers(Controller(mujoco.MjModel.from_xml_path(str(models[0])), first.arm.site))
-
-
 # Its users ----------------------------------------------------------------------------------------
 
 
@@ -146,22 +137,6 @@ def test_a_run_a_controller_and_every_question_have_the_same_numbers(name):
 def damping_of(scenario):
     damping = scenario.control.inverse.damping
     return damping.below, damping.maximum
-
-
-@pytest.mark.parametrize("name", ["ur5e", "puma560", "fr3", "xarm7", "so101"])
-def test_few_configurations_are_damped(name):
-    arm = load_arm(ROOT / f"models/{name}.xml")
-
-    def share(**more):
-        one = Controller(arm, control={"feedback": 0, "limits": {"on_excess": "none"}, **more.get("control", {})},
-                         task=more.get("task"))  # fmt: skip
-        q = np.random.default_rng(5).uniform(*arm.span, (1000, arm.n))
-        return np.mean([bool(one.step(at, twist=np.ones(6)).status & Status.DAMPED) for at in q])
-
-    assert 0.1 < share() < 0.3
-    task = {"axes": list(choose(arm).axes), "length": 1}
-    wide = {"inverse": {"damping": {"maximum": 0.1, "below": 0.3}}}
-    assert share(task=task, control=wide) > 0.99  # negative control: numbers for links of a meter
 
 
 def test_what_is_given_stays_and_the_others_follow():
@@ -185,14 +160,6 @@ def test_what_is_given_stays_and_the_others_follow():
     assert Controller(path, "tool", inverse, task={"length": 1}).assumed == ()  # it reads none of them
 
 
-def test_a_law_without_an_arm_has_the_stated_numbers():
-    """λ² = (1 − (σ/0.3)²) 0.1² at σ = 0.1, and the rates that follow."""
-    damping = math.sqrt(1.0 - 1.0 / 9.0) * 0.1
-    out = Law(2, 2, {"feedback": 0, "limits": {"on_excess": "none"}}).step(np.diag([1.0, 0.1]), [1.0, 1.0])
-    assert_allclose(out.damping, damping, rtol=1e-12)
-    assert_allclose(out.qdot_cmd, [1 / (1 + damping**2), 0.1 / (0.01 + damping**2)], rtol=1e-12)
-
-
 # Arms at the edge ---------------------------------------------------------------------------------
 
 
@@ -201,34 +168,6 @@ def test_rows_that_an_arm_never_moves_do_not_count():
     path = ROOT / "models/planar_3link.xml"
     six, three = (Controller(path, task={"axes": axes}) for axes in (AXES, ("x", "y", "rz")))
     assert numbers(six) == numbers(three)
-
-
-def test_an_arm_whose_mobility_never_changes_is_never_damped():
-    slides = Controller(chain(joint="slide"), "tool", task={"axes": ["x", "y", "z"]})
-    assert numbers(slides)[0] == 1.0
-    hinge = Controller(chain(), "tool", joints=["j0"], task={"axes": ["rz"]})
-    assert numbers(hinge) == (1.0, 0.33, damping_maximum(0.33))
-    for one in (slides, hinge):
-        for q in np.random.default_rng(2).uniform(-1, 1, (20, one.arm.n)):
-            assert not one.step(q, twist=np.ones(6)).status & Status.DAMPED
-
-
-def test_slides_are_comparable_with_hinges_at_any_size():
-    """A turret with a boom, r from 0.2 to 1 times its size: the columns r/L and 1 of A do not depend on it."""
-
-    def boom(size):
-        return mujoco.MjModel.from_xml_string(
-            f'<mujoco><worldbody><body><joint name="turn" axis="0 0 1"/><geom size="0.01"/><body>'
-            f'<joint name="reach" type="slide" axis="1 0 0" range="{0.2 * size} {size}"/><geom size="0.01"/>'
-            '<site name="tool"/></body></body></worldbody></mujoco>'
-        )
-
-    one, other = (Controller(boom(size), "tool", task={"axes": ["x", "y"]}) for size in (1.0, 0.05))
-    r = 0.2 + 0.8 * (np.arange(2000) + 0.5) / 2000
-    assert_allclose(one.task.length, math.sqrt(np.mean(r**2)), rtol=0.03)
-    assert_allclose(numbers(other), np.multiply(numbers(one), [0.05, 1, 1]), rtol=0.05)
-    L = one.task.length
-    assert_allclose(numbers(one)[1], np.median(np.minimum(r / L, 1)) / 3, rtol=0.05)
 
 
 @pytest.mark.parametrize("name", ["telescope", "mimic"])
@@ -260,28 +199,6 @@ def test_a_site_that_the_joints_do_not_move_leaves_the_stated_numbers_and_says_s
 
 
 # Its words ----------------------------------------------------------------------------------------
-
-
-def test_a_run_prints_the_numbers_that_came_from_the_arm(rmrc, tmp_path):
-    text = f"name: x\narm: {{model: {ROOT}/models/ur5e.xml, site: tool}}\n{PATH}\nplant: {{kind: ideal}}"
-    (tmp_path / "x.yaml").write_text(text)
-    code, out, _ = rmrc("run", str(tmp_path / "x.yaml"), "--no-record", "--out", str(tmp_path))
-    one = Controller(ROOT / "models/ur5e.xml", "tool")
-    length, below, maximum = numbers(one)
-    (line,) = [line for line in out.splitlines() if "from the arm" in line]
-    assert code == 0 and line.endswith(one.assumed[-1])
-    assert f"length {length} m" in line and f"maximum {maximum}, below {below}" in line
-    facts = json.loads((tmp_path / "x.json").read_text())
-    assert one.assumed[-1] in facts["assumed"]
-    assert facts["scenario"]["task"]["length"] == length
-    # negative control: nothing is said of what is given
-    given = [f"task.length={length}", f"control.inverse.damping={{below: {below}, maximum: {maximum}}}"]
-    _, same, _ = rmrc("run", str(tmp_path / "x.yaml"), "--no-record", "--out", str(tmp_path), *sets(given))
-    assert "from the arm" not in same
-
-
-def sets(values):
-    return [word for value in values for word in ("--set", value)]
 
 
 def test_shipped_scenarios_leave_nothing_to_the_arm_that_changes_their_columns():

@@ -91,14 +91,6 @@ def test_an_arm_at_rest_gives_what_its_springs_take_and_stays(write, kind, name)
             assert f"{abs(torque):.3g} N" in told
 
 
-@pytest.mark.parametrize("name", SPRINGS)
-@pytest.mark.parametrize(("kind", "period"), [("servo", PERIOD), ("torque", PERIOD), ("servo", 0.01)])
-def test_an_arm_with_springs_moves_as_if_it_had_none(write, kind, period, name):
-    errors = [error(ran(write(**parts), kind, period=period)[1]) for parts in ({}, SPRINGS[name][0])]
-    # the torque is that of the tick's beginning, and the spring changes by stiffness · rate · period
-    assert errors[1] < 1.3 * errors[0] + 3e-2 * period
-
-
 @pytest.mark.parametrize("name", ["slide", "hinge", "polynomial"])
 def test_servos_are_a_plain_loop_that_cancels_the_springs(write, name):
     prepared, run = ran(write(**SPRINGS[name][0]), "servo")
@@ -137,11 +129,3 @@ def test_springs_that_no_drive_of_the_author_carries_are_told(write, slide, hing
         assert error(run) < 1e-3
     found = [one for one in rmrc.check(path).findings if one.code == "spring-load"]
     assert len(found) == bool(joints) and all("model plant" in one.text and one.way for one in found)
-
-
-def test_an_arm_without_springs_says_nothing_of_them(write):
-    for kind in ("ideal", "servo", "torque"):
-        assert (
-            ran(write(), kind, by=(0.0, 0.0, 0.0), gravity_compensation=kind == "torque" or None)[0].springs
-            == ""
-        )

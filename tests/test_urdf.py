@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from project import ROOT
 from replacing import replaced
 from rmrc import arm as arms
+from rmrc.recording.shapes import shapes_of
 from rmrc.support.errors import ModelError
 from stl import tetrahedron
 
@@ -59,14 +60,14 @@ def test_a_joint_that_mimics_follows_by_an_equality(arm):
 
 
 def test_meshes_are_found_in_packages_and_those_that_cannot_be_read_are_left_out(arm):
-    shapes = [shape for shape in arm.shapes() if shape.kind == "mesh"]
+    shapes = [shape for shape in shapes_of(arm) if shape.kind == "mesh"]
     assert len(shapes) == 1  # the .dae is not there
     # MuJoCo centers and turns it, as floats; distances between vertices stay, with the x axis scaled by a half
     ends = shapes[0].vertices
     spans = sorted(float(np.linalg.norm(ends[a] - ends[b])) for a in range(4) for b in range(a))
     diagonal = np.hypot(0.1, 0.2)
     assert_allclose(spans, [0.1, 0.2, 0.2, diagonal, diagonal, np.hypot(0.2, 0.2)], rtol=1e-6)
-    assert [shape.kind for shape in arm.shapes()] == [
+    assert [shape.kind for shape in shapes_of(arm)] == [
         "mesh"
     ]  # the box is for contact, and has a better picture
     assert arm.model.ngeom == 2

@@ -10,8 +10,8 @@ import pytest
 import rmrc
 from project import ROOT
 from rmrc.analysis.check.findings import CODES, DIFFERENT
+from rmrc.analysis.inventory import actuators, contacts, other_joints
 from rmrc.arm import load
-from rmrc.arm.inventory import actuators, contacts, other_joints
 from rmrc.scenario.choices import PLANTS
 
 SHIPPED = sorted(path.stem for path in (ROOT / "models").glob("*.xml"))
@@ -84,7 +84,7 @@ FAULTS = {
     "no-home": {"home": ""},
     "frame": {"more": '<site name="other"/>'},
     "actuator-replaced": {},
-    "actuator-other": {"actuator": SOUND["actuator"] + '<general site="tool" gear="1 0 0 0 0 0"/>'},
+    "actuator-other": {"actuator": SOUND["actuator"] + '<general site="tool" gear="0 0 0 0 0 0"/>'},
     "joint-other": {"extra": '<body name="thing" pos="3 3 3"><freejoint name="float"/><geom size=".1"/></body>'},
 }  # fmt: skip
 # What is found in a second of motion, most of the time of a check; the others are found without.

@@ -12,6 +12,7 @@ from rerun.chunk import RrdReader
 
 from project import ROOT, mostly_long
 from rmrc.recording.comparison import THICKER, Overlay
+from rmrc.recording.shapes import shapes_of
 from rmrc.recording.single import RecordingError, read_columns
 from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.scenario import loads
@@ -128,7 +129,7 @@ def test_it_appears_whole_and_only_when_finished_and_a_part_can_be_read(compared
 
 def test_each_arm_has_its_color_and_all_but_the_first_are_outlines_around_it(recorded, compared):
     prepared = compared[0][0][1]
-    capsules = [shape for shape in prepared.arm.shapes() if shape.kind == "capsule"]
+    capsules = [shape for shape in shapes_of(prepared.arm) if shape.kind == "capsule"]
     assert capsules
     for shape in capsules:
         body = prepared.arm.model.body(shape.body).name
@@ -173,7 +174,7 @@ def test_what_has_not_arrived_and_what_the_law_believes_are_drawn_of_those_that_
     arrived = np.vstack([np.zeros((ticks, 2)), commands[:-ticks]])
     np.testing.assert_allclose(found["waiting"], np.abs(commands - arrived).max(axis=1), atol=1e-6)
     np.testing.assert_allclose(found["belief"], 20.0, rtol=1e-6)  # mrad
-    link = late.arm.model.body(late.arm.shapes()[-1].body).name
+    link = late.arm.model.body(shapes_of(late.arm)[-1].body).name
     true, pale = (
         np.array(stored(path, entity("late", f"{root}/{link}"))["Transform3D:translation"])[0, 0]
         for root in ("arm", "believed")

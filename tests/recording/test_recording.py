@@ -18,10 +18,10 @@ from layouts import last_layout, layouts
 from rerun.chunk import RrdReader
 
 from project import mostly_long
-from rmrc.arm import Shape
 from rmrc.recording import stream, track
 from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT, geometries, ramp
 from rmrc.recording.scene import FORCE_LONGEST, THICKNESS, VELOCITY_SECONDS, Scene, half_axes
+from rmrc.recording.shapes import Shape, shapes_of
 from rmrc.recording.single import Recorder, RecordingError, read_columns
 from rmrc.recording.viewer import repair
 from rmrc.results.columns import COLUMNS, Divergence
@@ -437,11 +437,13 @@ def test_capsules_end_where_mujoco_ends_them(recorded):
     """Local z of MuJoCo's geom frame, ± the half length, in the frame of the body."""
     prepared, _, path = recorded
     model, checked = prepared.arm.model, 0
-    for shape in prepared.arm.shapes():
+    for shape in shapes_of(prepared.arm):
         if shape.kind != "capsule":
             continue
         body, geom = model.body(shape.body).name, model.geom(shape.name)
-        alike = [one.name for one in prepared.arm.shapes() if (one.body, one.kind) == (shape.body, "capsule")]
+        alike = [
+            one.name for one in shapes_of(prepared.arm) if (one.body, one.kind) == (shape.body, "capsule")
+        ]
         drawn, i = stored(path, f"/arm/{body}"), alike.index(shape.name)
         found = {name: row[0][i : i + 1] for name, row in drawn.items() if name.startswith("Capsules3D")}
         quat, turn = found["Capsules3D:quaternions"][0], np.empty(9)
@@ -915,7 +917,7 @@ def test_the_camera_sees_the_whole_arm_all_the_time(recorded):
     arm, tangent = prepared.true_arm, np.tan(VIEW_ANGLE / 2)
     bodies = arm.frames(run["qpos"][::10])[0]
     checked = 0
-    for shape in arm.shapes():
+    for shape in shapes_of(arm):
         if shape.kind != "capsule":
             continue
         turns = quat_to_matrix(bodies[:, shape.body, 3:])

@@ -43,6 +43,12 @@ def test_a_baseline_is_the_scenario_with_its_changes_and_leaves_the_scenario_as_
     assert peak > 3.001 > of_scenario  # of another rate limit
 
 
+def test_a_change_of_one_item_stands_beside_that_of_a_list():
+    changes = near(baseline={"arm.start[1]": -0.2, "plant.stretch": {"link_1": 1.1}})
+    assert changes.changed(*changes.baseline_changes).arm.start[1] == -0.2
+    assert not near().baseline_changes
+
+
 def test_columns_and_facts_of_both_are_kept_and_the_exit_code_is_that_of_the_scenario(rmrc, tmp_path):
     (tmp_path / "near.yaml").write_text(NEAR + f"baseline: {json.dumps(PLAIN)}\n")
     code, out, err = rmrc("run", "near.yaml")
@@ -107,7 +113,7 @@ def test_comparisons_and_sweeps_leave_it_out():
     assert len(Job(near(baseline=PLAIN), variants=rmrc.scenario.grid(vary)).worlds) == 2
     rows = [rmrc.sweep(each, vary) for each in (near(baseline=PLAIN), near())]
     assert repr(rows[0].to_pylist()) == repr(rows[1].to_pylist())
-    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.control\.feedback.*cannot be changed here"):
+    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.control\.feedback.*cannot be (varied|changed)"):
         near(**{"sweep.vary": {"baseline.control.feedback": [1, 2]}})
 
 

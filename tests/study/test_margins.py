@@ -163,7 +163,7 @@ def test_what_was_recommended_without_delay_is_unstable_with_eight_milliseconds(
 def test_it_is_unstable_whatever_hides_the_kick(short, changes, reason):
     found = judge(short, **changes)
     assert found.is_unstable and reason in (found.reason, "rings", "reverses")
-    assert (found.left == math.inf) == (reason == "diverged")
+    assert (found.remainder == math.inf) == (reason == "diverged")
 
 
 # What is none --------------------------------------------------------------------------------------

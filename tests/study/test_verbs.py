@@ -112,7 +112,6 @@ WRONG = {
     "no file": (lambda _: rmrc.run("line_trackin"), 'line_trackin: … file … "line_tracking"…'),
     "one variant": (lambda one: rmrc.compare(one, {"control.feedback": [5]}), "vary: … 2 variants … 1; … {…"),
     "a variant": (lambda one: rmrc.compare(one, {"control.feedback": [5, -5]}), 'variant "feedback=-5": control.feedback: … 0 … -5'),
-    "a text": (lambda one: rmrc.compare(one, {"control.inverse.method": "damped"}), "vary control.inverse.method: … list … 'damped'"),
     "a run": (lambda one: rmrc.sweep(one, {"control.feedback": [5, -5]}), "run 1 (control.feedback=-5): sweep.vary.control.feedback: … 0 … -5"),
     "no plan": (rmrc.sweep, "<text>:2:1: sweep: … 2 runs … 1; …"),
     "both": (lambda one: rmrc.sweep(one, random={"plant.payload": (0, 1)}, sobol={"plant.payload": (0, 1)}), "sobol: … random …"),

@@ -5,16 +5,15 @@ limits are read from joints and actuators. `Arm.adapted` gives each joint of the
 plant needs. Nothing here steps the physics.
 """
 
+from rmrc.arm.actuators import DriveKind, OwnDrives
 from rmrc.arm.adapting import Drive, Own
 from rmrc.arm.arm import Arm, Positions
 from rmrc.arm.chain import Chain
-from rmrc.arm.drives import DriveKind, OwnDrives
-from rmrc.arm.followers import Follower
+from rmrc.arm.equalities import Follower
 from rmrc.arm.loading import files, is_model, load, load_asked, load_model
-from rmrc.arm.shapes import Shape
 from rmrc.arm.wiring import Wiring
 
 __all__ = [
-    "Arm", "Chain", "Drive", "DriveKind", "Follower", "Own", "OwnDrives", "Positions", "Shape", "Wiring",
-    "files", "is_model", "load", "load_asked", "load_model",
+    "Arm", "Chain", "Drive", "DriveKind", "Follower", "Own", "OwnDrives", "Positions", "Wiring", "files",
+    "is_model", "load", "load_asked", "load_model",
 ]  # fmt: skip

@@ -1,29 +1,290 @@
-"""An actuator that is added to a model, without the model's defaults for actuators."""
+"""Actuators of a model: the command that each takes, and the limits that they and the ranges of joints set.
 
-from functools import cache
+The force of an actuator is gain · u + bias₀ + bias₁ · length + bias₂ · speed, where u is its control or the
+output of its dynamics. These numbers make it a position servo, a servo of a position that it integrates, a
+rate servo or a motor, whatever element of MJCF it was written as.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from enum import IntEnum
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-# The identity and target of an actuator: its own, whatever the defaults.
-_OWN = {"classname", "compiler", "id", "info", "name", "plugin", "signature", "target", "trntype", "userdata"}
+from rmrc.arm.equalities import Follower
+from rmrc.support.legible import listed
+
+if TYPE_CHECKING:
+    from rmrc.arm.others import Others
+
+Array = NDArray[np.float64]
+Ends: TypeAlias = tuple[float, float]
+
+EVERYWHERE: Ends = (-math.inf, math.inf)
+# With moments scaled to a largest one of 1, less than this is rounding.
+_RANK = 1e-9
+
+# The first of MuJoCo's kinds of dynamics: none, integrator and filters.
+_FILTER = int(mujoco.mjtDyn.mjDYN_FILTEREXACT)
 
 
-def reset(actuator: mujoco.MjsActuator) -> None:
-    """Give an actuator MuJoCo's own default values in all fields except its name and transmission."""
-    for name, value in _pristine().items():
-        setattr(actuator, name, value)
-    actuator.userdata = []
-    actuator.plugin.active = False
+class DriveKind(IntEnum):
+    """The command that an actuator takes, by the name of its usual element in MJCF."""
+
+    POSITION = 0  # the target position
+    INTVELOCITY = 1  # the rate of the target position
+    VELOCITY = 2  # the rate
+    MOTOR = 3  # the force
 
 
-@cache
-def _pristine() -> dict[str, object]:
-    """Return the fields of an actuator that is added to an empty model, by name."""
-    actuator = mujoco.MjSpec().add_actuator()
-    fields = {name: getattr(actuator, name) for name in dir(actuator) if not name.startswith(("_", "set_"))}
-    return {
-        name: np.array(value) if isinstance(value, np.ndarray) else value
-        for name, value in fields.items()
-        if name not in _OWN and not callable(value)
-    }
+class Terms(NamedTuple):
+    """The control that an actuator takes: scale · (length, speed or force) + offset, within a range.
+
+    Attributes:
+        scale: Control for each unit of length, speed or force.
+        offset: Control at 0; none for the rate of an integrated position.
+        stiffness: Force for each unit by which the length misses its target.
+        control: Least and largest control; infinite without a range.
+        state: Least and largest activation.
+    """
+
+    scale: float
+    offset: float
+    stiffness: float
+    control: Ends
+    state: Ends
+
+
+def kind_of(model: mujoco.MjModel, i: int) -> DriveKind | None:
+    """Return the command kind of an actuator; None for a muscle or another one that is no servo or motor."""
+    if (
+        model.actuator_gaintype[i] != mujoco.mjtGain.mjGAIN_FIXED
+        or model.actuator_biastype[i] > int(mujoco.mjtBias.mjBIAS_AFFINE)
+        or model.actuator_dyntype[i] > _FILTER
+        or abs(model.actuator_gainprm[i, 0]) <= mujoco.mjMINVAL
+        or model.actuator_ctrlnum[i] != 1
+        or model.actuator_plugin[i] >= 0
+        or model.opt.disableactuator >> int(model.actuator_group[i]) & 1
+    ):
+        return None
+    _, stiffness, damping = -_bias(model, i)
+    integrates = model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_INTEGRATOR
+    if stiffness > 0.0:
+        return DriveKind.INTVELOCITY if integrates else DriveKind.POSITION
+    if stiffness < 0.0 or damping < 0.0 or integrates:
+        return None
+    return DriveKind.VELOCITY if damping > 0.0 else DriveKind.MOTOR
+
+
+def kind_word(model: mujoco.MjModel, i: int) -> str:
+    """Return the name of the kind of an actuator by its computation, whichever element of MJCF it is."""
+    kind, dynamics = kind_of(model, i), model.actuator_dyntype[i]
+    if dynamics == mujoco.mjtDyn.mjDYN_MUSCLE:
+        return "muscle"
+    return "general" if kind is None or (kind == DriveKind.MOTOR and dynamics) else kind.name.lower()
+
+
+def terms_of(model: mujoco.MjModel, i: int, kind: DriveKind) -> Terms:
+    """Return the control that an actuator with a kind of command takes."""
+    gain, (b0, b1, b2) = float(model.actuator_gainprm[i, 0]), _bias(model, i).tolist()
+    scale = 1.0 if kind == DriveKind.MOTOR else -b2 if kind == DriveKind.VELOCITY else -b1
+    clamps = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+    control = model.actuator_ctrlrange[i].tolist() if model.actuator_ctrllimited[i] and clamps else EVERYWHERE
+    state = model.actuator_actrange[i].tolist() if model.actuator_actlimited[i] else EVERYWHERE
+    return Terms(scale / gain, -b0 / gain, -b1, (control[0], control[1]), (state[0], state[1]))
+
+
+def _bias(model: mujoco.MjModel, i: int) -> Array:
+    is_used = model.actuator_biastype[i] != mujoco.mjtBias.mjBIAS_NONE
+    return np.asarray(model.actuator_biasprm[i, :3] if is_used else np.zeros(3))
+
+
+class Servo(NamedTuple):
+    """A servo of one joint, in constant proportion: its control is slope · (position or rate) + offset.
+
+    Attributes:
+        command: Kind of its command.
+        joint: The joint, by its place in the arm.
+        slope: Control for each unit of the joint's position or rate.
+        offset: Control at 0.
+        position: Least and largest position that it takes as a command [rad or m].
+        rate: Least and largest rate [rad/s or m/s].
+    """
+
+    command: DriveKind
+    joint: int
+    slope: float
+    offset: float
+    position: Ends
+    rate: Ends
+
+
+class OwnDrives:
+    """The author's actuators that act on an arm's joints and on no others.
+
+    A motor moves joints without a servo. Beside a servo it keeps its control, and so do actuators of other
+    kinds.
+
+    Attributes:
+        kinds: Kind of the command of each actuator, by its id.
+        idle: Ids of actuators that act on the arm's joints and get no commands.
+    """
+
+    def __init__(self, model: mujoco.MjModel, others: "Others", F: Array) -> None:
+        """Examine the actuators of a model.
+
+        Args:
+            model: The author's model.
+            others: Its parts that are not the arm.
+            F: Rates of all joints of the model for unit rates of the arm's, (nv, n).
+        """
+        self._model, self._others, self._F = model, others, F
+        kinds = {i: kind for i in sorted(others.replaced) if (kind := kind_of(model, i)) is not None}
+        motors = {i for i, kind in kinds.items() if kind == DriveKind.MOTOR}
+        served = frozenset().union(*(others.pulled[i] for i in kinds.keys() - motors))
+        beside = {i for i in motors if not served.isdisjoint(others.pulled[i])}
+        self.kinds = {i: kind for i, kind in kinds.items() if i not in beside}
+        self.idle = tuple(sorted(others.replaced - self.kinds.keys()))
+
+    def moments(self, data: mujoco.MjData) -> Array:
+        """Return the rate of length of each actuator at unit rate of each joint, (d, n)."""
+        return np.asarray(moments_of(self._model, data)[list(self.kinds)] @ self._F)
+
+    def servos(self, data: mujoco.MjData, q: Array) -> dict[int, Servo]:
+        """Return the servos that move one joint each in constant proportion, by their ids.
+
+        Args:
+            data: Data at a configuration, with its transmissions.
+            q: Positions of the arm's joints there, (n,).
+        """
+        model, servos = self._model, dict[int, Servo]()
+        for row, (i, kind) in zip(self.moments(data), self.kinds.items(), strict=True):
+            driven = np.flatnonzero(np.abs(row) > _RANK * np.abs(row).max())
+            if kind == DriveKind.MOTOR or len(driven) != 1 or not self._others.is_linear[i]:
+                continue
+            j, terms = int(driven[0]), terms_of(model, i, kind)
+            slope = float(terms.scale * row[j])
+            length = float(data.actuator_length[model.actuator_outadr[i]])
+            start = terms.offset + terms.scale * length - slope * q[j]  # control or activation at q = 0
+            position = _ends(terms.state, slope, start)
+            if kind == DriveKind.POSITION:
+                low, high = _ends(terms.control, slope, start)
+                position = max(low, position[0]), min(high, position[1])
+                servos[i] = Servo(kind, j, slope, start, position, EVERYWHERE)
+            else:
+                offset = terms.offset if kind == DriveKind.VELOCITY else 0.0
+                servos[i] = Servo(kind, j, slope, offset, position, _ends(terms.control, slope, offset))
+        return servos
+
+    def undriven(self, data: mujoco.MjData) -> list[int]:
+        """Return the joints of the arm that the actuators cannot move one by one, by their indices.
+
+        Args:
+            data: Data at a configuration, with its transmissions.
+        """
+        moments = self.moments(data)
+        size = np.abs(moments).max(axis=1, initial=0.0)
+        _, sigma, right = np.linalg.svd(moments[size > mujoco.mjMINVAL] / size[size > mujoco.mjMINVAL, None])
+        free = np.abs(right[int((sigma > _RANK).sum()) :]).max(axis=0, initial=0.0)
+        return np.flatnonzero(free > _RANK).tolist()
+
+    def named(self, actuators: Sequence[int]) -> str:
+        """Return the names of actuators, or their numbers, as a list."""
+        return listed(self._model.actuator(i).name or f"actuator{i}" for i in actuators)
+
+
+def moments_of(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Return the rate of length of each actuator at unit rates of all joints of a model, (nactuator, nv)."""
+    rows = np.zeros((len(data.moment_rownnz), model.nv))
+    mujoco.mju_sparse2dense(
+        rows, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+    )
+    return np.asarray(rows[model.actuator_outadr])
+
+
+def _ends(ends: Ends, slope: float, offset: float) -> Ends:
+    """Return least and largest value whose control, slope · value + offset, is between two ends."""
+    first, last = sorted((end - offset) / slope for end in ends)
+    return first, last
+
+
+# Limits -----------------------------------------------------------------------------------------
+
+
+def limits(
+    model: mujoco.MjModel, joints: Sequence[str], followers: Sequence[Follower], rates: Mapping[str, float]
+) -> tuple[Array, Array, Array]:
+    """Return position limits, (n, 2), rate limits, (n,), and torque limits, (n,); infinite without any.
+
+    The limits of a follower also limit its leader: its torque does the same work.
+
+    Args:
+        model: The author's model.
+        joints: Names of the arm's joints, n of them.
+        followers: Joints that follow them.
+        rates: Largest rates that the file has beside the model, by the names of joints: a URDF's.
+    """
+
+    def limits_of(name: str) -> list[float]:
+        joint, rate, torque = model.joint(name).id, rates.get(name, np.inf), np.inf
+        if model.jnt_actfrclimited[joint]:
+            torque = np.abs(model.jnt_actfrcrange[joint]).min()
+        for i in _actuators(model, joint):
+            gear = abs(model.actuator_gear[i, 0])
+            torque = min(torque, gear * np.abs(_force_range(model, i)).min())
+            if model.actuator_ctrllimited[i] and kind_of(model, i) == DriveKind.VELOCITY:
+                # of both ends the smaller one; only such a control is a rate
+                rate = min(rate, np.abs(model.actuator_ctrlrange[i]).min() / gear)
+        return [*(model.jnt_range[joint] if model.jnt_limited[joint] else EVERYWHERE), rate, torque]
+
+    table = np.array([limits_of(name) for name in joints])
+    for each in followers:
+        if each.ratio != 0.0:
+            *ends, rate, torque = limits_of(each.name)
+            row, size = table[each.leader], abs(each.ratio)
+            low, high = np.sort((np.array(ends) - each.offset) / each.ratio)
+            row[:] = max(row[0], low), min(row[1], high), min(row[2], rate / size), min(row[3], torque * size)
+    return table[:, :2], table[:, 2], table[:, 3]
+
+
+def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:
+    """Return the actuators that drive a joint alone, and not with a gear of 0."""
+    drives = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    moves = np.abs(model.actuator_gear[:, 0]) > mujoco.mjMINVAL
+    return [int(i) for i in np.flatnonzero(drives & moves & (model.actuator_trnid[:, 0] == joint))]
+
+
+def _force_range(model: mujoco.MjModel, i: int) -> Array:
+    """Return the least and largest force of an actuator, (2,), which a motor's control also limits."""
+    ends = np.array(model.actuator_forcerange[i] if model.actuator_forcelimited[i] else EVERYWHERE)
+    # the force of a damper, whose gain is not constant, depends on its speed
+    has_no_bias = model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE
+    is_motor = has_no_bias and model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_FIXED
+    if is_motor and model.actuator_ctrllimited[i]:
+        least, most = np.sort(model.actuator_ctrlrange[i] * model.actuator_gainprm[i, 0])
+        ends = np.array([max(ends[0], least), min(ends[1], most)])
+    return ends
+
+
+def forces(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[NDArray[np.int64], Array, Array, Array]:
+    """Return what joints can get: from the actuator that takes the command of each, and from all of them.
+
+    A position servo takes the command before other actuators.
+
+    Returns:
+        The place of that actuator in `actuator_force`, (n,), -1 without one, its gear, (n,), its least and
+        largest force, (2, n), and the least and largest torque of all actuators of a joint, (2, n).
+    """
+    output, gear = np.full(len(joints), -1), np.ones(len(joints))
+    force, torque = np.tile([[[-np.inf], [np.inf]]], (2, 1, len(joints)))
+    for j, joint in enumerate(joints):
+        if model.jnt_actfrclimited[joint]:
+            torque[:, j] = model.jnt_actfrcrange[joint]
+        if actuators := _actuators(model, joint):
+            i = max(actuators, key=lambda i: (model.actuator_biasprm[i, 1] < 0.0, i))
+            output[j], gear[j] = model.actuator_outadr[i], model.actuator_gear[i, 0]
+            force[:, j] = _force_range(model, i)
+    return output, gear, force, torque

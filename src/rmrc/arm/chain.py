@@ -66,12 +66,9 @@ class Chain:
 
     def gathered(self, values: Array, n: int) -> Array:
         """Return the sums over the axes of each joint, times their ratios, (..., n), of values (..., ℓ)."""
-        if len(self.names) == n:
-            return values
-        sums = np.zeros((*values.shape[:-1], n))
-        for a, (leader, ratio) in enumerate(zip(self.leader, self.ratio, strict=True)):
-            sums[..., leader] += ratio * values[..., a]
-        return sums
+        gather = np.zeros((len(self.leader), n))
+        gather[np.arange(len(self.leader)), self.leader] = self.ratio
+        return np.asarray(values @ gather)
 
 
 def kinds_of(pitch: Array) -> tuple[str, ...]:

@@ -2,13 +2,16 @@
 
 import re
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from pathlib import Path
+from typing import Literal
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.arm.notes import Note, note
 from rmrc.arm.wiring import HINGE, SLIDE, joints_above, joints_of, soft_bodies
+from rmrc.support.errors import ModelError
 from rmrc.support.legible import listed
 
 # Beginnings of words in names of frames to mount, hold or aim with, the most specific last; those of three
@@ -32,24 +35,10 @@ _LONGEST_FINGER = 5
 _TURNS = ("pitch", "roll", "rot", "wrist", "yaw")
 
 
-class Frame(NamedTuple):
-    """A frame of a model that may be controlled.
-
-    Attributes:
-        kind: `site` or `body`.
-        id: Its id in the model.
-        why: The reason for it, and the other candidates; "" for the only one.
-        is_clear: Whether its name is more specific than those of all other sites.
-    """
-
-    kind: Literal["site", "body"]
-    id: int
-    why: str
-    is_clear: bool = False
-
-
-def default_frame(model: mujoco.MjModel, prefix: str = "") -> Frame | None:
-    """Return the frame of a model's hand; None where no joint moves anything.
+def default_frame(
+    path: Path, model: mujoco.MjModel, does: str = "is controlled", prefix: str = ""
+) -> tuple[Literal["site", "body"], int, list[Note]]:
+    """Return the frame of a model's hand.
 
     It is a site whose name says so, on the links beyond the first half of the arm's joints, the farthest of
     them. Otherwise it is the only site beside the fingers that belongs to no camera or sensor; otherwise a
@@ -57,12 +46,20 @@ def default_frame(model: mujoco.MjModel, prefix: str = "") -> Frame | None:
     link.
 
     Args:
+        path: Path of the model.
         model: Any model.
+        does: What the note says of the frame.
         prefix: Beginning of the names of the sites and bodies to choose from.
+
+    Returns:
+        Its kind, its id, and a note about the choice unless there is no other.
+
+    Raises:
+        ModelError: No joint moves anything.
     """
     links = _trunk(model)
     if not links:
-        return None
+        raise ModelError(f"{path}: has no hinge or slide joint that moves a body; an arm needs at least one")
     last, weld = links[-1], model.body_weldid
     moving = set(weld[links].tolist()) - {0}
     bodies = {int(b): model.body(b).name for b in np.flatnonzero(weld == weld[last])}
@@ -76,27 +73,29 @@ def default_frame(model: mujoco.MjModel, prefix: str = "") -> Frame | None:
     joints = len(_driven(model, joints_above(model, last)))
     named = [i for i in sites if rank[i] > 0 and 2 * depth[i] >= joints]
     plain = [i for i in sites if depth[i] == joints and rank[i] == 0]
-    if named or len(plain) == 1:
-        chosen = max(named or plain, key=lambda i: (depth[i], rank[i], i))
-        others = [f'site "{name}"' for i, name in sites.items() if i != chosen]
-        why = "by its name" if named else "as the only one on the last link"
-        is_clear = all(rank[i] < rank[chosen] for i in sites if i != chosen)
-        return Frame("site", chosen, f"{why}{_beside(others)}" if others else "", is_clear)
     hands = [b for b, name in bodies.items() if _rank(name) > 0 and name.startswith(prefix)]
     branches = np.flatnonzero((model.body_parentid == last) & (weld != weld[last]))
+    kind: Literal["site", "body"] = "site" if named or len(plain) == 1 else "body"
     chosen, why = last, "as the last before the fingers"
-    if hands:  # a frame exists to be named
+    if kind == "site":
+        chosen = max(named or plain, key=lambda i: (depth[i], rank[i], i))
+        why = "by its name" if named else "as the only one on the last link"
+    elif hands:  # a frame exists to be named
         key = {b: (_rank(bodies[b]), "frame" in _words(bodies[b]), b == last, b) for b in hands}
         chosen, why = max(hands, key=key.__getitem__), "by its name"
     elif not set(branches.tolist()) - soft_bodies(model):
         chosen, why = _end(model, last), "as the last link"
-    others = [f'site "{name}"' for name in sites.values()]
-    others += [f'body "{name}"' for b, name in bodies.items() if b != chosen and name]
-    return Frame("body", chosen, why + _beside(others))
-
-
-def _beside(others: Sequence[str]) -> str:
-    return f"; others: {listed(others)}; name one by site or body" if others else ""
+    others = [f'site "{name}"' for i, name in sites.items() if (kind, chosen) != ("site", i)]
+    if kind == "body":
+        others += [f'body "{name}"' for b, name in bodies.items() if b != chosen and name]
+    elif not others:
+        return kind, chosen, []
+    is_clear = kind == "site" and all(rank[i] < rank[chosen] for i in sites if i != chosen)
+    name = getattr(model, kind)(chosen).name
+    called = f'"{name}"' if name else str(chosen)
+    text = f"{kind} {called} {does}, chosen {why}"
+    text += f"; others: {listed(others)}; name one by site or body" if others else ""
+    return kind, chosen, [note("frame", text, is_clear)]
 
 
 def _trunk(model: mujoco.MjModel) -> list[int]:

@@ -5,16 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import mujoco
-import numpy as np
 
 from rmrc.arm import urdf
+from rmrc.arm.actuators import limits
 from rmrc.arm.arm import Arm
 from rmrc.arm.compiling import compiled, in_our_words, opened, read
-from rmrc.arm.followers import Link, find_links, followers
+from rmrc.arm.equalities import Follower, find_links, find_ties, followers
 from rmrc.arm.keyframes import keyframes
-from rmrc.arm.limits import leading_limit, position_limit, rate_limit, torque_limit
 from rmrc.arm.mounting import PREFIX, mounted
-from rmrc.arm.ties import find_ties
 from rmrc.arm.wiring import SLIDE, find_chain
 from rmrc.scenario.arm import ArmSection, ToolSection
 from rmrc.support.errors import ModelError, did_you_mean
@@ -53,8 +51,7 @@ def load(
         raise ModelError(f"{path}: no such model file{near}")
     spec, model, robot, notes = read(path, packages)
     arm = _found(path, spec, model, robot, [*notes], joints, site, body, tool, base)
-    folders = tuple(sorted((packages or {}).items()))
-    return replace(arm, packages=folders, variant=(tool, folders) if tool or folders else ())
+    return replace(arm, packages=tuple(sorted((packages or {}).items())))
 
 
 def is_model(model: object) -> bool:
@@ -117,25 +114,20 @@ def _found(
         raise ModelError(f"{path}: {why}; choose a site that a joint moves that follows none", "site")
     following = followers(model, chain, links, driven) if links else ()
     ids = [model.joint(joint).id for joint in driven]
-    limit = position_limit(model, driven, following)
-    keys, home = keyframes(model, ids, limit, PREFIX if tool and tool.model else "", notes)
+    positions, rates, torques = limits(model, driven, following, robot.velocity if robot else {})
+    keys, home = keyframes(model, ids, positions, PREFIX if tool and tool.model else "", notes)
     if robot is not None and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0))):
         notes += apart
         model = compiled(path, spec)
-    rates = robot.velocity if robot else {}
-
-    def rate(i: int) -> float:
-        return min(rate_limit(model, i), rates.get(model.joint(i).name, np.inf))
-
     arm = Arm(
         path=path,
         site=name,
         joints=driven,
         is_slide=model.jnt_type[ids] == SLIDE,
         followers=following,
-        position_limit=limit,
-        rate_limit=leading_limit(model, driven, following, rate, -1),
-        torque_limit=leading_limit(model, driven, following, lambda i: torque_limit(model, i), 1),
+        position_limit=positions,
+        rate_limit=rates,
+        torque_limit=torques,
         keyframes=keys,
         model=model,
         _spec=spec,
@@ -144,7 +136,7 @@ def _found(
         notes=tuple(notes),
         home=home,
     )
-    ties = find_ties(model, arm.configuration("home"), *arm.followed_dofs, arm.others)
+    ties = find_ties(model, arm.configuration("home"), arm.motion, arm.others)
     if not ties:
         return arm
     verbs = ("tie", "are") if len(ties) > 1 else ("ties", "is")
@@ -153,15 +145,16 @@ def _found(
 
 
 def _driven(
-    path: Path, site: str, free: Sequence[str], links: Mapping[str, Link], joints: Sequence[str],
+    path: Path, site: str, free: Sequence[str], links: Mapping[str, Follower], joints: Sequence[str],
     notes: list[str],
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the joints to actuate, outward."""
     for name in joints:
         if name not in free or joints.count(name) > 1:
-            where = f'is no hinge or slide joint on the chain to site "{site}"{did_you_mean(name, free)}'
-            why = "is listed twice" if name in free else "follows by an equality" if name in links else where
-            raise ModelError(f'{path}: joint "{name}" {why}; those to list: {", ".join(free)}', "joints")
+            why = f'no hinge or slide joint "{name}" on the chain to site "{site}"{did_you_mean(name, free)}'
+            if name in links or name in free:
+                why = f'joint "{name}" {"is listed twice" if name in free else "follows by an equality"}'
+            raise ModelError(f"{path}: {why}; the chain: {', '.join(free)}", "joints")
     outward = tuple(name for name in free if name in joints)
     if outward != tuple(joints):
         notes.append(f"list joints, and values for them, from the base outward: {', '.join(outward)}")

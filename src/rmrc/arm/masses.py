@@ -1,27 +1,32 @@
-"""The masses that an arm's joints move, from which its inertia M(q) follows."""
+"""The masses that an arm's joints move, from which its inertia M(q) follows.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+They are links, with all joints of the arm at 0, along world axes. A link is everything that moves with a
+joint and with no joint behind it. Followers have links of their own, on the chain to the site or beside it,
+and so have both halves of a screw. Bodies on joints that are not the arm's are a part of the link, in their
+rest position.
+"""
+
+from itertools import pairwise
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.followers import Follower
-from rmrc.arm.wiring import SLIDE, Wiring, joints_above
-
-Array = NDArray[np.float64]
+from rmrc.arm.wiring import SLIDE, joints_above
 
 
-@dataclass(frozen=True)
-class Masses:
-    """The links that the joints of an arm move, with all of these at 0, along world axes.
+def find_masses(
+    model: mujoco.MjModel, data: mujoco.MjData, F: NDArray[np.float64]
+) -> dict[str, NDArray[Any]]:
+    """Return the links of an arm.
 
-    A link is everything that moves with a joint and with no joint behind it. Followers have links of their
-    own, on the chain to the site or beside it, and so have both halves of a screw. Bodies on joints that are
-    not the arm's are a part of the link, in their rest position.
+    Args:
+        model: The arm.
+        data: Data with up-to-date kinematics, the joints of the arm at 0.
+        F: Rates of all joints of the model for unit rates of the arm's, (nv, n).
 
-    Attributes:
+    Returns:
         parent: The link that carries each, or -1, (ℓ,); links come after their parents.
         leader: The joint of the arm that moves it, (ℓ,).
         ratio: Its motion for each rad or m of that joint, (ℓ,).
@@ -33,61 +38,24 @@ class Masses:
         inertia: About its joint, (ℓ, 3, 3) [kg·m²].
         armature: Inertia of the rotors at each joint, (n,) [kg·m² or kg].
     """
-
-    parent: NDArray[np.int64]
-    leader: NDArray[np.int64]
-    ratio: Array
-    is_slide: NDArray[np.bool_]
-    axis: Array
-    step: Array
-    mass: Array
-    moment: Array
-    inertia: Array
-    armature: Array
-
-
-def find_masses(
-    model: mujoco.MjModel, data: mujoco.MjData, wiring: Wiring, followers: Sequence[Follower]
-) -> Masses:
-    """Return the links of an arm.
-
-    Args:
-        model: The arm.
-        data: Data with up-to-date kinematics, the joints of the arm at 0.
-        wiring: Its joints, and their followers.
-        followers: The links of the followers.
-    """
-    n = len(wiring.joint)
-    moved = [*((int(joint), j, 1.0) for j, joint in enumerate(wiring.joint))]
-    pairs = zip(wiring.follower_joint, followers, strict=True)
-    moved = sorted([*moved, *((int(joint), one.leader, one.ratio) for joint, one in pairs)])
-    ids, leader, ratio = (np.array(values) for values in zip(*moved, strict=True))
+    dofs = np.flatnonzero(F.any(axis=1))
+    ids, count = model.dof_jntid[dofs], len(dofs)
     number = {int(joint): link for link, joint in enumerate(ids)}
-
-    def above(body: int, joint: int | None = None) -> int:
-        """Return the last link at or above a body; before a joint of it, if one is given."""
-        joints = joints_above(model, body)
-        joints = joints[joints.index(joint) + 1 :] if joint is not None else joints
-        return next((number[one] for one in joints if one in number), -1)
-
-    parent = np.array([above(int(model.jnt_bodyid[joint]), int(joint)) for joint in ids])
-    anchor = np.array(data.xanchor[ids])
-    mass, moment, inertia = np.zeros(len(ids)), np.zeros((len(ids), 3)), np.zeros((len(ids), 3, 3))
-    for body in range(1, model.nbody):
-        link = above(body)
-        if link < 0:
-            continue
+    carriers = [[number[j] for j in joints_above(model, b) if j in number] for b in range(model.nbody)]
+    parent, anchor = np.full(count, -1), np.array(data.xanchor[ids])
+    mass, moment, inertia = np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3, 3))
+    for body, (link, *others) in ((body, links) for body, links in enumerate(carriers) if links):
+        for behind, before in pairwise((link, *others)):
+            parent[behind] = before
         m, way = float(model.body_mass[body]), data.xipos[body] - anchor[link]
         turn = data.ximat[body].reshape(3, 3)
         mass[link] += m
         moment[link] += m * way
         inertia[link] += turn * model.body_inertia[body] @ turn.T
         inertia[link] += m * (way @ way * np.eye(3) - np.outer(way, way))
-    armature = np.zeros(n)
-    np.add.at(armature, leader, ratio**2 * model.dof_armature[model.jnt_dofadr[ids]])
-    before = np.where(parent[:, None] >= 0, anchor[parent], anchor[0])
-    return Masses(
-        parent=parent, leader=leader, ratio=ratio, is_slide=model.jnt_type[ids] == SLIDE,
-        axis=np.array(data.xaxis[ids]), step=anchor - before, mass=mass, moment=moment, inertia=inertia,
-        armature=armature,
-    )  # fmt: skip
+    return {
+        "parent": parent, "leader": np.abs(F[dofs]).argmax(axis=1), "ratio": F[dofs].sum(axis=1),
+        "is_slide": model.jnt_type[ids] == SLIDE, "axis": np.array(data.xaxis[ids]),
+        "step": anchor - np.where(parent[:, None] >= 0, anchor[parent], anchor[0]), "mass": mass,
+        "moment": moment, "inertia": inertia, "armature": model.dof_armature @ F**2,
+    }  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.compiling import compiled, in_our_words, read
-from rmrc.arm.frames import Frame, default_frame
+from rmrc.arm.frames import default_frame
 from rmrc.arm.keyframes import starting_key
 from rmrc.arm.notes import note
 from rmrc.arm.wiring import find, joints_above
@@ -53,13 +53,7 @@ def mounted(
     Raises:
         ModelError: There is no such site or body, nothing moves it, or a floating base is requested.
     """
-    if site is not None:
-        kind, i = "site", find(path, model, "site", site)
-    elif body is not None or (tool is not None and tool.body is not None):
-        named, about = (body, "body") if tool is None else (tool.body, "tool.body")
-        kind, i = "body", find(path, model, "body", str(named), about)
-    else:
-        kind, i = _chosen(path, model, "is controlled" if tool is None else "carries the tool", notes)
+    kind, i = _place(path, model, site, body, tool, notes)
     at, is_site = getattr(model, kind)(i), kind == "site"
     holder = int(model.site_bodyid[i]) if is_site else i
     if spec is None:
@@ -83,27 +77,28 @@ def mounted(
     if tool.site is not None:
         name = f"{PREFIX}{tool.site}"
         find(path, model, "site", name)
-    elif tool.model is not None and (frame := default_frame(model, PREFIX)) and frame.kind == "site":
-        name = model.site(frame.id).name
-        _tell(model, frame, "is controlled", notes)
+    elif tool.model is not None:
+        kind, i, told = default_frame(path, model, prefix=PREFIX)
+        if kind == "site":
+            name = model.site(i).name
+            notes += told
     return model, name, ("tool", tool)
 
 
-def _chosen(path: Path, model: mujoco.MjModel, does: str, notes: list[str]) -> tuple[str, int]:
-    """Return the kind of the default frame, `site` or `body`, and its id."""
-    frame = default_frame(model)
-    if frame is None:
-        raise ModelError(f"{path}: has no hinge or slide joint that moves a body; an arm needs at least one")
-    _tell(model, frame, does, notes)
-    return frame.kind, frame.id
-
-
-def _tell(model: mujoco.MjModel, frame: Frame, does: str, notes: list[str]) -> None:
-    """Add a note about a frame that was chosen."""
-    name = getattr(model, frame.kind)(frame.id).name
-    called = f'"{name}"' if name else str(frame.id)
-    if frame.why:
-        notes.append(note("frame", f"{frame.kind} {called} {does}, chosen {frame.why}", frame.is_clear))
+def _place(
+    path: Path, model: mujoco.MjModel, site: str | None, body: str | None, tool: ToolSection | None,
+    notes: list[str],
+) -> tuple[Literal["site", "body"], int]:  # fmt: skip
+    """Return the kind and the id of the frame that is controlled, or that carries the tool."""
+    if site is not None:
+        return "site", find(path, model, "site", site)
+    if body is not None:
+        return "body", find(path, model, "body", body)
+    if tool is not None and tool.body is not None:
+        return "body", find(path, model, "body", tool.body, "tool.body")
+    kind, i, told = default_frame(path, model, "is controlled" if tool is None else "carries the tool")
+    notes += told
+    return kind, i
 
 
 def _name(spec: mujoco.MjSpec, joints: Sequence[int], notes: list[str]) -> None:

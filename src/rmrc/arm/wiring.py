@@ -103,12 +103,10 @@ def find(
 
 def soft_bodies(model: mujoco.MjModel) -> frozenset[int]:
     """Return the bodies that are points of a flex: only slides move them, and they have no geom."""
-    return frozenset(
-        b
-        for b in set().union(*(flex_bodies(model, i) for i in range(model.nflex)))
-        if not model.body_geomnum[b] and (joints := joints_of(model, b))
-        if all(model.jnt_type[i] == SLIDE for i in joints)
-    )
+    slides = model.jnt_type == SLIDE
+    points = set().union(*(flex_bodies(model, i) for i in range(model.nflex)))
+    joints = {b: joints_of(model, b) for b in points if not model.body_geomnum[b]}
+    return frozenset(b for b, its in joints.items() if its and slides[its.start : its.stop].all())
 
 
 def flex_bodies(model: mujoco.MjModel, flex: int) -> set[int]:

@@ -71,7 +71,7 @@ class Shot:
     def points(self, renderer: Renderer) -> Array:
         """Return the points that the camera must show: all of arm, path and ellipsoids, (p, 3) [m]."""
         some = self.rows[np.linspace(0, len(self.rows) - 1, POSTURES).round().astype(int)]
-        boxes = [renderer.corners(self.run["qpos"][row], self._arm.mocap_now) for row in some]
+        boxes = [renderer.corners(self.run["qpos"][row], self._arm.mocap) for row in some]
         frames, marked = self.frames, 3 * marks.TRAIL * self.scene.reach
         along = quat_to_matrix(frames.axes) * frames.velocity[:, None, :]
         ends = [frames.tip + sign * along[:, :, i] for i in range(3) for sign in (-1.0, 1.0)]
@@ -87,7 +87,7 @@ class Shot:
     def picture(self, time: float, renderer: Renderer, camera: Camera) -> NDArray[np.uint8]:
         """Return the picture at a time [s], (height, width, 3)."""
         row = self.row(time)
-        return renderer.draw(self.run["qpos"][row], camera, self.marks(row), self._arm.mocap_now)
+        return renderer.draw(self.run["qpos"][row], camera, self.marks(row), self._arm.mocap)
 
     def marks(self, row: int) -> Sequence[Mark]:
         """Return the marks beside the arm at a tick: wanted path, trail, target, tip and ellipsoid."""

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rmrc import arm as arms
 from rmrc.arm import Arm, DriveKind
-from rmrc.arm.drives import Servo
+from rmrc.arm.actuators import Servo
 from rmrc.arm.freshness import Freshness
 from rmrc.law import fit
 from rmrc.law.active_set import give_way
@@ -222,7 +222,7 @@ class Controller(SteppedLaw):
             self._worlds["input"]["q_cmd"][:, :n] = starts
         if self._drives:
             self._limit_by_drives()
-        idle = self.arm.idle or (self.arm.idle_before(self._second.site) if self._second else ())
+        idle = self.arm.idle() or (self.arm.idle(self._second.site) if self._second else ())
         self._unseen = ""  # why the chain alone does not determine the poses of the sites
         if idle:
             self._unseen = (
@@ -233,10 +233,11 @@ class Controller(SteppedLaw):
         """Write what the model's actuators can take."""
         n, arm, input_, limits = self.arm.n, self.arm, self._worlds["input"], self._worlds["limits"]
         limits["torque"][:, :n] = arm.torque_limit
-        limits["rate"][:, :n] = np.minimum(limits["rate"][:, :n], arm.servo_rates)
-        input_["servo"][:, :, :n] = arm.servo_positions
-        input_["has_servos"] = np.isfinite(arm.servo_positions).any()
-        if np.isfinite(arm.servo_positions).any():
+        positions, rates = arm.servo_limits
+        limits["rate"][:, :n] = np.minimum(limits["rate"][:, :n], rates)
+        input_["servo"][:, :, :n] = positions
+        input_["has_servos"] = np.isfinite(positions).any()
+        if np.isfinite(positions).any():
             self._methods["give_way"] = give_way
 
     # Kinematics -----------------------------------------------------------------------------------

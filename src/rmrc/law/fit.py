@@ -112,7 +112,7 @@ def second_task_misfits(control: ControlSection, arm: "Arm") -> Misfits:
 
 def slow_servos(limit: NDArray[np.float64], arm: "Arm") -> str:
     """Return which rate servos of a model take less than some rate limits, (n,), in a line; or ""."""
-    most = arm.servo_rates
+    most = arm.servo_limits[1]
     slow = np.flatnonzero(most < limit)
     if not len(slow):
         return ""

@@ -31,8 +31,9 @@ def link_fields(arm: "Arm", length: float) -> dict[str, NDArray[Any]]:
     """
     masses, lengths = arm.masses, np.where(arm.is_slide, length, 1.0)
     names = "parent", "leader", "ratio", "mass", "moment", "inertia", "armature"
-    return {name: getattr(masses, name) for name in names} | {
-        "axis_0": masses.axis, "step_0": masses.step, "turns": ~masses.is_slide, "advance": masses.is_slide,
+    return {name: masses[name] for name in names} | {
+        "axis_0": masses["axis"], "step_0": masses["step"], "turns": ~masses["is_slide"],
+        "advance": masses["is_slide"],
         # The unit makes it 1 in the mean at `home`: σ and λ are then as large as in the metric of the joints.
         "scale": lengths / math.sqrt(float(np.mean(lengths**2 * arm.inertia))),
     }  # fmt: skip

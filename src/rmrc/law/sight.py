@@ -49,9 +49,8 @@ def look_at(world: np.void, data: Any, arm: "Arm", second: "SecondTask | None") 
     engine["joint"][: len(there.axis)], engine["base"] = there.axis, there.base
     sites = (data.xpos, data.xquat) if is_beside else (data.site_xpos, data.site_xquat)
     places = dict(zip(("site_xpos", "site_xquat"), sites, strict=True))
-    followers = [each for each in arm.followers if each.is_screw or each.name in arm.axis_names]
-    engine["followers"] = len(followers)
-    for i, follower in enumerate(followers):
+    engine["followers"] = len(there.followers)
+    for i, follower in enumerate(there.followers):
         engine["follows"][i], engine["follower_ratio"][i] = follower.leader, follower.ratio
         engine["follower_dof"][i] = model.joint(follower.name).dofadr[0]
     places |= {"xpos": data.xpos, "xquat": data.xquat}

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
-from rmrc.arm.adapting import descends
+from rmrc.arm.adapting import is_behind
 from rmrc.arm.wiring import flex_name
 from rmrc.scenario.choices import Status
 
@@ -47,7 +47,7 @@ def can_touch(model: mujoco.MjModel, wiring: Wiring) -> bool:
 def _moved(model: mujoco.MjModel, wiring: Wiring) -> NDArray[np.bool_]:
     """Return which bodies the first joint of an arm moves, (nbody,)."""
     root = int(model.jnt_bodyid[wiring.joint[0]])
-    return np.array([descends(model, body, root) for body in range(model.nbody)])
+    return is_behind(model, root)
 
 
 class Contacts:

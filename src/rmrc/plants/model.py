@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import DriveKind, Wiring
-from rmrc.arm.drives import terms_of
+from rmrc.arm.actuators import terms_of
 from rmrc.law.compiling import Array, Method, Record, at, carray, compiled, pointer
 from rmrc.law.metric import backward, factor, forward
 from rmrc.law.svd import dot
@@ -170,7 +170,7 @@ class Model(Physical):
     def carries_springs(self) -> NDArray[np.bool_]:
         """Joints that no servo moves: the forces of motors include springs, (n,)."""
         kinds, others = self.arm.drives.kinds, self.arm.others
-        served = frozenset().union(*(others.pulled(i) for i, kind in kinds.items() if kind != MOTOR))
+        served = frozenset().union(*(others.pulled[i] for i, kind in kinds.items() if kind != MOTOR))
         return ~np.isin(self.arm.wiring.joint, list(served))
 
     def assumed_drives(self) -> Iterator[Assumed]:
@@ -195,7 +195,7 @@ class Model(Physical):
         """Yield joints that no actuator of the model moves, and features that such plants lack."""
         yield from super().misfits()
         arm = self.arm
-        if undriven := arm.drives.undriven(arm.configuration("home")):
+        if undriven := arm.drives.undriven(arm.data_at(arm.configuration("home"))):
             idle = arm.drives.idle
             others = f"; it cannot command {arm.drives.named(idle)}" if idle else ""
             yield (

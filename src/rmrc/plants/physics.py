@@ -8,15 +8,14 @@ import mujoco
 import numpy as np
 
 from rmrc.arm import Wiring
+from rmrc.arm.actuators import kind_word
 from rmrc.arm.adapting import UNSAID
-from rmrc.arm.differences import loaded_fields, rubbed_fields
-from rmrc.arm.inventory import actuators
+from rmrc.arm.differences import PAYLOAD
 from rmrc.law.compiling import Array, Record, at, compiled
 from rmrc.law.kinematics import turned
 from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.resistance import write_resistance
 from rmrc.scenario.plant import TIMESTEP
-from rmrc.support.legible import listed
 
 # Ten billion steps of MuJoCo take a day for a small arm on one core: more is an error of units.
 MOST_STEPS = 10_000_000_000
@@ -99,9 +98,15 @@ class Physical(Plant):
 
     def difference(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
         """Return lengths, gravity, payload and friction of this world."""
-        friction = self.section.friction
-        fields = super().difference(model, wiring) | loaded_fields(model, self.section.payload)
-        return fields | rubbed_fields(model, wiring.dof, friction.coulomb, friction.viscous)
+        friction, fields = self.section.friction, super().difference(model, wiring)
+        if self.section.payload:
+            fields["body_mass"] = np.array(model.body_mass)
+            fields["body_mass"][model.body(PAYLOAD).id] = self.section.payload
+        for name, more in (("dof_frictionloss", friction.coulomb), ("dof_damping", friction.viscous)):
+            if np.any(more):
+                fields[name] = np.array(getattr(model, name))
+                fields[name][wiring.dof] += more
+        return fields
 
     def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
         """Return the known differences: all except payload, friction and unknown lengths."""
@@ -146,16 +151,17 @@ class Physical(Plant):
             why = f", to divide the control period of {self.period:g} s" if is_chosen else ""
             is_otherwise = is_chosen or self.drive == "own" or author != _UNSAID_TIMESTEP
             yield Assumed(f"timestep {step:g} s{instead}{why}", is_otherwise)
-        if self.section.is_compensated and not self.arm.is_balanced:
+        compensated = [model.body_mass @ model.body_gravcomp for model in (used, written)]
+        if self.section.is_compensated and written.opt.gravity.any() and not np.isclose(*compensated):
             yield Assumed("gravity compensation of the arm, which the model does not have", False)
 
     def assumed_drives(self) -> Iterator[Assumed]:
         """Yield the model's actuators that it replaces, by their kind."""
-        replaced = [each for each in actuators(self.arm) if each.is_replaced]
-        for kind in dict.fromkeys(each.kind for each in replaced):
-            names = listed(each.name for each in replaced if each.kind == kind)
-            text = f"{self.drives[0]} take the place of {kind} actuators: {names}"
-            yield Assumed(text, kind != self.drives[1])
+        kinds = {i: kind_word(self.arm.model, i) for i in sorted(self.arm.others.replaced)}
+        for word in dict.fromkeys(kinds.values()):
+            names = self.arm.drives.named([i for i, kind in kinds.items() if kind == word])
+            text = f"{self.drives[0]} take the place of {word} actuators: {names}"
+            yield Assumed(text, word != self.drives[1])
 
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield friction that an option of the model disables."""

@@ -144,7 +144,7 @@ class Encoders:
         sites = [arm.site]
         if nullspace.objective == "secondary" and (nullspace.secondary.site or arm.site) in arm.sites:
             sites.append(nullspace.secondary.site or arm.site)
-        for joint in dict.fromkeys(joint for site in sites for joint in arm.idle_before(site)):
+        for joint in dict.fromkeys(joint for site in sites for joint in arm.idle(site)):
             yield (
                 key,
                 f'joint "{joint}" of {arm.path} moves the site and is not actuated, so the law cannot '

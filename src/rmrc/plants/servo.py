@@ -54,12 +54,13 @@ class Servo(Physical):
         much higher ones make servos chatter at their torque limits.
         """
         kv, arm = self.section.kv, self.arm
-        return arm.inertia / self.timestep + arm.damping if kv is None else np.full(arm.n, kv)
+        damping = arm.model.dof_damping @ arm.motion**2
+        return arm.inertia / self.timestep + damping if kv is None else np.full(arm.n, kv)
 
     def write(self, world: np.void) -> None:
         """Write the wrench and the gains."""
         super().write(world)
-        world["plant"]["carries_springs"] = self.section.is_compensated and self.arm.has_springs
+        world["plant"]["carries_springs"] = self.section.is_compensated
         world["plant"]["kv"][: self.arm.n] = self.kv
 
     def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:

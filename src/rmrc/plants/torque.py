@@ -182,7 +182,8 @@ def write_dynamics(
         The tables: degrees of freedom, (nv,), and entries of the inertia.
     """
     freedoms, entries = np.zeros(model.nv, FREEDOM), []
-    freedoms["joint"], freedoms["ratio"] = arm.drives.joint_of
+    freedoms["joint"] = np.where(arm.motion.any(axis=1), np.abs(arm.motion).argmax(axis=1), -1)
+    freedoms["ratio"] = arm.motion.sum(axis=1)
     freedoms["joint"][free], freedoms["ratio"][free] = arm.n + np.arange(len(free)), 1.0
     freedoms["is_balanced"] = model.jnt_actgravcomp[model.dof_jntid]
     freedoms["damping"] = model.opt.timestep * model.dof_damping

@@ -29,7 +29,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from rmrc.arm import Shape
 from rmrc.recording import stream
 from rmrc.recording.events import CLOCK, Strip, ruled, words
 from rmrc.recording.layout import (
@@ -64,6 +63,7 @@ from rmrc.recording.plots import (
     spell,
 )
 from rmrc.recording.scene import Frames, Scene
+from rmrc.recording.shapes import Shape
 from rmrc.recording.stream import RecordingError, Stream, Values
 from rmrc.recording.track import Track, prefix_of
 from rmrc.results.run import Run

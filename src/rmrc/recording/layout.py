@@ -11,8 +11,8 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 from rerun.blueprint.archetypes import ViewBlueprint
 
-from rmrc.arm import Shape
 from rmrc.recording.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS, Scene
+from rmrc.recording.shapes import Shape
 from rmrc.show.palette import GREEN, RED, WHITE, mix
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import rotate

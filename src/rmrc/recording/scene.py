@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm import Arm, Shape
+from rmrc.arm import Arm
+from rmrc.recording.shapes import Shape, shapes_of
 from rmrc.results.run import Run
 from rmrc.show.palette import hue
 from rmrc.simulation.prepare import Prepared
@@ -111,8 +112,8 @@ class Scene:
         rows = prepared.task.rows
         self._rows, self._held, self._view = rows[rows < 3], rows[rows > 2], prepared.task.view
         self._below = prepared.scenario.control.inverse.damping.below
-        self.shapes = arm.shapes()
-        self.body_names, self.is_fixed = arm.body_names, arm.is_fixed
+        self.shapes = shapes_of(arm)
+        self.body_names, self.is_fixed = arm.body_names, arm.model.body_weldid == 0
         self.path = prepared.reference.pose[:, :3]
 
         q = prepared.qpos[arm.wiring.qpos]

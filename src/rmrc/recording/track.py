@@ -21,11 +21,11 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from rmrc.arm import Shape
 from rmrc.recording import stream
 from rmrc.recording.events import Label
 from rmrc.recording.layout import geometries, ghost, packed, xyzw
 from rmrc.recording.scene import Frames, Scene
+from rmrc.recording.shapes import Shape, shapes_of
 from rmrc.recording.stream import Stream, Table, Values
 from rmrc.recording.thinning import OFTEN_FOLLOWING, thinned
 from rmrc.results.run import Run
@@ -126,7 +126,7 @@ class Track:
             if axes and has_axes:
                 own.append(rr.LineStrips3D([*axes.values()], colors=[*axes], radii=radius))
             self._write_body("arm", body, painted, own, has_outlines)
-        pale = [ghost(one) for one in map(paint, scene.believed.shapes()) if one is not None]
+        pale = [ghost(one) for one in map(paint, shapes_of(scene.believed)) if one is not None]
         for moving in np.flatnonzero(~scene.is_fixed) if self._prepared.hardware.is_misled else ():
             self._write_body("believed", int(moving), pale, [])
 

@@ -44,6 +44,7 @@ def refuse_unwritable(paths: Iterable[Path], size: int = 0, way_out: str = "") -
         folder = next(parent for parent in path.absolute().parents if parent.exists())
         for code, is_wrong in (
             (errno.EISDIR, path.is_dir()),
+            (errno.EEXIST, path.exists() and not path.is_file()),  # such as a pipe
             (errno.ENOTDIR, not folder.is_dir()),
             (errno.EACCES, not os.access(folder, os.W_OK | os.X_OK)),
         ):

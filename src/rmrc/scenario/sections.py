@@ -94,7 +94,7 @@ def parse_key(text: str) -> Key:
         return (section, below)
     if section == "sweep" and varied and name in ("vary", "draw"):
         return (section, name, varied)
-    if section != "expect" or not below:
+    if section != "expect" or "." not in text:
         return split(text)
     metric, _, last = below.rpartition(".")  # a metric may lack a name, and is then refused
     return (section, metric, last) if metric and last in Check.model_fields else (section, below)

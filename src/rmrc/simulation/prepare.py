@@ -118,10 +118,8 @@ class Prepared:
     def assumed(self) -> tuple[Assumed, ...]:
         """The deviations of the run from the model as its author wrote it, and the missing limits."""
         slow = fit.slow_servos(self.law.rate_limit, self.arm) if PLANTS[self.plant.name].own else ""
-        moves = self.arm.moves_at(self.scenario.arm.start)
         texts = (
             self.springs, self.by_arm, _by_profile(self.scenario), _not_shown(self), slow,
-            "a start at rest: the keyframe's velocities are ignored" if moves else "",
         )  # fmt: skip
         of_run = (Assumed(text, True) for text in texts if text)
         return (*self.plant.assumed(), *of_run, *_missing_limits(self))
@@ -130,10 +128,8 @@ class Prepared:
     def springs(self) -> str:
         """The springs of joints that no actuator compensates, with their torques, in words; "" without."""
         arm = self.arm
-        if not arm.has_springs:
-            return ""
-        q = self.qpos[arm.wiring.qpos]
-        start, most = np.abs(arm.rest_torques(q)[1]), arm.most_spring_torques(q)
+        torques = np.abs([arm.rest_torques(q)[1] for q in (self.qpos[arm.wiring.qpos], *arm.span)])
+        start, most = torques[0], torques.max(axis=0)
         parts = [
             f"{joint} {start[j]:.3g} {'N' if arm.is_slide[j] else 'N·m'} at the start, up to {most[j]:.3g}"
             for j, joint in enumerate(arm.joints)
@@ -301,10 +297,10 @@ def _with_others(arm: Arm, section: ArmSection, qpos: Array, cache: Cache) -> Ar
     """Return an arm with the joints that are not its own as in a configuration, (nq,)."""
     mocap = arm.mocap_at(section.start) if arm.model.nmocap else None
     placed = arm.at(qpos, section.others == "free", mocap)
-    if placed.rest is None or placed is arm:
-        return placed
-    poses = b"" if placed.mocap is None else placed.mocap.tobytes()
-    return cache.get(("placed", arm, placed.rest.tobytes(), section.others, poses), lambda: placed)
+    if placed is arm:
+        return arm
+    key = "placed", arm, placed.rest.tobytes(), section.others, placed.mocap.tobytes()
+    return cache.get(key, lambda: placed)
 
 
 def expected_profile(scenario: Scenario) -> Profile | None:

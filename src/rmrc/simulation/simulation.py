@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rmrc.results.columns import Divergence, no_ticks
 from rmrc.results.run import Run
-from rmrc.results.scorecard import Scorecard, scorecard
+from rmrc.results.scorecard import Scorecard
 from rmrc.scenario.choices import DAMPING_BELOW, read_by
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared, expected_profile
@@ -54,6 +54,7 @@ class _Course:
         self.scorecard: Scorecard | None = None
         self.warnings: dict[str, int] = {}
         self.has_ended = self.was_cut = False
+        self._seconds = 0.0
 
     @property
     def run(self) -> Run:
@@ -62,7 +63,15 @@ class _Course:
 
     def _part(self, world: World, first: int) -> Run:
         """Return its run from a tick on."""
-        return replace(self._facts, columns=world.columns(first, world.done))
+        contacts = world.contacts
+        return replace(
+            self._facts,
+            columns=world.columns(first, world.done),
+            divergence=world.divergence,
+            wall_time=self._seconds,
+            touching=contacts.first if contacts else (),
+            resting=tuple(contacts.resting) if contacts else (),
+        )
 
     def step(
         self,
@@ -82,7 +91,7 @@ class _Course:
                 world.advance(most)
             finally:  # an interrupted piece counts as well
                 seconds = time.perf_counter() - started
-                self._note(world, seconds)
+                self._seconds += seconds
                 if show and (world.done > first or world.divergence):
                     show(self._part(world, first))
             fitting = (world.done - first) * MOMENT / max(seconds, 1e-9)
@@ -91,23 +100,11 @@ class _Course:
                 world.end()
                 self.was_cut = True
         if not world.is_running:
-            self.warnings = world.warnings
-            if self.keeps:
-                self._facts = self.run
-            else:
-                self.scorecard = scorecard(self.run)
+            run, self.warnings = self.run, world.warnings
+            if not self.keeps:
+                self.scorecard, run = run.scorecard, replace(run, columns=self._facts.columns)
             world.release()
-            self.world, self.has_ended = None, True
-
-    def _note(self, world: World, seconds: float) -> None:
-        """Note the facts after a piece, which took some seconds."""
-        touching, resting = self._facts.touching, self._facts.resting
-        if world.contacts:
-            touching, resting = world.contacts.first, tuple(world.contacts.resting)
-        self._facts = replace(
-            self._facts, divergence=world.divergence, wall_time=self._facts.wall_time + seconds,
-            touching=touching, resting=resting,
-        )  # fmt: skip
+            self._facts, self.world, self.has_ended = run, None, True
 
 
 class Simulation:
@@ -243,7 +240,7 @@ def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run
         profile=expected_profile(scenario),
         rate_limit=tuple(prepared.law.rate_limit.tolist()),
         damping_below=float(inverse.damping.below or 0.0) if DAMPING_BELOW in read else 0.0,
-        screws=() if arm.idle else chain.screws,
-        leaders=() if arm.idle else tuple(chain.leader.tolist()),
-        joint_scale=() if arm.idle else tuple(prepared.task.joint_scale.tolist()),
+        screws=() if arm.idle() else chain.screws,
+        leaders=() if arm.idle() else tuple(chain.leader.tolist()),
+        joint_scale=() if arm.idle() else tuple(prepared.task.joint_scale.tolist()),
     )

@@ -139,7 +139,7 @@ class World:
         data.qpos[:] = prepared.qpos
         for target, values in zip((data.ctrl, data.act), prepared.held, strict=True):
             target[: len(values)] = values
-        mocap = prepared.arm.mocap_now
+        mocap = prepared.arm.mocap
         data.mocap_pos[:], data.mocap_quat[:] = mocap[:, :3], mocap[:, 3:]
 
     def _wire(self, group: np.void, plant: Plant, wiring: Wiring, known: mujoco.MjData) -> None:
@@ -167,7 +167,7 @@ class World:
         group["ctrl_at"][:n] = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
         group["force_at"][:n] = model.actuator_outadr[wiring.actuator] if has_drives else -1
         group["followers"], group["mass_size"], group["body"] = followers, data.M.size, wiring.body
-        if arm.is_fixed[arm.base]:
+        if model.body_weldid[wiring.base] == 0:
             group["base"] = -1
         group["follows"][:followers] = [follower.leader for follower in arm.followers]
         group["follower_ratio"][:followers] = [follower.ratio for follower in arm.followers]

@@ -24,11 +24,11 @@ _FIGURES = (
         "tau.share_of_limit": "torque\npeak",
     },
     {
-        **{f"{kind}_error_{part}.max": f"{short}.\nerror\n{part}"
-           for kind, short in (("position", "pos"), ("orientation", "rot")) for part in ("along", "across")},
+        **{f"{error}_error_{part}.max": f"{short}.\nerror\n{part}"
+           for error, short in (("position", "pos"), ("orientation", "rot")) for part in ("along", "across")},
         "position_error.end": "pos.\nerror\nat end", "orientation_error.end": "rot.\nerror\nat end",
     },
-    {f"status_time.{one.name}": f"time\n{one.name}" for one in IN_RUNS},
+    {f"status_time.{status.name}": f"time\n{status.name}" for status in IN_RUNS},
 )  # fmt: skip
 
 
@@ -41,16 +41,16 @@ def table(name: str, labels: Sequence[str], results: Sequence[Ran], stated: Mapp
         results: Result of each.
         stated: The choices for which the scenario states expectations, if these do not apply to some variant.
     """
-    groups = [[_column(results, *one) for one in titles.items()] for titles in _FIGURES]
+    groups = [[_column(results, *figure) for figure in titles.items()] for titles in _FIGURES]
     groups = [[column for column in group if column] for group in groups]
-    words = [("flipped", *(flipped(one.run) for one in results)), ("expect", *map(_expect, results))]
+    words = [("flipped", *(flipped(result.run) for result in results)), ("expect", *map(_expect, results))]
     groups = [group for group in (*groups, words) if group]
     variants = ("variant", *map(_label, labels, results))
     heading, *rows = zip(variants, *(column for group in groups for column in group), strict=True)
     law = " and ".join(f"{key}={value}" for key, value in stated.items())
     note = f'"-": the expectations of the scenario are for {law}; they are not checked for other choices.'
-    left = frozenset({0, len(heading) - 2, len(heading) - 1})
-    return Sheet(name, heading, rows, left, tuple(map(len, groups)), (note,) if law else ())
+    of_words = frozenset({0, len(heading) - 2, len(heading) - 1})
+    return Sheet(name, heading, rows, of_words, tuple(map(len, groups)), (note,) if law else ())
 
 
 def flipped(run: Run) -> str:
@@ -72,12 +72,14 @@ def flipped(run: Run) -> str:
 
 def _column(results: Sequence[Ran], metric: str, title: str) -> tuple[str, ...]:
     """Return the heading of a metric with its units, and its cells; nothing if no variant has it."""
-    found = [one.scorecard.get(metric) for one in results]
-    units = dict.fromkeys(unit for figure in found if figure for unit in figure.unit.split(" or "))
-    if not units or (title.startswith("time") and not any(figure and figure.value for figure in found)):
+    figures = [result.scorecard.get(metric) for result in results]
+    units = dict.fromkeys(unit for figure in figures if figure for unit in figure.unit.split(" or "))
+    if not units or (title.startswith("time") and not any(figure and figure.value for figure in figures)):
         return ()
     heading = "\nor ".join("of limit" if unit == "1" else unit for unit in units)
-    return f"{title}\n{heading}", *(number(float(one.value)) if one else UNDEFINED for one in found)
+    return f"{title}\n{heading}", *(
+        number(float(figure.value)) if figure else UNDEFINED for figure in figures
+    )
 
 
 def _label(label: str, result: Ran) -> str:

@@ -71,7 +71,7 @@ def worlds_of(source: Source, variants: Sequence[Variant] = (), overrides: Seque
     worlds = study.prepare_all(variants) if variants else [study.prepare()]
     labels = [variant.label for variant in variants] or [worlds[0].scenario.name]
     results = study.step(worlds)
-    return {label: (one.prepared, one.run) for label, one in zip(labels, results, strict=True)}
+    return {label: (result.prepared, result.run) for label, result in zip(labels, results, strict=True)}
 
 
 def saved(path: Path) -> Worlds:
@@ -90,8 +90,8 @@ def saved(path: Path) -> Worlds:
         raise QuestionError(f"{name}: is missing; `run` and `compare` write it, and it names the model")
     with reading(beside, f"what a run left beside {path.stem}.npz"):
         facts = json.loads(beside.read_text("utf-8"))
-        each = facts.get("variants") or [facts | {"label": facts["name"]}]
-        scenarios = {one["label"]: one["scenario"] for one in each}
+        variants = facts.get("variants") or [facts | {"label": facts["name"]}]
+        scenarios = {variant["label"]: variant["scenario"] for variant in variants}
         texts = [block(scenario) for scenario in scenarios.values()]
     if list(scenarios) != list(runs):
         raise QuestionError(f"{name}: belongs to another run than {visible(path.stem)}.npz next to it")

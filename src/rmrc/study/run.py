@@ -63,8 +63,8 @@ class Job:
         self.name, self._records = self._written.name, record and folder is not None
         with suppress(ScenarioError):  # without the overrides, it may be incomplete
             self._written = written.scenario()
-        stem, kinds = f"{self.name}{'.compare' * bool(variants)}", (".rrd", ".npz", ".json")
-        self.files = [Path(folder, f"{stem}{kind}") for kind in kinds[not record :]] if folder else []
+        stem, suffixes = f"{self.name}{'.compare' * bool(variants)}", (".rrd", ".npz", ".json")
+        self.files = [Path(folder, f"{stem}{suffix}") for suffix in suffixes[not record :]] if folder else []
         self.results, self.interrupted, self.failures = list[Ran](), False, list[str]()
         self._stated = list[dict[str, str]]()
         refuse_excess(self.worlds, recorded=self._records)
@@ -78,7 +78,7 @@ class Job:
     @property
     def runs(self) -> Runs:
         """The runs of the variants, or that of the scenario, by label."""
-        return Runs((label, one.run) for label, one in zip(self.labels, self.results, strict=False))
+        return Runs((label, result.run) for label, result in zip(self.labels, self.results, strict=False))
 
     def compile(self) -> None:
         """Load the compiled law, or compile it on first use, which takes seconds."""
@@ -116,7 +116,7 @@ class Job:
 
     def table(self) -> Sheet:
         """Return the table of variants."""
-        stated = dict(pair for one in self._stated for pair in one.items())
+        stated = dict(pair for each in self._stated for pair in each.items())
         return compare_table.table(self.name, self.labels, self.results, stated)
 
     def _recording(self) -> tuple[Any, Watcher]:
@@ -136,8 +136,8 @@ class Job:
         """Return the metrics that a recording shows."""
         if self.variants:
             return as_markdown(replace(self.table(), title=""))
-        (one, *beside) = self.results
-        return markdown(one.scorecard, one.outcomes, beside[0].scorecard if beside else None)
+        (result, *beside) = self.results
+        return markdown(result.scorecard, result.outcomes, beside[0].scorecard if beside else None)
 
     def _save_columns(self, path: Path) -> None:
         save = partial(save_runs, runs=self.runs) if self.variants else self.results[0].run.save
@@ -145,7 +145,7 @@ class Job:
 
     def _save_facts(self, path: Path) -> None:
         known: dict[str, Any]
-        each = [one.facts() for one in self.results]
+        each = [result.facts() for result in self.results]
         if self.variants:
             for variant, stated, its in zip(self.variants, self._stated, each, strict=True):
                 its |= {"label": variant.label, "overrides": list(map(str, variant.changes))}
@@ -164,33 +164,35 @@ class Job:
         A file states its expectations for its own law; those of `--set` or `--vary` are for variants as they
         are.
         """
-        self.results, own = results, self._written
+        self.results, written = results, self._written
         if not self.variants:
             baseline = results[1].run if len(results) > 1 else None
             results[0] = replace(results[0], run=replace(results[0].run, baseline=baseline))
             return
-        for i, (result, one) in enumerate((result, result.prepared.scenario) for result in results):
-            chosen = _choices(one)
-            others = {key: value for key, value in _choices(own).items() if chosen[key] != value}
+        for i, result in enumerate(results):
+            scenario = result.prepared.scenario
+            chosen = _choices(scenario)
+            others = {key: value for key, value in _choices(written).items() if chosen[key] != value}
             counted = [
                 outcome
                 for outcome in result.outcomes
-                if not others or one.expect[outcome.name] != own.expect.get(outcome.name)
+                if not others or scenario.expect[outcome.name] != written.expect.get(outcome.name)
             ]
-            self._stated.append(others if len(counted) < len(one.expect) else {})
+            self._stated.append(others if len(counted) < len(scenario.expect) else {})
             results[i] = replace(result, outcomes=tuple(counted))
 
 
-def _size_of(one: Prepared) -> int:
+def _size_of(world: Prepared) -> int:
     """Return the size of the columns of a world [B]."""
-    return array_size(one.reference.ticks, one.arm.n, min(one.arm.n, len(one.task.rows)), len(one.qpos))
+    n = world.arm.n
+    return array_size(world.reference.ticks, n, min(n, len(world.task.rows)), len(world.qpos))
 
 
-def _choices(one: Scenario) -> dict[str, str]:
+def _choices(scenario: Scenario) -> dict[str, str]:
     """Return the named choices of a scenario's law, which are not numbers such as a damping or a limit.
 
     A scenario states its expectations for these choices: they do not bind another inverse, as where the plain
     inverse is expected to blow up.
     """
     keys = [f"control.{choice.key}" for choice in choices.CHOICES]
-    return {key: str(reduce(getattr, key.split("."), one)) for key in keys}
+    return {key: str(reduce(getattr, key.split("."), scenario)) for key in keys}

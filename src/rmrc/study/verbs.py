@@ -36,10 +36,10 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
         KeyboardInterrupt: Ctrl-C; the files hold the ticks until then.
 
     Example:
-        >>> found = run("line_tracking")
-        >>> found["qdot_cmd"].shape == (len(found), 2)
+        >>> result = run("line_tracking")
+        >>> result["qdot_cmd"].shape == (len(result), 2)
         True
-        >>> found.scorecard["position_error.max"].unit
+        >>> result.scorecard["position_error.max"].unit
         'm'
     """
     return next(iter(_runs(Job(scenario, out, record)).values()))
@@ -126,14 +126,14 @@ def sweep(
         raise ScenarioError.about("sobol", "must not be combined with random: one method draws all keys")
     drawn = random or sobol
     section = {
-        **{f"vary.{key}": one if isinstance(one, str) else list(one) for key, one in (vary or {}).items()},
+        **{f"vary.{key}": v if isinstance(v, str) else list(v) for key, v in (vary or {}).items()},
         **{f"draw.{key}": list(bounds) for key, bounds in (drawn or {}).items()},
         "sampler": ("random" if random else "sobol") if drawn else None,
         "samples": samples, "repeat": repeat, "seed": seed,
     }  # fmt: skip
-    one = draft_of(scenario).scenario()
-    one = one.set({f"sweep.{key}": value for key, value in section.items() if value is not None})
+    swept = draft_of(scenario).scenario()
+    swept = swept.set({f"sweep.{key}": value for key, value in section.items() if value is not None})
     with TemporaryDirectory(prefix="rmrc-") as temporary:
-        work = Sweep(one, (), Path(out or temporary), threads, cluster)
+        work = Sweep(swept, (), Path(out or temporary), threads, cluster)
         work.run(on_runs)
         return work.dataset.table()

@@ -95,7 +95,7 @@ def skeleton(found: Inspection) -> Array:
     arm = found.arm
     poses, _ = arm.frames(arm.configuration(found.q)[None])
     frames = accumulate(link_transforms(arm, found.q)[0], np.matmul)
-    return np.array([poses[0, arm.base, :3], *(T[:3, 3] for T in frames), found.pose[:3]])
+    return np.array([poses[0, arm.wiring.base, :3], *(T[:3, 3] for T in frames), found.pose[:3]])
 
 
 def ellipses(found: Inspection, plane: Sequence[int]) -> tuple[Ellipsoid, Ellipsoid]:

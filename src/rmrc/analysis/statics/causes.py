@@ -2,28 +2,31 @@
 
 import numpy as np
 
+from rmrc.analysis.inventory import contacts
 from rmrc.analysis.statics.hold import LAST, HoldResult
-from rmrc.arm.bearing import ends, pulls
-from rmrc.arm.inventory import contacts
 from rmrc.show.sheets import number
 
 # A joint beside the arm that is faster moves [rad/s or m/s]; slower ones creep below their friction.
 MOVES = 1e-6
+# A joint this near to the end of its range is at the end [rad or m]: MuJoCo's limits are soft.
+NEAR = 1e-3
 
 
 def borne(held: HoldResult) -> str:
     """Return the other parts that carry some of the wrench, and a remedy; "" if nothing is found."""
     arm, qpos = held.wanted.arm, held.run["qpos"]
     touching = (one.bodies for one in contacts(arm, qpos[-1:]) if one.is_moved)
-    bears = [*ends(arm, qpos[-1]), *[f"{one} touches {other}" for one, other in touching][:1]]
+    q, (lower, upper) = held.run["q"][-1], arm.position_limit.T
+    near = NEAR + arm.model.jnt_margin[arm.wiring.joint]
+    ended = np.flatnonzero((q < lower + near) | (q > upper - near))
+    bears = [f"{arm.joints[j]} is at the end of the range" for j in ended]
+    bears += [f"{one} touches {other}" for one, other in touching][:1]
     said = []
     if bears:
         said.append(
             f"{' and '.join(bears)}, which carries part of the load: give other positions by --q "
             "or --keyframe"
         )
-    if unknown := list(pulls(arm, qpos[0], qpos[-1])):
-        said.append(f"{' and '.join(unknown)}, which statics ignores: remove it in a copy of the model")
     if not said and (moves := _moves(held)):
         said.append(f"{moves} still moves apart from the arm: hold it for longer")
     return "".join(f"; {one}" for one in said)

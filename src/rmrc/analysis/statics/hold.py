@@ -118,7 +118,8 @@ def hold_wrench(
         ticks = prepared.reference.ticks
         raise QuestionError(f"--hold: {ticks} ticks need {too_much}; hold for a shorter time")
     kv = np.array(prepared.scenario.plant.kv)
-    slow = np.maximum(STILL, CREEP * arm.friction / kv)
+    friction = arm.model.dof_frictionloss @ np.abs(arm.motion)
+    slow = np.maximum(STILL, CREEP * friction / kv)
     share = SHARE_OF_SCREWS if arm.followers else SHARE
 
     def result(run: Run) -> HoldResult:
@@ -130,7 +131,7 @@ def hold_wrench(
             drift=-pose_error(arm.pose(wanted.q), run["pose"][-1]),
             at_limit=np.asarray((np.abs(run["tau"]) >= arm.torque_limit).any(axis=0)),
             rate=float(rates.max()), is_at_rest=bool((rates <= slow).all()),
-            allowed=np.asarray(share * ended.size.max() + moving + arm.friction), run=run,
+            allowed=np.asarray(share * ended.size.max() + moving + friction), run=run,
         )  # fmt: skip
 
     look, done = round(LOOK / PERIOD), 0

@@ -283,7 +283,7 @@ class Search:
             slid = -f / b
         change = np.where(self.arm.is_slide[which], slid, turned)
         # neither circle nor line
-        change[(self.arm.leads | (self.arm.pitch != 0.0) & ~self.arm.is_slide)[which]] = np.nan
+        change[((self.arm.motion != 0.0).sum(axis=0) > 1)[which]] = np.nan
         moved = q.copy()
         moved[np.arange(len(q)), which] += change
         moved = self.wrapped(moved[np.isfinite(change)], ranges)

@@ -117,7 +117,7 @@ def choose_slice(arm: Arm, plane: str | None, q: Array, through: Array | None = 
     if dimensions == 2:
         return _own_plane(arm, plane, directions[2], arm.pose(q)[:3], joints)
     first = joints[0]
-    turns = arm.comes_round[first] and not arm.leads[first]
+    turns = arm.comes_round[first] and np.count_nonzero(arm.motion[:, first]) == 1
     if plane is None:
         plane = "rz" if turns else "xz"
     if plane == "rz":

@@ -94,18 +94,29 @@ class Margins:
     Attributes:
         scenario: The scenario.
         written: Judgment of the loop as written; None: interrupted before.
-        gain: Factor on control.feedback at the limit; below 1 if the loop is unstable as written.
-        delay: Dead time that can be added [s]; None if the loop is unstable as written.
-        lag: Lag that can be added at every joint [s]; None as for `delay`.
+        all: The margins: of gain, and of delay and lag if the loop is stable as written.
         interrupted: Whether Ctrl-C ended the search.
     """
 
     scenario: Scenario
     written: Judged | None
-    gain: Margin
-    delay: Margin | None
-    lag: Margin | None
+    all: tuple[Margin, ...]
     interrupted: bool
+
+    @property
+    def gain(self) -> Margin:
+        """Factor on control.feedback at the limit; below 1 if the loop is unstable as written."""
+        return self.all[0]
+
+    @property
+    def delay(self) -> Margin | None:
+        """Dead time that can be added [s]; None if the loop is unstable as written."""
+        return self.all[1] if self.is_stable else None
+
+    @property
+    def lag(self) -> Margin | None:
+        """Lag that can be added at every joint [s]; None if the loop is unstable as written."""
+        return self.all[2] if self.is_stable else None
 
     @property
     def late(self) -> tuple[float, float]:
@@ -115,17 +126,12 @@ class Margins:
     @property
     def runs(self) -> int:
         """Number of runs; as written, all limits share them."""
-        return 2 * (1 + sum(len(one.tried) - 1 for one in self.all))
+        return 2 * (1 + sum(len(margin.tried) - 1 for margin in self.all))
 
     @property
     def is_stable(self) -> bool:
         """Whether the loop is stable as written."""
         return self.written is not None and not self.written.is_unstable
-
-    @property
-    def all(self) -> tuple[Margin, ...]:
-        """All margins of the loop."""
-        return tuple(one for one in (self.gain, self.delay, self.lag) if one is not None)
 
 
 def margins(
@@ -181,15 +187,18 @@ def margins_of(
     judge = _judge(study, stop, on_runs)
     loops = [study.prepare(base) for base in settings]
     with ThreadPoolExecutor(threads) as pool:
-        written = list(pool.map(judge, settings))
+        judgments = list(pool.map(judge, settings))
         searches = [
-            [pool.submit(_close_in, judge, base, limit, one, accuracy) for limit in _limits(loop, one)]
-            for base, loop, one in zip(settings, loops, written, strict=True)
+            [
+                pool.submit(_close_in, judge, base, limit, written, accuracy)
+                for limit in _limits(loop, written)
+            ]
+            for base, loop, written in zip(settings, loops, judgments, strict=True)
         ]
-        found = [{one.name: one for one in (search.result() for search in some)} for some in searches]
+        results = [tuple(search.result() for search in each) for each in searches]
     return [
-        Margins(loop.scenario, one, some["gain"], some.get("delay"), some.get("lag"), stop.is_set())
-        for loop, one, some in zip(loops, written, found, strict=True)
+        Margins(loop.scenario, written, each, stop.is_set())
+        for loop, written, each in zip(loops, judgments, results, strict=True)
     ]
 
 
@@ -278,7 +287,7 @@ def _limits(prepared: Prepared, written: Judged | None) -> Iterator[_Limit]:
     rule = 1.0 / (feedback * late)
 
     def lags(more: float) -> object:
-        return [one + more for one in plant.lag] if isinstance(plant.lag, tuple) else plant.lag + more
+        return [lag + more for lag in plant.lag] if isinstance(plant.lag, tuple) else plant.lag + more
 
     ideal = edge_gain(period, delay, lag) / feedback
     least, most = min(_LOWEST, 0.1 * ideal), _BEYOND * max(1.0, ideal)

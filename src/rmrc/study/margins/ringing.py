@@ -54,12 +54,12 @@ class Judged:
         reason: Why the loop is unstable: it diverged, keeps ringing after a kick, or oscillates from limit to
             limit; "": it is stable.
         time: Time of the divergence, or start of the stretch [s]; NaN if stable.
-        left: Remaining fraction of the response to a kick at the end of the worst stretch [1].
+        remainder: Remaining fraction of the response to a kick at the end of the worst stretch [1].
     """
 
     reason: Literal["", "diverged", "rings", "reverses"]
     time: float
-    left: float
+    remainder: float
 
     @property
     def is_unstable(self) -> bool:
@@ -84,8 +84,8 @@ def judged(prepared: Prepared, stop: threading.Event) -> Judged | None:
     count = min(_STRETCHES, max(1, world.reference.ticks // (_WINDOWS * width)))
     starts = tuple(i * world.reference.ticks // count for i in range(count))
     runs = []
-    for one in (world, twin_of(world, starts, kick)):
-        (run,) = Simulation([one]).run(stop=stop)
+    for each in (world, twin_of(world, starts, kick)):
+        (run,) = Simulation([each]).run(stop=stop)
         if stop.is_set():
             return None
         if run.divergence:
@@ -109,8 +109,8 @@ def judged(prepared: Prepared, stop: threading.Event) -> Judged | None:
             reason = "reverses"
         stretches.append(Judged(reason, float(first * period) if reason else math.nan, remainder))
     # the first unstable one, with the worst remaining fraction; the first stretch is never too short
-    judgment = next((one for one in stretches if one.is_unstable), stretches[0])
-    return replace(judgment, left=max(one.left for one in stretches))
+    judgment = next((stretch for stretch in stretches if stretch.is_unstable), stretches[0])
+    return replace(judgment, remainder=max(stretch.remainder for stretch in stretches))
 
 
 def lateness(scenario: Scenario) -> tuple[float, float]:

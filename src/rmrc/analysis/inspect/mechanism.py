@@ -6,9 +6,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.arm import Arm
-from rmrc.arm.followers import active_equalities
-from rmrc.arm.ties import equality_rows
+from rmrc.arm import Arm
+from rmrc.arm.equalities import active_equalities, equality_rows
 from rmrc.support.spatial import AXES
 
 Array = NDArray[np.float64]
@@ -43,14 +42,6 @@ class Mechanism:
     inverse: Array | None
     freedom: int
 
-    @property
-    def jacobian(self) -> Array | None:
-        """K⁻¹: the twist of the site for a unit rate of each actuator, (f, m); None if K has no inverse."""
-        K = self.inverse
-        if K is None or len(K) != len(self.rows) or self.freedom:
-            return None
-        return np.asarray(np.linalg.inv(K))
-
 
 def find_mechanism(arm: Arm, q: Array) -> Mechanism | None:
     """Return the mechanism whose chain to the site is an arm; None if the arm alone is actuated or open.
@@ -62,7 +53,7 @@ def find_mechanism(arm: Arm, q: Array) -> Mechanism | None:
         q: Its joint positions, (n,) [rad or m].
     """
     model, own = arm.model, arm.wiring.dof
-    of_joint = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)
+    of_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     driven = [int(joint) for joint in model.actuator_trnid[of_joint, 0]]
     drives = model.jnt_dofadr[driven]
     if not driven or not active_equalities(model) or set(own.tolist()) <= set(drives.tolist()):
