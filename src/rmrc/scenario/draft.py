@@ -186,7 +186,7 @@ class Draft:
 
     def moved(self, root: Path) -> "Draft":
         """Return the draft for a machine where all its files are below a folder, by their absolute paths."""
-        return Draft(self.document, self._folder, root)
+        return Draft(self.document, self.folder.absolute(), root)
 
     def changed(self, *changes: Change) -> "Draft":
         """Return the draft with other values; later changes win.
