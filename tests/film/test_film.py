@@ -257,8 +257,8 @@ def test_a_pixel_is_the_mean_of_its_parts(worlds):
     ((world, run),) = worlds.values()
     assert FINER == 2
     with Renderer(world.true_arm.model, 64, 48) as small:
-        box = small.corners(run["qpos"][0], world.true_arm.mocap_now)
+        box = small.corners(run["qpos"][0], world.true_arm.mocap)
         eye = camera.fitted(box, 2, 64 / 48)
-        picture = small.draw(run["qpos"][0], eye, [], world.true_arm.mocap_now)
+        picture = small.draw(run["qpos"][0], eye, [], world.true_arm.mocap)
     assert picture.shape == (48, 64, 3)
     assert len(np.unique(picture)) > 20  # edges are smooth

@@ -402,10 +402,11 @@ class Arm:
     # Kinematics ---------------------------------------------------------------------------------
 
     def data_at(self, qpos: Array) -> mujoco.MjData:
-        """Return new data of the author's model at a configuration, (nq,), as far as positions determine."""
+        """Return new data of the author's model at a configuration, (nq,): kinematics and transmissions."""
         data = mujoco.MjData(self.model)
         data.qpos[:], data.mocap_pos[:], data.mocap_quat[:] = qpos, self.mocap[:, :3], self.mocap[:, 3:]
-        mujoco.mj_fwdPosition(self.model, data)
+        mujoco.mj_fwdKinematics(self.model, data)
+        mujoco.mj_transmission(self.model, data)
         return data
 
     @cached_property
