@@ -11,11 +11,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.actuators import OwnDrives, Servo
 from rmrc.arm.adapting import Drive, Own, adapted, without_textures
 from rmrc.arm.chain import Chain, kinds_of
 from rmrc.arm.compiling import compiled
 from rmrc.arm.differences import check_stretch, set_fields, stretched_fields
+from rmrc.arm.drives import OwnDrives, Servo
 from rmrc.arm.equalities import Follower, motion
 from rmrc.arm.location import Location, locate, moved
 from rmrc.arm.masses import find_masses

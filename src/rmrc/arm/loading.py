@@ -178,7 +178,7 @@ def load_asked(section: ArmSection) -> Arm:
 
 def _with_ties(arm: Arm) -> Arm:
     """Return the arm with its `ties`: equalities of its model that no Jacobian here includes."""
-    ties = find_ties(arm.model, arm.configuration("home"), arm.motion, arm.others)
+    ties = find_ties(arm.model, arm.configuration("home"), arm.motion, arm.others.locked | arm.others.held)
     if not ties:
         return arm
     verbs = ("tie", "are") if len(ties) > 1 else ("ties", "is")

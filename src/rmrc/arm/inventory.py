@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm import Arm
 from rmrc.arm.actuators import kind_word
+from rmrc.arm.arm import Arm
 from rmrc.arm.wiring import joint_name, joints_above, soft_bodies
 
 
