@@ -3,29 +3,26 @@
 import math
 import os
 import threading
-import time
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Source, Variant, block, changes_of, draft_of
-from rmrc.simulation.footprint import excess, footprint, refuse_excess
-from rmrc.simulation.prepare import Prepared
+from rmrc.scenario.choices import POLICIES
+from rmrc.simulation.footprint import refuse_excess
 from rmrc.study.dataset import Column, write_table
 from rmrc.study.margins.margins import Margins, margins_of
-from rmrc.study.study import OnRuns, Ran, Study
+from rmrc.study.study import Study
 from rmrc.support.brief import brief
 from rmrc.support.errors import ScenarioError
 from rmrc.support.files import written_whole
 from rmrc.support.interruption import interruptible
 from rmrc.support.problems import Origin, Problem
-from rmrc.support.threads import side_by_side
-from rmrc.tuning.only import Only, read_only
-from rmrc.tuning.perturbed import Spread, draw_scenarios, has_points, loops_between
+from rmrc.textbook.stability import edge_gain
 from rmrc.tuning.robot import GAIN_MARGIN, Given, Robot, robot_of
 from rmrc.tuning.search import Search
 from rmrc.tuning.space import (
@@ -33,8 +30,8 @@ from rmrc.tuning.space import (
     FEEDBACK,
     NUMBERS,
     ON_EXCESS,
-    TRIED,
     WORDS,
+    Only,
     Setting,
     Space,
     Structure,
@@ -42,17 +39,14 @@ from rmrc.tuning.space import (
     bounds,
     meets_limits,
     own_setting,
+    read_only,
 )
-from rmrc.tuning.tables import Row
-from rmrc.tuning.trials import Limits, Trials
-from rmrc.tuning.tried import Tried
-from rmrc.tuning.verdict import Verdict
+from rmrc.tuning.trials import Limits, OnRuns, Trials
+from rmrc.tuning.verdict import Trial, Verdict
+from rmrc.tuning.worlds import Spread, draw_scenarios, loops_between
 
 # Relative accuracy of the printed margins: their second digit.
 _ACCURACY = 0.05
-
-# A tick of the model corrects at most this share of an error, and its path has at least this many ticks.
-_COARSE, _FEWEST = 0.6, 300
 
 
 @brief
@@ -62,7 +56,7 @@ class Tuned:
 
     Attributes:
         own: The setting as written, on all scenarios.
-        tried: All settings.
+        tried: All settings, in the order of trial.
         feasible: Settings that keep the limits on all scenarios.
         verdict: The best of them.
         control: The recommended control section, ready for YAML; None if no setting is feasible.
@@ -70,35 +64,27 @@ class Tuned:
         limits: The limits.
         bounds: Smallest and largest value of each tried number, unless `--only` lists its values.
         margins: Margins of the recommended and the second best setting, by role, on the slowest loop.
-        looks: Number of settings examined on a model.
-        tick: Tick of that model [s].
         runs: Number of runs on scenarios.
         interrupted: Whether Ctrl-C ended it.
     """
 
-    own: Tried
-    tried: tuple[Tried, ...]
-    feasible: tuple[Tried, ...]
+    own: Trial
+    tried: tuple[Trial, ...]
+    feasible: tuple[Trial, ...]
     verdict: Verdict
     control: Mapping[str, Any] | None
     scenarios: tuple[Variant, ...]
     limits: Limits
     bounds: Mapping[str, tuple[float, float]]
     margins: Mapping[str, Margins]
-    looks: int
-    tick: float
     runs: int
     interrupted: bool
 
-    @property
-    def roles(self) -> dict[str, Tried | None]:
-        """The settings with names, the most important first."""
+    def role(self, trial: Trial) -> str:
+        """Return the name of a setting: recommended, second best, as written; "" if it has none."""
         verdict = self.verdict
-        return {"recommended": verdict.recommended, "second best": verdict.second, "as written": self.own}
-
-    def role(self, one: Tried) -> str:
-        """Return the name of a setting; "" if it has none."""
-        return ", ".join(name for name, other in self.roles.items() if other is one)
+        roles = {"recommended": verdict.recommended, "second best": verdict.second, "as written": self.own}
+        return ", ".join(name for name, other in roles.items() if other is trial)
 
     @property
     def block(self) -> str:
@@ -117,6 +103,7 @@ class Tuning:
         slower: Factor on the duration as written that another setting may take.
         robot: Robot with the loops of the perturbed scenarios.
         margin: Gain margin that a recommendation must have on the slowest loop; 1: any.
+        spread: Sizes of the perturbations.
     """
 
     def __init__(
@@ -149,115 +136,67 @@ class Tuning:
             gain_margin: Gain margin that a recommendation must have on the slowest robot; None: 2, or 1 with
                 `ideal`.
             slower: Factor on the duration with the scenario's own setting that another may take.
-            runs: Largest number of runs, without the final checks; runs on the model count by their ticks.
-            threads: Number of threads, one batch each; None: one per core.
+            runs: Largest number of runs, without the final checks.
+            threads: Number of threads, one world each; None: one per core.
 
         Raises:
             ScenarioError: Lists all problems.
         """
-        spread = spread or Spread()
+        self.spread = spread or Spread()
         self.margin = gain_margin if gain_margin is not None else 1.0 if ideal else GAIN_MARGIN
-        _check(perturbed, seed, spread, self.margin, slower, runs, threads)
+        _check(perturbed, seed, self.spread, self.margin, slower, runs, threads)
         self._seed, self.slower, self._runs = seed, slower, runs
-        self._spread = spread
         self._threads = threads or os.cpu_count() or 1
         self._draft = draft_of(source, overrides)
         self._study = Study(self._draft)
-        self._nominal: Prepared = self._study.prepare()
-        self._first: Ran | None = None
-        self.scenario = self._nominal.scenario
+        self.nominal = self._study.prepare()
+        self.scenario = self.nominal.scenario
         words, self._only = read_only(only)
-        self._check_numbers()
-        self._own = own_setting(self.scenario)
-        self._values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
+        numbers = [changes_of({key: value}, "--only") for key, values in self._only.items() for value in values]
+        self._study.prepare_all([Variant("", number) for number in numbers], "")
         self._structures, self.left_out = self._possible(words)
         self._asks_for_excess = ON_EXCESS in words
         self.robot = self._bearable(robot_of(self.scenario, robot, ideal=ideal))
-        self.scenarios = draw_scenarios(self._nominal, perturbed, seed, spread, self.robot)
-        self.loops = loops_between(self._nominal, self.robot) if perturbed else ()
-        self._refuse_excess(self._study.prepare_all(self.scenarios, ""))
-
-    @property
-    def least_runs(self) -> int:
-        """The fewest runs of a search: twice as many as there are scenarios."""
-        return 2 * len(self.scenarios)
-
-    @property
-    def spread_in_words(self) -> str:
-        """The sizes of the perturbations."""
-        spread = self._spread
-        degrees = f"joints start within {math.degrees(spread.start):.4g} deg"
-        slides = f" (slides: {spread.start:.3g} task.length)" if self._nominal.arm.is_slide.any() else ""
-        target = f"target within {spread.offset:g} m along each axis"
-        if not has_points(self.scenario):
-            target = "no target offset, because the task has no absolute point"
-        parts = (degrees + slides, target, f"payload up to {spread.payload:g} kg more")
-        used = (spread.start, spread.offset, spread.payload)
-        return "; ".join(part for part, size in zip(parts, used, strict=True) if size) or "no perturbation"
+        self.scenarios = draw_scenarios(self.nominal, perturbed, seed, self.spread, self.robot)
+        self.loops = loops_between(self.nominal, self.robot) if perturbed else ()
+        refuse_excess([self.nominal])
+        refuse_excess(self._study.prepare_all(self.scenarios, ""), keep_columns=False)
 
     def compile(self) -> None:
         """Load the compiled law, or compile it on first use, which takes seconds."""
-        self._study.compile([self._nominal])
-
-    def begin(self) -> float:
-        """Run the scenario as written, with which the search begins, and return its computing time [s].
-
-        Raises:
-            KeyboardInterrupt: Ctrl-C.
-        """
-        started = time.perf_counter()
-        with interruptible() as stop:
-            (self._first,) = self._study.step([self._nominal], stop)
-            if stop.is_set():
-                raise KeyboardInterrupt
-        return time.perf_counter() - started
-
-    def longest(self, seconds: float, runs: int) -> float:
-        """Return the longest time of this many runs [s]; a search often ends sooner.
-
-        Args:
-            seconds: Time of one.
-            runs: Their number.
-        """
-        return seconds * runs / min(self._threads, os.cpu_count() or 1)
+        self._study.compile([self.nominal])
 
     def run(self, on_runs: OnRuns | None = None) -> Tuned:
         """Search; Ctrl-C ends it with the results so far.
 
         Args:
-            on_runs: Called with the number of finished runs of each batch.
+            on_runs: Called with the number of finished runs.
 
         Raises:
             KeyboardInterrupt: Ctrl-C, before anything was found.
         """
-        if self._first is None:
-            self.begin()
-        assert self._first is not None  # begun
-        nominal, self._first = self._first, None
-        # one setting of the interpreter for the pools of all trials: finding it out takes 16 ms
-        with interruptible() as stop, side_by_side(self._threads):
-            limits = bounds(self._nominal, nominal.run, self.robot, self.margin)
-            model = self._model(limits[FEEDBACK][1])
-            trials = Trials(
-                self._study, self.scenarios, self._threads, stop, on_runs, self.margin, model, self.loops
-            )
+        with interruptible() as stop:
+            (nominal,) = self._study.step([self.nominal], stop)
+            edge = edge_gain(self.scenario.control.period, *self.robot.slowest(self.scenario)) / self.margin
+            limits = bounds(self.nominal, nominal.run, edge)
             matters = self._asks_for_excess or meets_limits(nominal.run)
-            structures = tuple(one for one in self._structures if matters or not one.on_excess)
-            space = Space(structures, limits, self._only, self._values)
-            search = Search(space, trials, self._runs, self._seed)
-            if not search.begin(self._own, self.slower):
+            structures = tuple(it for it in self._structures if matters or not it.on_excess)
+            values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
+            space = Space(structures, limits, self._only, values)
+            worlds = (*self.scenarios, *self.loops)
+            trials = Trials(self._study, worlds, self._threads, stop, on_runs or (lambda _: None))
+            search = Search(self._study, space, trials, len(self.scenarios), self.margin, self._runs, self._seed)
+            if not search.begin(own_setting(self.scenario), self.slower):
                 raise KeyboardInterrupt
-            search.run()
-            verdict = search.judge()
-            tried, feasible = tuple(search.tried), tuple(search.feasible)
-            best = verdict.recommended
-            control = self._written(best.setting).get("control", {}) if best else None
-            bears = self._margins(verdict, search.edge, stop)
+            verdict = search.run()
+            margins = self._margins(verdict, limits[FEEDBACK][1] * self.margin, stop)
             interrupted = stop.is_set()
-        free = {key: one for key, one in limits.items() if key not in self._only}
+        best = verdict.recommended
         return Tuned(
-            tried[0], tried, feasible, verdict, control, self.scenarios, trials.limits, free, bears,
-            search.looks, trials.tick, trials.done, interrupted,
+            search.own, tuple(search.trials.values()), tuple(search.feasible), verdict,
+            self._written(best.setting).get("control", {}) if best else None, self.scenarios, trials.limits,
+            {key: pair for key, pair in limits.items() if key not in self._only}, margins, trials.done,
+            interrupted,
         )  # fmt: skip
 
     def _margins(self, verdict: Verdict, expected: float, stop: threading.Event) -> dict[str, Margins]:
@@ -265,38 +204,50 @@ class Tuning:
 
         Args:
             verdict: The recommendations.
-            expected: Estimated feedback at their stability limit [1/s]; 0: unknown.
+            expected: Estimated feedback at their stability limit [1/s].
             stop: Event that ends the runs.
         """
         chosen = {"recommended": verdict.recommended, "second best": verdict.second}
         loops = {
-            name: (*one.setting.changes, *self.scenarios[0].changes)
-            for name, one in chosen.items()
-            if one is not None and one.feedback > 0.0
+            name: (*trial.setting.changes, *self.scenarios[0].changes)
+            for name, trial in chosen.items()
+            if trial is not None and trial.setting.feedback > 0.0
         }
-        found = margins_of(
+        margins = margins_of(
             self._study, [*loops.values()], stop,
             accuracy=_ACCURACY, threads=self._threads, is_sparing=True, expected=expected,
             stable=self.margin if self.margin > 1.0 else 0.0,  # each of them was tried with it
         )  # fmt: skip
-        return {} if stop.is_set() else dict(zip(loops, found, strict=True))
+        return {} if stop.is_set() else dict(zip(loops, margins, strict=True))
 
-    def write(
-        self, tuned: Tuned, folder: Path, picture: Path | None = None, told: Mapping[str, Any] | None = None
-    ) -> list[Path]:
+    def files(self, folder: Path, picture: Path | None = None) -> list[Path]:
+        """Return the files that `write` may leave: the best setting, the picture, all settings.
+
+        Args:
+            folder: Their folder.
+            picture: Path of the picture instead.
+        """
+        files = [folder / f"{self.scenario.name}.tune.{kind}" for kind in ("yaml", "png", "parquet")]
+        return [files[0], picture or files[1], files[2]]
+
+    def write(self, tuned: Tuned, folder: Path, picture: Path | None = None) -> list[Path]:
         """Write NAME.tune.parquet with all settings, NAME.tune.yaml with the best one, and a picture.
 
         Args:
             tuned: The result; the last two files need a feasible setting.
             folder: Created if missing.
             picture: Path of the picture; None: NAME.tune.png.
-            told: The result of `rmrc.tuning.report.told`, which the page of a search needs.
 
         Returns:
             The files.
         """
-        files = self.files(folder, picture)
-        write_table(files[2], _columns(), [_row(one, tuned) for one in tuned.tried], told)
+        from rmrc.show.figures import save
+        from rmrc.tuning.answer import answer_of
+        from rmrc.tuning.figure import front_figure
+
+        files, answer = self.files(folder, picture), answer_of(self, tuned)
+        rows = [_row(index, trial, tuned) for index, trial in enumerate(tuned.tried)]
+        write_table(files[2], _columns(), rows, answer)
         best = tuned.verdict.recommended
         if best is None:
             return files[2:]
@@ -313,115 +264,126 @@ class Tuning:
         head = f"# {name} with the control section that `rmrc tune` recommends."
         with written_whole(files[0]) as temporary:
             temporary.write_text(f"{head}\n{block(data)}", "utf-8")
-        self._draw(tuned, files[1])
-        return files
-
-    def files(self, folder: Path, picture: Path | None = None) -> list[Path]:
-        """Return the files that `write` may leave: the best setting, the picture, all settings.
-
-        Args:
-            folder: Their folder.
-            picture: Path of the picture instead.
-        """
-        files = [folder / f"{self.scenario.name}.tune.{kind}" for kind in ("yaml", "png", "parquet")]
-        files[1] = picture or files[1]
+        save(front_figure(answer, rows), [files[1]])
         return files
 
     def _seen_from(self, folder: Path, model: str) -> str:
         """Return a model's file, which is relative to the scenario's folder, relative to another."""
         return os.path.relpath((self._draft.folder / model).resolve(), folder.resolve())
 
-    def _draw(self, tuned: Tuned, path: Path) -> None:
-        from rmrc.tuning.figure import draw_front
-
-        def row(one: Tried, name: str = "") -> Row:
-            return Row(name, one.setting.structure.method, "", *one.worst[:3])
-
-        points, front = ([row(one) for one in some] for some in (tuned.feasible, tuned.verdict.front))
-        marks = [row(one, name) for name, one in tuned.roles.items() if one]
-        limits = sorted(filter(math.isfinite, set((tuned.limits.rate / tuned.limits.scale).tolist())))
-        draw_front(self.scenario.name, points, front, marks, limits, path)
-
     def _written(self, setting: Setting) -> dict[str, Any]:
         """Return the scenario as written, with a setting, and without keys that the setting does not read."""
         data = self._draft.changed(*setting.changes).values()
         if not setting.is_written:
-            for key in setting.structure.unread:
-                _remove(data, key.split("."))
+            read = (*setting.values, ON_EXCESS)  # rates are limited whatever it is
+            for key in (*WORDS, *NUMBERS):
+                if key not in read:
+                    _remove(data, key.split("."))
         return data
-
-    def _check_numbers(self) -> None:
-        """Refuse numbers that no scenario may have."""
-        numbers = (({key: one}, "--only") for key, values in self._only.items() for one in values)
-        self._study.prepare_all([Variant("", changes_of(*number)) for number in numbers], "")
 
     def _possible(self, words: Mapping[str, Sequence[str]]) -> tuple[tuple[Structure, ...], tuple[str, ...]]:
         """Return the structures that the scenario can have, and why the others are impossible."""
-        found, reasons = list[Structure](), dict[Problem, None]()
-        own, policy = self.scenario.control.limits.on_excess, self.scenario.control.at_singularity
-        policies = [
-            one for one in WORDS[AT_SINGULARITY] if one in words.get(AT_SINGULARITY, (*TRIED, policy))
-        ]
-        for one in all_structures(policies):
-            if any(
-                value not in words.get(key, (value,)) for key, value in {ON_EXCESS: own, **one.words}.items()
-            ):
-                continue
-            if one.on_excess == own:  # is one of the others
+        structures, reasons = list[Structure](), dict[Problem, None]()
+        control = self.scenario.control
+        tried = [policy.name for policy in POLICIES.options if policy.is_tried]
+        usual = words.get(AT_SINGULARITY, (*tried, control.at_singularity))
+        own = control.limits.on_excess
+        for structure in all_structures(name for name in POLICIES.names if name in usual):
+            values = {ON_EXCESS: own, **structure.words}
+            is_asked = all(value in words.get(key, (value,)) for key, value in values.items())
+            if not is_asked or structure.on_excess == own:  # that is one of the others
                 continue
             try:
-                self._study.prepare(changes_of(one.words))
+                self._study.prepare(changes_of(structure.words))
             except ScenarioError as error:
                 reasons |= dict.fromkeys(error.problems)
             else:
-                found.append(one)
-        if not found:
-            tried = f"{ON_EXCESS}: must be {own}, as the scenario has it, or optimal, with the method damped"
-            raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons or (tried,))
-        return tuple(found), tuple(map(str, reasons))
+                structures.append(structure)
+        if not structures:
+            rule = f"{ON_EXCESS}: must be {own}, as the scenario has it, or optimal, with the method damped"
+            raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons or (rule,))
+        return tuple(structures), tuple(map(str, reasons))
 
     def _bearable(self, robot: Robot) -> Robot:
         """Return a robot without assumed properties that the scenario cannot have, and report these."""
         for name in robot.ranges if robot.is_assumed else ():
             try:
-                self._study.prepare(changes_of(robot.only(name).values(self._nominal, {})))
+                self._study.prepare(changes_of(robot.only(name).values(self.nominal, {})))
             except ScenarioError as error:
                 self.left_out += tuple(map(str, error.problems))
                 robot = robot.without(name)
         return robot
 
-    def _model(self, feedback: float) -> Variant | None:
-        """Return a model of the slowest loop at a tenth of its cost: an ideal plant with one dead time.
 
-        The relevant property of a loop is the sum of its delay, its lags and half a tick. Its ticks may be
-        longer, as long as feedback corrects little in one; then its dead time is shorter.
+def tune(
+    scenario: Source,
+    only: Only | None = None,
+    *,
+    perturbed: int = 4,
+    start: float = Spread.start,
+    offset: float = Spread.offset,
+    payload: float = Spread.payload,
+    delay: Given = None,
+    lag: Given = None,
+    noise: Given = None,
+    calibration: Given = None,
+    ideal: bool = False,
+    gain_margin: float | None = None,
+    slower: float = 1.1,
+    runs: int = 2000,
+    seed: int = 0,
+    out: str | os.PathLike[str] | None = None,
+    threads: int | None = None,
+    on_runs: OnRuns | None = None,
+) -> Tuned:
+    """Search for the inverse, damping and feedback with the smallest tracking error within the limits.
 
-        Args:
-            feedback: The largest that will be tried.
-        """
-        late, period = sum(self.robot.slowest(self.scenario)), self.scenario.control.period
-        ticks = max(1, min(int(_COARSE / (feedback * period)), self._nominal.reference.ticks // _FEWEST))
-        for times in dict.fromkeys((ticks, 1)):
-            if times == 1 and not (late and self._nominal.plant.has_physics):
-                return None  # it costs as much, or servos differ from an ideal plant
-            left = max(0.0, late - 0.5 * (times - 1) * period)
-            ideal = {"plant.kind": "ideal", "plant.delay": round(left, 9), "plant.lag": 0.0}
-            model = Variant("the model", changes_of(ideal | {"control.period": round(times * period, 9)}))
-            with suppress(ScenarioError):  # such as a scenario with a payload
-                self._study.prepare(model.changes)
-                return model
-        return None
+    The function behind `rmrc tune`.
 
-    def _refuse_excess(self, scenarios: Sequence[Prepared]) -> None:
-        """Refuse a search that does not fit into memory: the run as written, and batches of the scenarios."""
-        refuse_excess([self._nominal])
-        batches = self._threads * footprint(scenarios, keep_columns=False)
-        if too_much := excess(batches + footprint([self._nominal])):
-            wrong = (
-                f"has {self._nominal.reference.ticks} ticks, which on {len(scenarios)} scenarios and "
-                f"{self._threads} threads need {too_much}; shorten it, or lower --perturbed or --threads"
-            )
-            raise ScenarioError([self.scenario.problem("target.path", wrong)])
+    Args:
+        scenario: The scenario, its file, or the name of a shipped one.
+        only: Values to which keys are restricted, such as `{"control.inverse.method": ["damped",
+            "filtered"]}`.
+        perturbed: Number of perturbed scenarios; the worst of all counts.
+        start: Perturbation of the joints' start, to either side [rad]; slides: times `task.length` [m].
+        offset: Offset of the target along each axis, to either side [m].
+        payload: Largest additional payload of a perturbed scenario [kg].
+        delay: Dead time of the robot's commands [s]: a number, the smallest and the largest, or a text such
+            as `6ms..12ms`. If neither this nor `lag` or `noise` is given, nor in the scenario, a modest robot
+            is assumed.
+        lag: Time constant with which its actuators follow [s].
+        noise: Standard deviation of its encoders' noise [rad]; of slides, times `task.length` [m].
+        calibration: Errors of its link lengths and joint zeros, to either side [1, rad].
+        ideal: Whether to keep the loop of the scenario, and assume nothing.
+        gain_margin: Factor on its feedback that a recommendation tolerates on the slowest of the robots; 1:
+            no margin is required; None: 2, or 1 with `ideal`.
+        slower: Factor on the duration with the scenario's own setting that another may take.
+        runs: Largest number of runs, without the final checks.
+        seed: Seed of the perturbed scenarios and of the search.
+        out: Folder for NAME.tune.yaml, .png and .parquet; created if missing. None: writes nothing.
+        threads: Number of threads, one world each; None: one per core.
+        on_runs: Called with the number of finished runs.
+
+    Returns:
+        The result, with `tuned.block`, the control section to paste; Ctrl-C ends the search and keeps the
+        results so far.
+
+    Raises:
+        ScenarioError: Lists all problems, before the first run.
+        OSError: A file cannot be written.
+        KeyboardInterrupt: Ctrl-C, before anything was found.
+    """
+    work = Tuning(
+        scenario, only=only or (), perturbed=perturbed, seed=seed, spread=Spread(start, offset, payload),
+        robot={"delay": delay, "lag": lag, "noise": noise, "calibration": calibration}, ideal=ideal,
+        gain_margin=gain_margin, slower=slower, runs=runs, threads=threads,
+    )  # fmt: skip
+    if out is not None:
+        refuse_unwritable(work.files(Path(out)))
+    tuned = work.run(on_runs)
+    if out is not None:
+        work.write(tuned, Path(out))
+    return tuned
 
 
 def _check(
@@ -453,51 +415,36 @@ def _remove(data: dict[str, Any], steps: Sequence[str]) -> None:
 def _columns() -> list[Column]:
     words = [Column(key, "text", "", "null if the setting has none") for key in WORDS]
     numbers = [Column(key, "number", "as the key", "NaN if the setting does not use it") for key in NUMBERS]
-    return [
-        Column("index", "count", "1", "number of the setting, in the order of trial"),
-        *words,
-        *numbers,
-        Column("role", "text", "", "as written, recommended or second best; null for the others"),
-        Column("scenarios", "count", "1", "number of scenarios run: the scenario itself and perturbed ones"),
-        Column("error", "number", "m", "largest error of all its runs; angles times task.length"),
-        Column(
-            "peak_rate",
-            "number",
-            "rad/s",
-            "largest joint rate of all its runs; slides divided by task.length",
-        ),
-        Column("time", "number", "s", "longest duration of its runs"),
-        Column("completed", "number", "1", "smallest completed fraction of the path"),
-        Column("excess", "number", "1", "largest relative excess over a limit; <= 0: all limits are kept"),
-        Column("tightest", "text", "", "the limit with the largest excess"),
-        Column(
-            "feasible",
-            "switch",
-            "",
-            "whether it keeps all limits on all perturbed scenarios; null if not run on all",
-        ),
-        Column(
-            "on_front",
-            "switch",
-            "",
-            "whether it is on the Pareto front: feasible, within --only, and not dominated",
-        ),
+    others = [
+        ("role", "text", "", "as written, recommended or second best; null for the others"),
+        ("scenarios", "count", "1", "number of scenarios run: the scenario itself and perturbed ones"),
+        ("error", "number", "m", "largest error of all its runs; angles times task.length"),
+        ("peak_rate", "number", "rad/s", "largest joint rate of its runs; slides divided by task.length"),
+        ("time", "number", "s", "longest duration of its runs"),
+        ("completed", "number", "1", "smallest completed fraction of the path"),
+        ("excess", "number", "1", "largest relative excess over a limit; <= 0: all limits are kept"),
+        ("tightest", "text", "", "the limit with the largest excess"),
+        ("feasible", "switch", "", "whether it keeps all limits on all scenarios; null if not run on all"),
+        ("on_front", "switch", "", "whether it is on the Pareto front: feasible, and not dominated"),
     ]
+    first = Column("index", "count", "1", "number of the setting, in the order of trial")
+    return [first, *words, *numbers, *(Column(*column) for column in others)]
 
 
-def _row(one: Tried, tuned: Tuned) -> dict[str, Any]:
-    out, whole = one.worst, len(one.outcomes) == len(tuned.scenarios)
+def _row(index: int, trial: Trial, tuned: Tuned) -> dict[str, Any]:
+    outcome, count = trial.worst, sum(world < len(tuned.scenarios) for world in trial.outcomes)
+    is_whole = count == len(tuned.scenarios)
     return {
-        "index": next(i for i, other in enumerate(tuned.tried) if other is one),
-        **one.setting.values,
-        "role": tuned.role(one) or None,
-        "scenarios": len(one.outcomes),
-        "error": out.error,
-        "peak_rate": out.peak_rate,
-        "time": out.time,
-        "completed": out.completed,
-        "excess": out.excess,
-        "tightest": out.missed or None,
-        "feasible": one.keeps_limits if whole else None if one.keeps_limits else False,
-        "on_front": any(other is one for other in tuned.verdict.front),
+        "index": index,
+        **trial.setting.values,
+        "role": tuned.role(trial) or None,
+        "scenarios": count,
+        "error": outcome.error,
+        "peak_rate": outcome.peak_rate,
+        "time": outcome.time,
+        "completed": outcome.completed,
+        "excess": outcome.excess,
+        "tightest": outcome.missed or None,
+        "feasible": trial.keeps_limits if is_whole else None if trial.keeps_limits else False,
+        "on_front": trial in tuned.verdict.front,
     }

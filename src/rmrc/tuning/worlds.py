@@ -29,6 +29,16 @@ class Spread:
     offset: float = 0.002
     payload: float = 0.0
 
+    def words(self, nominal: Prepared) -> str:
+        """Return the sizes for a scenario, in words."""
+        degrees = f"joints start within {np.degrees(self.start):.4g} deg"
+        slides = f" (slides: {self.start:.3g} task.length)" if nominal.arm.is_slide.any() else ""
+        target = f"target within {self.offset:g} m along each axis"
+        if not has_points(nominal.scenario):
+            target = "no target offset, because the task has no absolute point"
+        parts = {degrees + slides: self.start, target: self.offset, f"payload up to {self.payload:g} kg more": self.payload}
+        return "; ".join(part for part, size in parts.items() if size) or "no perturbation"
+
 
 def draw_scenarios(
     nominal: Prepared, count: int, seed: int, spread: Spread, robot: Robot
