@@ -12,7 +12,7 @@ import pytest
 
 from project import ROOT
 from rmrc.results.columns import COLUMNS, widths
-from rmrc.simulation.footprint import HELD, LIBRARIES, excess, footprint
+from rmrc.simulation.footprint import LIBRARIES, excess, footprint
 from rmrc.simulation.prepare import prepare
 from rmrc.support import memory
 from wording import says
@@ -134,9 +134,9 @@ def test_what_does_not_fit_is_refused_before_anything_moves(rmrc, tmp_path, name
 
 def test_a_sweep_counts_the_runs_at_a_time(rmrc, tmp_path, monkeypatch):
     (tmp_path / "long.yaml").write_text(BASE.replace("8000", "20"))
-    # a run holds 10 000 ticks of 504 B and a world: 5.3 MB; two are too much
+    # a run holds 20 001 ticks of 504 B and a world: 10.3 MB; two are too much
     monkeypatch.setattr("rmrc.simulation.footprint.LIBRARIES", 0)
-    monkeypatch.setattr(memory, "room", lambda: memory.Room(8e6, "the machine"))
+    monkeypatch.setattr(memory, "room", lambda: memory.Room(16e6, "the machine"))
     options = (
         "sweep",
         "long.yaml",
@@ -148,7 +148,7 @@ def test_a_sweep_counts_the_runs_at_a_time(rmrc, tmp_path, monkeypatch):
     )
     code, out, err = rmrc(*options, "--threads", "2")
     assert (code, out) == (2, "") and not (tmp_path / "recordings").exists()
-    wanted = "20001 ticks … 2 … 10.8 MB … 6.4 MB … 80% … machine …; … control.period … --threads"
+    wanted = "20001 ticks … 2 … 21 MB … 12.8 MB … 80% … machine …; … control.period … --threads"
     assert err == says(f"rmrc: error: long.yaml:5:16: target.path: … {wanted}\n")
     assert rmrc(*options, "--threads", "1") == (0, "", "")
 
@@ -262,10 +262,11 @@ def test_a_tick_has_as_many_numbers_as_the_columns_of_a_run(simulate):
     assert widths(2, 2, 2) == {name: np.size(run[name][0]) for name in COLUMNS}
 
 
-def test_worlds_whose_columns_are_not_kept_take_the_room_of_the_largest(scenario):
+def test_worlds_whose_columns_are_not_kept_take_that_of_the_largest_in_each_thread(scenario):
     short, long = (prepare(scenario(f"target.path=[{{hold: {{for: {time}}}}}]")) for time in (0.1, 100))
     without = footprint([long], keep_columns=False)
     assert (footprint([short, long], keep_columns=False) == without).all()
     assert (footprint([short, long]) == footprint([short]) + footprint([long])).all()
-    saved = footprint([long]) - without
-    assert saved[0] == (long.most_ticks - HELD) * sum(widths(2, 2, 0).values()) * 8
+    two = footprint([short, long], keep_columns=False, threads=4)
+    assert (two == 2 * without).all()
+    assert without[0] > long.most_ticks * sum(widths(2, 2, 0).values()) * 8

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from project import ROOT, mostly_long, told
 from rmrc.results.columns import COLUMNS
-from rmrc.results.events import CHATTER_FLOOR, CHATTER_TIME, CONDITIONS, Chatter, Conditions
+from rmrc.results.events import CHATTER_FLOOR, CHATTER_TIME, CONDITIONS, chatter, refused
 from rmrc.results.expectations import check
 from rmrc.results.run import Run
 from rmrc.results.scorecard import scorecard
@@ -122,15 +122,11 @@ def random_streams(rng, count):
     return q, commands
 
 
-def conditions_by_us(profile, q, commands, period=PERIOD):
-    """Return the conditions after the ticks of one run, (T, n), which are added in three pieces."""
-    conditions = Conditions(profile, q.shape[1])
+def refused_by_us(profile, q, commands, period=PERIOD):
+    """Return how many commands of one run, (T, n), are refused, and the first."""
     acceleration = np.diff(commands, axis=0, prepend=0.0) / period
     jerk = np.diff(acceleration, axis=0, prepend=0.0) / period
-    columns = [np.arange(len(q)) * period, q.T, commands.T, acceleration.T, jerk.T]
-    for piece in (slice(0, 1), slice(1, 150), slice(150, None)):
-        conditions.add(*(column[..., piece] for column in columns))
-    return conditions
+    return refused(profile, q.T, commands.T, acceleration.T, jerk.T)
 
 
 @pytest.mark.parametrize("count", [300, pytest.param(1000, marks=pytest.mark.long)])
@@ -139,16 +135,15 @@ def test_the_verdict_on_random_runs_is_that_of_the_published_conditions(name, co
     q, commands = random_streams(np.random.default_rng(5), count)
     met = Counter()
     for w in range(count):
-        conditions = conditions_by_us(load_profile(name), q[:, w], commands[:, w])
+        count_of_ours, got = refused_by_us(load_profile(name), q[:, w], commands[:, w])
         broken, first = verdict_by_numpy(name, q[:, w], commands[:, w], PERIOD)
-        assert conditions.refused == broken
+        assert count_of_ours == broken
         met[first and first[0]] += 1
-        got = conditions.first
         if first is None:
             assert (got.condition, got.joint) == ("", -1)
             continue
         condition, joint, tick, value, bound = first
-        assert (got.condition, got.joint, got.time) == (condition, joint, tick * PERIOD)
+        assert (got.condition, got.joint, got.tick) == (condition, joint, tick)
         # differences of the same numbers, divided twice, and a root: a few roundings
         assert got.value == pytest.approx(value, rel=1e-12)
         assert got.bound == pytest.approx(bound, rel=1e-12, abs=1e-14)
@@ -162,12 +157,12 @@ def test_the_versions_of_the_fr3_differ_where_they_should():
     q = np.full((TICKS, 7), 0.0)
     q[..., 0], q[..., 3], q[..., 5] = 2.80, -1.5, 2.0
     still = np.zeros_like(q)
-    old, new = (
-        conditions_by_us(load_profile(name), q, still) for name in ("franka_fr3_before_5_9", "franka_fr3")
+    (count, first), new = (
+        refused_by_us(load_profile(name), q, still) for name in ("franka_fr3_before_5_9", "franka_fr3")
     )
-    assert (old.refused, old.first.condition) == (TICKS, "position")
+    assert (count, first.condition) == (TICKS, "position")
     # the new one does not let it go further: the root of 12 (2.9007 − 2.8) is above 0.6599
-    assert new.refused == 0
+    assert new[0] == 0
 
 
 def one_condition(**given):
@@ -194,10 +189,10 @@ def test_the_bound_itself_is_refused_and_the_number_before_it_is_accepted(condit
         command = value * period ** max(0, CONDITIONS.index(condition) - 1)
         q, commands = np.zeros((2, 1, 1))
         (q if condition == "position" else commands)[0, 0] = command
-        conditions = conditions_by_us(one_condition(**given[0]), q, commands, period)
-        assert conditions.refused == is_refused
+        count, first = refused_by_us(one_condition(**given[0]), q, commands, period)
+        assert count == is_refused
         if is_refused and not math.isnan(value):
-            assert (conditions.first.value, conditions.first.bound) == (value, bound)
+            assert (first.value, first.bound) == (value, bound)
 
 
 def test_the_rate_near_an_end_may_not_reach_the_taper():
@@ -205,8 +200,7 @@ def test_the_rate_near_an_end_may_not_reach_the_taper():
     taper = {"lower": [-1.0], "upper": [1.0], "offset": [0.25], "deceleration": [0.5]}
     profile = one_condition(rate_near_ends=taper)
     for rate, is_refused in ((0.75, True), (-0.75, True), (math.nextafter(0.75, 0), False)):
-        conditions = conditions_by_us(profile, np.zeros((1, 1)), np.full((1, 1), rate))
-        assert conditions.refused == is_refused
+        assert refused_by_us(profile, np.zeros((1, 1)), np.full((1, 1), rate))[0] == is_refused
 
 
 # Figures ------------------------------------------------------------------------------------------
@@ -230,10 +224,8 @@ def test_chatter_is_what_numpy_counts_in_random_columns(seed, period, size):
         np.cumsum(10.0**size * rng.normal(size=(300, 4)) * (rng.random((300, 4)) < 0.2), axis=0) * period
     )
     acceleration = np.diff(commands, axis=0, prepend=0.0).T / period
-    chatter = Chatter(np.full(4, CHATTER_FLOOR), period)
-    for first in range(0, 300, 37):
-        chatter.add(acceleration[:, first : first + 37], first)
-    np.testing.assert_array_equal(chatter.count, chatter_by_numpy(commands, period, CHATTER_FLOOR))
+    counts = chatter(acceleration, np.full(4, CHATTER_FLOOR), period)
+    np.testing.assert_array_equal(counts, chatter_by_numpy(commands, period, CHATTER_FLOOR))
 
 
 def stream(commands, period=PERIOD, **given):

@@ -15,9 +15,8 @@ from pathlib import Path
 import typer
 
 from rmrc import cli
-from rmrc.results.columns import COLUMNS, Recorded
-from rmrc.results.scorecard import figures
-from rmrc.results.tally import Tally
+from rmrc.results.columns import COLUMNS
+from rmrc.results.expectations import blank
 from rmrc.scenario import schema_rows
 from rmrc.scenario.choices import CHOICES, INVERSES, PLANTS, PRIORITIES
 
@@ -52,8 +51,7 @@ def keys() -> str:
 
 def metrics() -> str:
     """Return all metrics of a run with one joint and all axes."""
-    run = Recorded("", ("JOINT",), (False,), ("x", "y", "z", "rx", "ry", "rz"), 1.0, 1.0, {}, 0)
-    card = figures(run, Tally(run))
+    card = blank(("JOINT",), ("x", "y", "z", "rx", "ry", "rz"))
     rows = [(code(name), one.unit, one.meaning) for name, one in card.items()]
     return table(("metric", "unit", "meaning"), *rows)
 

@@ -51,7 +51,7 @@ from rmrc.cli.console import (
 )
 from rmrc.cli.mistakes import ENVIRONMENT, UsageError, usage
 from rmrc.support.errors import RmrcError, ScenarioError
-from rmrc.support.interruption import stops_like_ctrl_c
+from rmrc.support.interruption import signal_that_came, stops_like_ctrl_c
 from rmrc.support.invocation import command
 from rmrc.support.legible import visible
 from rmrc.support.notices import heard_by
@@ -141,7 +141,10 @@ def _run() -> int:
         complain(f"error: {place}: {(error.strerror or str(error)).lower()}")
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
-    except Exception:
+    except Exception as error:
+        # Bindings of C++ turn an interrupt that comes while they convert an argument into these errors.
+        if isinstance(error, TypeError | SystemError) and signal_that_came():
+            return EXIT_INTERRUPTED
         return _internal()
     return EXIT_INPUT
 

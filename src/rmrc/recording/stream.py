@@ -226,7 +226,7 @@ class Component:
     ) -> None:
         """Find the types of arrow."""
         self.descriptor, self.size, self.is_strip = descriptor, size, is_strip
-        self.dtype = np.dtype(kind.to_pandas_dtype())
+        self.dtype: np.dtype[Any] = pa.array([], kind).to_numpy().dtype  # needs no pandas, in any version
         self.value = _never_null(kind, size) if size > 1 else kind
         self.strip = _never_null(self.value)
 

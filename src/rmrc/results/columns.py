@@ -75,6 +75,13 @@ def widths(n: int, k: int, nq: int) -> dict[str, int]:
     return {name: sizes[column.width] for name, column in COLUMNS.items()}
 
 
+def no_ticks(n: int, k: int, nq: int) -> dict[str, NDArray[np.generic]]:
+    """Return the columns of a run without ticks; arguments as in `widths`."""
+    return {
+        name: np.empty((0, width) if COLUMNS[name].width else 0) for name, width in widths(n, k, nq).items()
+    }
+
+
 @dataclass(frozen=True)
 class Divergence:
     """The point at which a state stopped being finite.

@@ -1,7 +1,4 @@
-"""Countable events of a run, piece by piece: statuses, standstill, chatter, and what a profile refuses.
-
-Each class takes the next ticks of a run in pieces of any length, and knows the same whatever the pieces are.
-"""
+"""Countable events of a run: stretches of ticks, chatter, and commands that a profile refuses."""
 
 import math
 from dataclasses import dataclass
@@ -9,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.scenario.choices import IN_RUNS, Status
-from rmrc.scenario.profile import Profile
+from rmrc.scenario.profile import Profile, Taper
 
 Array = NDArray[np.float64]
 
@@ -26,95 +22,31 @@ CHATTER_TIME = 0.1
 # 0.3 rad/s² rms.
 CHATTER_FLOOR = 1.0
 
-_STATUSES = (Status.OK, *IN_RUNS)
-_BITS = np.array(IN_RUNS, np.int64)[:, None]
 
+def stretches(holds: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the first tick, and one past the last, of each stretch in which something holds, (k, 2).
 
-class Statuses:
-    """How often each status occurred, and when first; OK stands for ticks without a status."""
-
-    def __init__(self) -> None:
-        """Begin before the first tick."""
-        self._count = np.zeros(len(_STATUSES), np.int64)
-        self._time = np.full(len(_STATUSES), math.nan)
-
-    def add(self, time: Array, status: NDArray[np.int64]) -> None:
-        """Add ticks, (T,), T > 0."""
-        occurs = np.vstack([status == 0, (status & _BITS) != 0])
-        count = np.count_nonzero(occurs, axis=1)
-        is_first = (count > 0) & (self._count == 0)
-        self._time[is_first] = time[occurs[is_first].argmax(axis=1)]
-        self._count += count
-
-    def count(self, status: Status) -> int:
-        """Return the number of ticks with a status."""
-        return int(self._count[_STATUSES.index(status)])
-
-    def first_time(self, status: Status) -> float:
-        """Return the time of the first tick with a status [s]; NaN: there is none."""
-        return float(self._time[_STATUSES.index(status)])
-
-
-class Standstill:
-    """The longest stretch of ticks in which an arm is stuck; the first of equals.
-
-    Attributes:
-        longest: Its number of ticks.
-        time: Time of its first tick [s]; NaN: there is none.
+    Args:
+        holds: Whether it does at each tick, (T,).
     """
-
-    def __init__(self) -> None:
-        """Begin before the first tick."""
-        self.longest, self.time = 0, math.nan
-        self._length, self._began = 0, math.nan  # of the stretch that reaches the last tick
-
-    def add(self, time: Array, is_stuck: NDArray[np.bool_]) -> None:
-        """Add ticks, (T,), T > 0."""
-        edges = np.flatnonzero(np.diff(is_stuck, prepend=False, append=False))
-        lengths, times = edges[1::2] - edges[::2], time[edges[::2]]
-        if is_stuck[0] and self._length:  # the stretch goes on
-            lengths[0] += self._length
-            times[0] = self._began
-        if len(lengths) and lengths.max() > self.longest:
-            longest = lengths.argmax()
-            self.longest, self.time = int(lengths[longest]), float(times[longest])
-        self._length, self._began = (lengths[-1], times[-1]) if is_stuck[-1] else (0, math.nan)
+    return np.flatnonzero(np.diff(holds, prepend=False, append=False)).reshape(-1, 2)
 
 
-class Chatter:
-    """Changes of the commanded accelerations' signs.
+def chatter(acceleration: Array, floor: Array, period: float) -> NDArray[np.int64]:
+    """Return how many changes of sign come within CHATTER_TIME of the one before, (n,).
 
-    Attributes:
-        count: Number of changes that come within CHATTER_TIME of the one before, (n,).
+    Args:
+        acceleration: Commanded accelerations, (n, T).
+        floor: Acceleration of each joint up to which a sign does not count, (n,).
+        period: Control period [s].
     """
-
-    def __init__(self, floor: Array, period: float) -> None:
-        """Begin before the first tick.
-
-        Args:
-            floor: Acceleration of each joint up to which a sign does not count, (n,).
-            period: Control period [s].
-        """
-        self._floor, self._soon = floor[:, None], round(CHATTER_TIME / period)
-        self._sign = np.zeros(len(floor))  # of the last acceleration that counts
-        self._changed = np.full(len(floor), -math.inf)  # tick of the last change
-        self.count = np.zeros(len(floor), np.int64)
-
-    def add(self, acceleration: Array, ticks: int) -> None:
-        """Add commanded accelerations, (n, T), that follow a number of ticks."""
-        counts = np.abs(acceleration) > self._floor
-        if not counts.any():
-            return
-        signs = np.column_stack([self._sign, np.where(counts, np.sign(acceleration), 0.0)])
-        joint, column = np.nonzero(signs)  # joint by joint, each in the order of time
-        sign = signs[joint, column]
-        self._sign[joint] = sign  # the last of each joint remains
-        is_change = (joint[1:] == joint[:-1]) & (sign[1:] != sign[:-1])
-        joint, tick = joint[1:][is_change], column[1:][is_change] - 1 + ticks
-        is_first = np.diff(joint, prepend=-1) != 0
-        before = np.where(is_first, self._changed[joint], np.roll(tick, 1))
-        self.count += np.bincount(joint[tick - before <= self._soon], minlength=len(self.count))
-        self._changed[joint] = tick
+    counts = np.zeros(len(floor), np.int64)
+    is_large = np.abs(acceleration) > floor[:, None]
+    for j in np.flatnonzero(is_large.any(axis=1)):
+        ticks = np.flatnonzero(is_large[j])
+        changes = ticks[1:][np.diff(acceleration[j, ticks] > 0.0)]
+        counts[j] = np.count_nonzero(np.diff(changes) <= round(CHATTER_TIME / period))
+    return counts
 
 
 @dataclass(frozen=True)
@@ -124,76 +56,61 @@ class Violation:
     Attributes:
         condition: Its first violated condition; "": there is no such command.
         joint: The first joint that violates it; -1: there is none.
-        time: When the command was sent [s].
+        tick: When the command was sent.
         value: Value that violates the condition.
         bound: Bound that it reaches.
     """
 
     condition: str = ""
     joint: int = -1
-    time: float = math.nan
+    tick: int = -1
     value: float = math.nan
     bound: float = math.nan
 
 
-class Conditions:
-    """The commands that a profile refuses. A bound is violated where it is reached, and by NaN.
+def refused(
+    profile: Profile, q: Array, rate: Array, acceleration: Array, jerk: Array
+) -> tuple[int, Violation]:
+    """Return how many commands a profile refuses, and the first. A bound that is reached is violated.
 
-    Attributes:
-        refused: Number of refused commands; NaN without a profile.
-        first: The first of them.
+    Args:
+        profile: The profile.
+        q: Joint positions, (n, T).
+        rate: Commanded rates, and so on, (n, T) each.
+        acceleration: Their difference quotients.
+        jerk: Those of the accelerations.
     """
-
-    def __init__(self, profile: Profile | None, n: int) -> None:
-        """Begin before the first tick, with a profile or none, of an arm with n joints."""
-        self.refused, self.first = 0.0 if profile else math.nan, Violation()
-        if profile is None:
-            return
-        infinite = np.full((n, 1), math.inf)
-        self._ends = -infinite, infinite
-        if profile.position:
-            self._ends = _column(profile.position.lower), _column(profile.position.upper)
-        self._rate, self._acceleration, self._jerk = (
-            _column(bound.value) if bound else infinite
-            for bound in (profile.rate, profile.acceleration, profile.jerk)
-        )
-        self._taper = profile.rate_near_ends
-
-    def add(self, time: Array, q: Array, rate: Array, acceleration: Array, jerk: Array) -> None:
-        """Add ticks: positions and what was commanded, (n, T) each."""
-        if math.isnan(self.refused):
-            return
-        conditions = (
-            (q, *self._ends),
-            (rate, *self._rates(q)),
-            (acceleration, -self._acceleration, self._acceleration),
-            (jerk, -self._jerk, self._jerk),
-        )
-        violates = np.array([~((value > lower) & (value < upper)) for value, lower, upper in conditions])
-        ticks = np.flatnonzero(violates.any(axis=(0, 1)))
-        if len(ticks) and not self.refused:
-            tick = int(ticks[0])
-            condition, joint = map(int, np.argwhere(violates[:, :, tick])[0])
-            value, lower, upper = (
-                float(np.broadcast_to(part, q.shape)[joint, tick]) for part in conditions[condition]
-            )
-            bound = lower if value <= lower else upper
-            self.first = Violation(CONDITIONS[condition], joint, float(time[tick]), value, bound)
-        self.refused += len(ticks)
-
-    def _rates(self, q: Array) -> tuple[Array, Array]:
-        """Return the bounds of rates at some positions, with the taper toward the ends: see `Taper`."""
-        lower, upper = -self._rate, self._rate
-        if self._taper:
-            offset, deceleration = _column(self._taper.offset), _column(self._taper.deceleration)
-            for_lower, for_upper = (
-                np.maximum(0.0, np.sqrt(np.maximum(0.0, 2.0 * deceleration * distance)) - offset)
-                for distance in (q - _column(self._taper.lower), _column(self._taper.upper) - q)
-            )
-            lower, upper = np.maximum(lower, -for_lower), np.minimum(upper, for_upper)
-        return lower, upper
+    most = [
+        np.array(part.value if part else [math.inf] * len(q))[:, None]
+        for part in (profile.rate, profile.acceleration, profile.jerk)
+    ]
+    bounds = [(-bound, bound) for bound in most]
+    if profile.rate_near_ends:
+        bounds[0] = _tapered(profile.rate_near_ends, q, most[0])
+    ends = profile.position
+    position = (ends.lower, ends.upper) if ends else ([-math.inf] * len(q), [math.inf] * len(q))
+    bounds.insert(0, (np.array(position[0])[:, None], np.array(position[1])[:, None]))
+    values = (q, rate, acceleration, jerk)
+    violates = np.array(
+        [~((value > low) & (value < high)) for value, (low, high) in zip(values, bounds, strict=True)]
+    )  # of NaN as well
+    ticks = np.flatnonzero(violates.any(axis=(0, 1)))
+    if not len(ticks):
+        return 0, Violation()
+    tick = int(ticks[0])
+    i, j = map(int, np.argwhere(violates[:, :, tick])[0])
+    value = float(values[i][j, tick])
+    low, high = (float(np.broadcast_to(bound, q.shape)[j, tick]) for bound in bounds[i])
+    return len(ticks), Violation(CONDITIONS[i], j, tick, value, low if value <= low else high)
 
 
-def _column(values: tuple[float, ...]) -> Array:
-    """Return numbers of joints as a column, (n, 1)."""
-    return np.array(values, float)[:, None]
+def _tapered(taper: Taper, q: Array, rate: Array) -> tuple[Array, Array]:
+    """Return the bounds of rates at some positions, with the taper toward the ends, (n, T) each."""
+    lower, upper, offset, deceleration = (
+        np.array(part)[:, None] for part in (taper.lower, taper.upper, taper.offset, taper.deceleration)
+    )
+    for_lower, for_upper = (
+        np.maximum(0.0, np.sqrt(np.maximum(0.0, 2.0 * deceleration * distance)) - offset)
+        for distance in (q - lower, upper - q)
+    )
+    return np.maximum(-rate, -for_lower), np.minimum(rate, for_upper)

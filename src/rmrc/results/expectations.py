@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from rmrc.results.columns import Recorded
+from rmrc.results.columns import Recorded, no_ticks
 from rmrc.results.events import CONDITIONS
-from rmrc.results.scorecard import Figure, Scorecard, figures, json_value
-from rmrc.results.tally import Tally
+from rmrc.results.scorecard import Figure, Scorecard, json_value, scorecard
 from rmrc.scenario import Check, Scenario
 from rmrc.scenario.sections import PROFILE
 from rmrc.support.errors import ScenarioError, did_you_mean
@@ -79,8 +78,8 @@ def blank(joints: tuple[str, ...], axes: tuple[str, ...]) -> Scorecard:
         joints: Names of the joints.
         axes: Task axes that count.
     """
-    run = Recorded("", joints, (False,) * len(joints), axes, 1.0, 1.0, {}, 0)
-    return figures(run, Tally(run))
+    n = len(joints)
+    return scorecard(Recorded("", joints, (False,) * n, axes, 1.0, 1.0, no_ticks(n, 1, n), 0))
 
 
 def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:

@@ -1,70 +1,143 @@
 """The metrics of a run, each declared once: name, value, unit and meaning, in the order of display.
 
-The set of metrics depends on the joints and the task axes alone, never on the events of the run: a metric
-that a run is too short to determine is NaN, or "" for a name.
+Each is computed by numpy from the whole columns of the run. Their names depend on the joints and the task axes
+alone, never on the events of the run: a metric that a run is too short to determine is NaN, or "" for a name.
+So a run without ticks has all names. Arrays are (joints, ticks), each row contiguous over time.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.results.columns import Recorded
-from rmrc.results.events import CONDITIONS
-from rmrc.results.tally import Tally
+from rmrc.results.events import CHATTER_FLOOR, CONDITIONS, Violation, chatter, refused, stretches
 from rmrc.scenario.choices import IN_RUNS, Status
 from rmrc.support.spatial import AXES
+
+Array: TypeAlias = NDArray[np.float64]
+# Name, value, unit and meaning of each metric.
+Metrics: TypeAlias = Iterator[tuple[str, float | str, str, str]]
 
 # A path is closed if its last wanted pose is this near to the first [m, rad]: above the error of a start that
 # was rounded to 0.01 deg, and far below any path.
 CLOSED = 1e-3
+# The lost direction has no linear or no angular part where that part of u_min is smaller: it is rounding.
+NO_PART = 1e-9
 
-# Name, value, unit and meaning of each metric.
-Metrics: TypeAlias = Iterator[tuple[str, float | str, str, str]]
+
+def metrics(run: Recorded) -> Metrics:
+    """Yield the metrics of a run of any length, even 0."""
+    q, qdot, qdot_cmd, qdot_plain, tau, gravity = (
+        np.ascontiguousarray(run[name].T)
+        for name in ("q", "qdot", "qdot_cmd", "qdot_plain", "tau", "tau_gravity")
+    )
+    # difference quotients, each at the later of its ticks; commands begin at rest
+    acceleration = np.diff(qdot) / run.period
+    acceleration_cmd = np.diff(qdot_cmd, prepend=0.0) / run.period
+    jerk_cmd = np.diff(acceleration_cmd, prepend=0.0) / run.period
+    status = run.columns["status"].astype(np.int64)
+
+    measured, quotient = (f"difference quotient of the {of} rate" for of in ("measured", "commanded"))
+    force, total = "actuator torque or force", "torque or force with that of gravity compensation"
+    yield from _joints(run, "joint_rate", "measured rate", qdot, "/s", "rms times")
+    yield from _joints(run, "joint_rate_cmd", "commanded rate", qdot_cmd, "/s", "rms times")
+    yield from _joints(run, "joint_rate_plain", "rate of the plain inverse", qdot_plain, "/s")
+    yield from _joints(run, "joint_acceleration", measured, acceleration, "/s²", "each")
+    yield from _joints(run, "joint_acceleration_cmd", quotient, acceleration_cmd, "/s²", "rms")
+    yield from _joints(run, "joint_jerk_cmd", f"second {quotient}", jerk_cmd, "/s³")
+    yield from _chatter(run, acceleration_cmd)
+    yield from _joints(run, "tau", force, tau, "", "each share")
+    yield from _joints(run, "tau_total", total, tau + gravity, "", "share")
+    yield from _errors(run)
+    yield from _return(run)
+    yield from _singularity(run)
+    yield from _statuses(run, status)
+    yield from _loads(run, status, tau)
+    yield from _profile(run, q, qdot_cmd, acceleration_cmd, jerk_cmd)
+    yield from _effort(run)
 
 
-def metrics(run: Recorded, tally: Tally) -> Metrics:
-    """Yield the metrics of a run.
+def peaks(time: Array, values: Array) -> tuple[Array, Array]:
+    """Return the largest values (c,) of some quantities, and when each was first reached (c,) [s].
+
+    NaN is above all numbers; its time is NaN. Both are NaN without ticks.
 
     Args:
-        run: The facts about it; its columns are not read.
-        tally: With its ticks added.
+        time: Time of each tick [s], (T,).
+        values: The quantities at these ticks, or at the last of them, (c, T).
     """
-    rates, accelerations, jerks = (
-        [f"{run.joint_unit(j)}{per}" for j in range(len(run.joints))] for per in ("/s", "/s²", "/s³")
-    )
-    torques = ["N" if slides else "N·m" for slides in run.is_slide]
-    quotient, force = "difference quotient of the commanded rate", "actuator torque or force"
-    total = "torque or force with that of gravity compensation"
-    for group, what in (("joint_rate", "measured rate"), ("joint_rate_cmd", "commanded rate")):
-        yield from _peak(run, tally, group, what, rates)
-        yield from _rms(tally, group, what, rates)
-        yield from _each_rate(run, tally, group, what, rates)
-    yield from _peak(run, tally, "joint_rate_plain", "rate of the plain inverse", rates)
-    measured = "difference quotient of the measured rate"
-    yield from _peak(run, tally, "joint_acceleration", measured, accelerations)
-    yield from _each_peak(run, tally, "joint_acceleration", measured, accelerations)
-    yield from _peak(run, tally, "joint_acceleration_cmd", quotient, accelerations)
-    yield from _rms(tally, "joint_acceleration_cmd", quotient, accelerations)
-    yield from _peak(run, tally, "joint_jerk_cmd", f"second {quotient}", jerks)
-    yield from _chatter(run, tally)
-    yield from _peak(run, tally, "tau", force, torques)
-    yield from _each_peak(run, tally, "tau", force, torques)
-    yield from _share(run, tally, "tau", force)
-    yield from _peak(run, tally, "tau_total", total, torques)
-    yield from _share(run, tally, "tau_total", total)
-    yield from _errors(run, tally)
-    yield from _return(run, tally)
-    yield from _singularity(tally)
-    yield from _statuses(run, tally)
-    yield from _loads(run, tally)
-    yield from _profile(run, tally)
-    yield from _effort(run, tally)
+    count, ticks = values.shape
+    if not ticks:
+        return np.full(count, math.nan), np.full(count, math.nan)
+    first = values.argmax(axis=1)
+    peak = values[np.arange(count), first]
+    return peak, np.where(np.isnan(peak), math.nan, time[first - ticks])
 
 
-def joint_changes(run: Recorded) -> NDArray[np.float64]:
+# Joints -----------------------------------------------------------------------------------------
+
+
+def _joints(run: Recorded, group: str, what: str, values: Array, per: str, more: str = "") -> Metrics:
+    """Yield the metrics of a quantity that each joint has.
+
+    Args:
+        run: The run.
+        group: First part of their names.
+        what: The quantity.
+        values: Its values, (n, T).
+        per: What follows the unit of a joint; "": it is a torque or force.
+        more: Metrics beside the peak: `rms`, the largest of the joints; `each` joint's peak, or these with
+            their `times` and rms; `share` of the torque limit.
+    """
+    n = len(run.joints)
+    units = [f"{run.joint_unit(j)}{per}" if per else ("N·m", "N")[run.is_slide[j]] for j in range(n)]
+    unit = " or ".join(dict.fromkeys(units))
+    each, times = peaks(run["time"], np.abs(values))
+    peak, time, name = _largest(run, each, times)
+    yield f"{group}.peak", peak, unit, f"largest {what}, of all joints and ticks"
+    yield f"{group}.peak_time", time, "s", f"when the largest {what} was reached first"
+    yield f"{group}.peak_joint", name, "", f"joint with the largest {what}"
+    rms = _rms(values) if "rms" in more else each
+    if "rms" in more:
+        yield f"{group}.rms", float(rms.max()), unit, f"largest of the joints' rms {what}"
+    for j, name in enumerate(run.joints if "each" in more or "times" in more else ()):
+        yield f"{group}.{name}.peak", float(each[j]), units[j], f"largest {what} of {name}"
+        if "times" in more:
+            yield f"{group}.{name}.peak_time", float(times[j]), "s", f"when {name} was fastest first"
+            yield f"{group}.{name}.rms", float(rms[j]), units[j], f"{what} of {name}, rms over time"
+    if "share" in more:
+        limit = np.array(run.torque_limit or (math.inf,) * n)
+        shares = (each / limit)[np.isfinite(limit) & (limit > 0.0)]
+        meaning = f"largest {what} as a share of its joint's limit; undefined without a limit"
+        yield f"{group}.share_of_limit", float(shares.max()) if len(shares) else math.nan, "1", meaning
+
+
+def _largest(run: Recorded, each: Array, times: Array) -> tuple[float, float, str]:
+    """Return the largest value of all joints, its time, and the name of its joint."""
+    j = int(each.argmax())
+    return float(each[j]), float(times[j]), "" if math.isnan(each[j]) else run.joints[j]
+
+
+def _rms(values: Array) -> Array:
+    """Return the root of the mean square over the ticks, of (c, T)."""
+    return np.asarray(np.sqrt(np.einsum("ct,ct->c", values, values) / (values.shape[1] or math.nan)))
+
+
+def _chatter(run: Recorded, acceleration: Array) -> Metrics:
+    """Yield the rate of quick sign changes of the commanded acceleration, (n, T)."""
+    floor = np.array(run.chatter_floor or (CHATTER_FLOOR,) * len(run.joints))
+    counts = chatter(acceleration, floor, run.period)
+    joint = int(counts.argmax())
+    rate = int(counts[joint]) / (len(run) * run.period) if len(run) else math.nan
+    what = "sign changes of the commanded acceleration per second, counting those in quick succession"
+    yield "chatter", rate, "1/s", f"{what}; of the joint with the most"
+    yield "chatter_joint", run.joints[joint] if counts[joint] else "", "", "joint with the most chatter"
+
+
+def joint_changes(run: Recorded) -> Array:
     """Return how far each joint is from its start, after a path that ends where it began.
 
     Revolute joints by the shortest angle, so that a full turn is no change.
@@ -75,192 +148,185 @@ def joint_changes(run: Recorded) -> NDArray[np.float64]:
     Returns:
         Magnitudes, (n,) [rad or m]; NaN for any other run.
     """
-    if not len(run):
-        return np.full(len(run.joints), math.nan)
-    return _changes(run, run.is_complete, run["q"][[0, -1]], run["pose_ref"][[0, -1]])
-
-
-def _changes(
-    run: Recorded, is_complete: bool, q: NDArray[np.float64], pose_ref: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return `joint_changes` from the first and the last row of both columns, (2, …)."""
-    if is_complete:
-        gap = run.view.error(pose_ref[1], pose_ref[0])[[AXES.index(axis) for axis in run.axes]]
+    if len(run) and run.is_complete:
+        gap = run.view.error(run["pose_ref"][-1], run["pose_ref"][0])[[AXES.index(axis) for axis in run.axes]]
         if np.abs(gap).max() <= CLOSED:
-            change = q[1] - q[0]
+            change = run["q"][-1] - run["q"][0]
             shortest = (change + math.pi) % (2.0 * math.pi) - math.pi
             return np.asarray(np.abs(np.where(run.is_slide, change, shortest)))
     return np.full(len(run.joints), math.nan)
 
 
-# Joints -----------------------------------------------------------------------------------------
-
-
-def _peak(run: Recorded, tally: Tally, group: str, what: str, units: Sequence[str]) -> Metrics:
-    """Yield the largest magnitude of all joints, its time and its joint."""
-    peak = tally.peak(group)
-    joint = int(peak.value.argmax())
-    time = float(peak.time[joint])
-    yield f"{group}.peak", float(peak.value[joint]), _any(units), f"largest {what}, of all joints and ticks"
-    yield f"{group}.peak_time", time, "s", f"when the largest {what} was reached first"
-    name = "" if math.isnan(time) else run.joints[joint]
-    yield f"{group}.peak_joint", name, "", f"joint with the largest {what}"
-
-
-def _rms(tally: Tally, group: str, what: str, units: Sequence[str]) -> Metrics:
-    """Yield the largest of the joints' rms over time."""
-    yield f"{group}.rms", float(tally.rms(group).max()), _any(units), f"largest of the joints' rms {what}"
-
-
-def _each_peak(run: Recorded, tally: Tally, group: str, what: str, units: Sequence[str]) -> Metrics:
-    """Yield the largest magnitude of each joint."""
-    for name, peak, unit in zip(run.joints, tally.peak(group).value.tolist(), units, strict=True):
-        yield f"{group}.{name}.peak", peak, unit, f"largest {what} of {name}"
-
-
-def _each_rate(run: Recorded, tally: Tally, group: str, what: str, units: Sequence[str]) -> Metrics:
-    """Yield the largest magnitude of each joint, its time, and the rms over time."""
-    peak = tally.peak(group)
-    values, times, rms = peak.value.tolist(), peak.time.tolist(), tally.rms(group).tolist()
-    for j, (name, unit) in enumerate(zip(run.joints, units, strict=True)):
-        yield f"{group}.{name}.peak", values[j], unit, f"largest {what} of {name}"
-        yield f"{group}.{name}.peak_time", times[j], "s", f"when {name} was fastest first"
-        yield f"{group}.{name}.rms", rms[j], unit, f"{what} of {name}, rms over time"
-
-
-def _any(units: Sequence[str]) -> str:
-    """Return the unit of a value of any joint."""
-    return " or ".join(dict.fromkeys(units))
-
-
-def _chatter(run: Recorded, tally: Tally) -> Metrics:
-    """Yield the rate of quick sign changes of the commanded acceleration."""
-    joint = int(tally.chatter.count.argmax())
-    count = int(tally.chatter.count[joint])
-    rate = count / (tally.ticks * run.period) if tally.ticks else math.nan
-    what = "sign changes of the commanded acceleration per second, counting those in quick succession"
-    yield "chatter", rate, "1/s", f"{what}; of the joint with the most"
-    yield "chatter_joint", run.joints[joint] if count else "", "", "joint with the most chatter"
-
-
-def _share(run: Recorded, tally: Tally, group: str, what: str) -> Metrics:
-    """Yield the largest share of its limit that a joint's torque took."""
-    limits = np.array(run.torque_limit or (math.inf,) * len(run.joints))
-    is_limited = np.isfinite(limits) & (limits > 0.0)
-    shares = tally.peak(group).value[is_limited] / limits[is_limited]
-    meaning = f"largest {what} as a share of its joint's limit; undefined without a limit"
-    yield f"{group}.share_of_limit", float(shares.max()) if len(shares) else math.nan, "1", meaning
-
-
-def _return(run: Recorded, tally: Tally) -> Metrics:
+def _return(run: Recorded) -> Metrics:
     """Yield the distance of the joints from the start, if the path leads back to it."""
-    changes = _changes(run, _completed(run, tally) == 1.0, tally.q, tally.pose_ref)
-    joint = int(changes.argmax())
-    change = float(changes[joint])
-    unit = _any([run.joint_unit(j) for j in range(len(run.joints))])
+    changes = joint_changes(run)
+    change, _, name = _largest(run, changes, changes)
+    unit = " or ".join(dict.fromkeys(run.joint_unit(j) for j in range(len(run.joints))))
     what = "from the first tick to the last, of a closed path"
     yield "return.joint_change", change, unit, f"largest change of a joint {what}"
-    name = "" if math.isnan(change) else run.joints[joint]
     yield "return.change_joint", name, "", f"joint with the largest change {what}"
 
 
 # Task -------------------------------------------------------------------------------------------
 
 
-def _errors(run: Recorded, tally: Tally) -> Metrics:
-    """Yield the errors of positions and orientations, with their parts; of a second task."""
-    errors, half = [], {"m": "linear", "rad": "angular"}
-    if set(run.axes) & set(AXES[:3]):
-        errors.append(("position_error", "m", "distance to the reference position"))
-    if set(run.axes) & set(AXES[3:]):
-        errors.append(("orientation_error", "rad", "angle to the reference orientation"))
-    errors += [
-        (
-            f"{group}_{side}", unit,
-            f"{group.replace('_', ' ')} {side} the {half[unit]} part of the lost direction",
-        )
-        for group, unit, _ in errors
-        for side in ("along", "across")
-    ]  # fmt: skip
-    errors.append(("secondary_error", "m, rad", "error of the second task"))
-    for group, unit, what in errors:
-        peak = tally.peak(group)
-        yield f"{group}.rms", float(tally.rms(group)[0]), unit, f"{what}, rms over time"
-        yield f"{group}.max", float(peak.value[0]), unit, f"{what}, largest"
-        yield f"{group}.max_time", float(peak.time[0]), "s", f"{what}, when it was largest first"
-        yield f"{group}.end", tally.last(group), unit, f"{what}, at the last tick"
+def _errors(run: Recorded) -> Metrics:
+    """Yield the errors of positions and orientations, with their parts; of a second task.
 
-
-def _singularity(tally: Tally) -> Metrics:
-    sigma, time = tally.extreme("sigma")
-    yield "sigma.min", sigma, "1", "smallest singular value of the run"
-    yield "sigma.min_time", time, "s", "when the smallest singular value was reached first"
-    for name, meaning in (
-        ("condition.max", "largest κ = σ₁/σ_k"),
-        ("manipulability.min", "smallest w = ∏σ"),
-        ("damping.max", "largest λ"),
-        ("path_rate.min", "smallest pace along the path"),
-        ("secondary_sigma.min", "smallest singular value left to the second task"),
+    The arm is losing the direction S_x u_min at that tick. Its linear part splits the error of positions into
+    parts along and across it, and its angular part that of orientations.
+    """
+    axes = np.array([AXES.index(axis) for axis in run.axes])
+    scale = np.sqrt(run.weights or np.ones(len(axes))) / np.where(axes < 3, run.length, 1.0)  # S_x
+    errors, u = (np.ascontiguousarray(run[name].T[axes]) for name in ("pose_error", "u_min"))
+    groups, parts = [], []
+    for name, unit, what, half, rows in (
+        ("position_error", "m", "distance to the reference position", "linear", axes < 3),
+        ("orientation_error", "rad", "angle to the reference orientation", "angular", axes >= 3),
     ):
-        yield name, tally.extreme(name.partition(".")[0])[0], "1", meaning
+        if rows.any():
+            size, *sides = _split(errors[rows], scale[rows, None] * u[rows], _norm(u[rows]))
+            groups.append((name, unit, what, size))
+            for side, values in zip(("along", "across"), sides, strict=True):
+                meaning = f"{name.replace('_', ' ')} {side} the {half} part of the lost direction"
+                parts.append((f"{name}_{side}", unit, meaning, values))
+    groups += [
+        *parts,
+        ("secondary_error", "m, rad", "error of the second task", np.abs(run["secondary_error"])),
+    ]
+    values = np.vstack([values for *_, values in groups])
+    (peak, times), rms = peaks(run["time"], values), _rms(values)
+    for i, (group, unit, what, _) in enumerate(groups):
+        yield f"{group}.rms", float(rms[i]), unit, f"{what}, rms over time"
+        yield f"{group}.max", float(peak[i]), unit, f"{what}, largest"
+        yield f"{group}.max_time", float(times[i]), "s", f"{what}, when it was largest first"
+        yield (
+            f"{group}.end",
+            float(values[i, -1]) if len(run) else math.nan,
+            unit,
+            f"{what}, at the last tick",
+        )
+
+
+def error_sizes(run: Recorded) -> tuple[Array, Array]:
+    """Return the errors of positions and of orientations at each tick, of the controlled axes, (T,) each."""
+    linear, angular = (
+        [AXES.index(axis) for axis in run.axes if axis in some] for some in (AXES[:3], AXES[3:])
+    )
+    return _norm(run["pose_error"][:, linear].T), _norm(run["pose_error"][:, angular].T)
+
+
+def _split(error: Array, lost: Array, share: Array) -> tuple[Array, Array, Array]:
+    """Return the norm of an error, and of its parts along and across the direction that is lost, (T,) each.
+
+    Args:
+        error: Rows of one unit, (r, T).
+        lost: The part of the lost direction in these rows, (r, T).
+        share: Norm of this part of u_min, whose norm is 1, (T,).
+    """
+    size = _norm(error)
+    direction = np.where(share > NO_PART, lost / _norm(lost), 0.0)
+    along = np.einsum("rt,rt->t", direction, error)
+    # rounding makes no part larger than the whole
+    return size, np.minimum(np.abs(along), size), np.minimum(_norm(error - along * direction), size)
+
+
+def _norm(rows: Array) -> Array:
+    """Return the norms of vectors, (r, T)."""
+    return np.asarray(np.sqrt(np.einsum("rt,rt->t", rows, rows)))
+
+
+def _singularity(run: Recorded) -> Metrics:
+    """Yield the extremes of the measures of singularity, of the pace, and of the second task."""
+    smallest, time = _extreme(run, -run["sigma"][:, -1])
+    yield "sigma.min", -smallest, "1", "smallest singular value of the run"
+    yield "sigma.min_time", time, "s", "when the smallest singular value was reached first"
+    yield "condition.max", _extreme(run, run["condition"])[0], "1", "largest κ = σ₁/σ_k"
+    yield "manipulability.min", -_extreme(run, -run["manipulability"])[0], "1", "smallest w = ∏σ"
+    yield "damping.max", _extreme(run, run["damping"])[0], "1", "largest λ"
+    yield "path_rate.min", -_extreme(run, -run["path_rate"])[0], "1", "smallest pace along the path"
+    smallest = -_extreme(run, -run["secondary_sigma"])[0]
+    yield "secondary_sigma.min", smallest, "1", "smallest singular value left to the second task"
+
+
+def _extreme(run: Recorded, values: Array) -> tuple[float, float]:
+    """Return the largest of some values, (T,), and its first time."""
+    peak, time = peaks(run["time"], values[None])
+    return float(peak[0]), float(time[0])
 
 
 # Events -----------------------------------------------------------------------------------------
 
 
-def _statuses(run: Recorded, tally: Tally) -> Metrics:
-    for status in (Status.OK, *IN_RUNS):
-        what = f"time with status {status.name}" if status else "time without any status"
-        yield f"status_time.{status.name}", tally.statuses.count(status) * run.period, "s", what
-    standstill = tally.standstill
-    share = tally.statuses.count(Status.STUCK) / (tally.ticks or math.nan)
-    yield "stuck.longest", standstill.longest * run.period, "s", "longest time stuck without interruption"
-    yield "stuck.longest_time", standstill.time, "s", "when that began"
+def _statuses(run: Recorded, status: NDArray[np.int64]) -> Metrics:
+    """Yield the duration of each status, and the longest standstill."""
+    counts = np.count_nonzero(status & np.array(IN_RUNS)[:, None], axis=1).tolist()
+    without = len(run) - int(np.count_nonzero(status))
+    yield "status_time.OK", without * run.period, "s", "time without any status"
+    for one, count in zip(IN_RUNS, counts, strict=True):
+        yield f"status_time.{one.name}", count * run.period, "s", f"time with status {one.name}"
+    is_stuck = (status & Status.STUCK) != 0
+    longest, time = 0, math.nan
+    for first, end in stretches(is_stuck).tolist():
+        if end - first > longest:
+            longest, time = end - first, float(run["time"][first])
+    share = int(np.count_nonzero(is_stuck)) / (len(run) or math.nan)
+    yield "stuck.longest", longest * run.period, "s", "longest time stuck without interruption"
+    yield "stuck.longest_time", time, "s", "when that began"
     yield "stuck.share", share, "1", "fraction of the ticks in which it is stuck"
 
 
-def _loads(run: Recorded, tally: Tally) -> Metrics:
+def _loads(run: Recorded, status: NDArray[np.int64], tau: Array) -> Metrics:
     """Yield duration and start of contacts and of actuators at their limit, and the slip of followers."""
-    contact, limited = Status.CONTACT, Status.TORQUE_LIMITED
-    yield "contact.time", tally.statuses.count(contact) * run.period, "s", "time in contact"
-    yield "contact.first_time", tally.statuses.first_time(contact), "s", "time of the first contact"
+    seconds, first = _duration(run, (status & Status.CONTACT) != 0)
+    yield "contact.time", seconds, "s", "time in contact"
+    yield "contact.first_time", first, "s", "time of the first contact"
     yield "contact.first_bodies", " – ".join(run.touching), "", "bodies of the first contact"
-    slip, time = tally.extreme("slip")
+    slip, time = _extreme(run, run["slip"])
     yield "slip.max", slip, "rad or m", "largest distance of a follower from its equality; undefined without"
     yield "slip.max_time", time, "s", "when the largest slip was reached first"
-    seconds, first = tally.statuses.count(limited) * run.period, tally.statuses.first_time(limited)
-    joint = run.joints[tally.limited] if tally.limited >= 0 else ""
+    is_limited = (status & Status.TORQUE_LIMITED) != 0
+    seconds, first = _duration(run, is_limited)
+    limit = np.array(run.torque_limit or (math.inf,) * len(run.joints))
+    shares = np.nan_to_num(np.abs(tau[:, is_limited]) / limit[:, None])
+    ticks = np.flatnonzero(shares.any(axis=0))
+    joint = run.joints[shares[:, ticks[0]].argmax()] if len(ticks) else ""
     yield "torque_limited.time", seconds, "s", "time with an actuator at its limit"
     yield "torque_limited.first_time", first, "s", "first time with an actuator at its limit"
     yield "torque_limited.first_joint", joint, "", "joint whose actuator was at its limit first"
 
 
-def _profile(run: Recorded, tally: Tally) -> Metrics:
+def _duration(run: Recorded, holds: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return how long something holds, and when first (NaN: never) [s]."""
+    ticks = np.flatnonzero(holds)
+    return len(ticks) * run.period, float(run["time"][ticks[0]]) if len(ticks) else math.nan
+
+
+def _profile(run: Recorded, q: Array, rate: Array, acceleration: Array, jerk: Array) -> Metrics:
     """Yield the number of commands that a profile refuses, and the condition that the first violates."""
-    violation = tally.conditions.first
+    count, violation = math.nan, Violation()
+    if run.profile:
+        count, violation = refused(run.profile, q, rate, acceleration, jerk)
     counted = "number of commands that the profile refuses; undefined without a profile"
     first = "the first command that the profile refuses"
-    violated = f"condition that {first} violates: {', '.join(CONDITIONS)}"
-    joint = run.joints[violation.joint] if violation.joint >= 0 else ""
-    yield "profile.refused", tally.conditions.refused, "1", counted
-    yield "profile.first_time", violation.time, "s", f"when {first} was sent"
+    joint, time = ("", math.nan) if violation.tick < 0 else (
+        run.joints[violation.joint], float(run["time"][violation.tick])
+    )  # fmt: skip
+    yield "profile.refused", float(count), "1", counted
+    yield "profile.first_time", time, "s", f"when {first} was sent"
     yield "profile.first_joint", joint, "", f"joint of {first}"
+    violated = f"condition that {first} violates: {', '.join(CONDITIONS)}"
     yield "profile.first_condition", violation.condition, "", violated
     yield "profile.first_value", violation.value, "SI", f"value of {first}"
     yield "profile.first_bound", violation.bound, "SI", f"bound that {first} violates"
 
 
-def _effort(run: Recorded, tally: Tally) -> Metrics:
-    duration, wall = tally.ticks * run.period, run.wall_time
+def _effort(run: Recorded) -> Metrics:
+    """Yield how much was simulated, and how fast."""
+    duration, wall = len(run) * run.period, run.wall_time
+    completed = run.completed if len(run) or run.planned else math.nan
     yield "duration", duration, "s", "simulated time, one period per tick"
-    yield "ticks", tally.ticks, "1", "control ticks recorded"
-    yield "completed", _completed(run, tally), "1", "completed fraction of the path; 1: all"
+    yield "ticks", len(run), "1", "control ticks recorded"
+    yield "completed", completed, "1", "completed fraction of the path; 1: all"
     yield "wall_time", wall, "s", "wall time of the stepping"
     yield "speed", duration / wall if wall > 0.0 else math.nan, "1", "simulated time over wall time"
-
-
-def _completed(run: Recorded, tally: Tally) -> float:
-    """Return the completed share of the path; NaN without a path."""
-    if tally.ticks:
-        return run.share(tally.path_time)
-    return 0.0 if run.planned else math.nan

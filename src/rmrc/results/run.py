@@ -6,7 +6,6 @@ from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from rmrc.results.columns import COLUMNS, Recorded
 from rmrc.results.verdict import told
 from rmrc.support.brief import brief, cut
 from rmrc.support.errors import QuestionError
-from rmrc.support.files import written_whole
+from rmrc.support.files import reading, written_whole
 
 if TYPE_CHECKING:  # imports numba, which a run that is only read does not need
     from rmrc.results.scorecard import Scorecard
@@ -26,7 +25,6 @@ if TYPE_CHECKING:  # imports numba, which a run that is only read does not need
 # Prefix of the columns of a baseline in the file of its run.
 BASELINE = "baseline/"
 # What reading another kind of file, or a damaged one, may raise.
-_DAMAGED = LookupError, ValueError, TypeError, AttributeError, EOFError, BadZipFile, OSError, RuntimeError
 # Facts of a run are smaller, in any unit.
 LARGEST = 1e100
 
@@ -182,17 +180,16 @@ def read_runs(path: Path) -> Runs:
         OSError: It cannot be opened.
         QuestionError: It is another kind of file, or damaged.
     """
-    try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            facts = json.loads(str(file["facts"]))
-            if isinstance(facts, dict):
-                return Runs({facts["name"]: Run._of(facts, file)})
-            columns = [{name: file[f"{i}/{name}"] for name in COLUMNS} for i in range(len(facts))]
-            return Runs((part["label"], Run._of(part, columns[i])) for i, part in enumerate(facts))
-    except _DAMAGED as error:
-        if isinstance(error, OSError) and error.filename is not None:  # it is missing; else it is damaged
-            raise
-        raise QuestionError(f"{path}: does not hold the columns of a run, or is damaged") from None
+    with (
+        reading(path, "the columns of a run"),
+        path.open("rb") as opened,
+        np.load(opened, allow_pickle=False) as file,
+    ):
+        facts = json.loads(str(file["facts"]))
+        if isinstance(facts, dict):
+            return Runs({facts["name"]: Run._of(facts, file)})
+        columns = [{name: file[f"{i}/{name}"] for name in COLUMNS} for i in range(len(facts))]
+        return Runs((part["label"], Run._of(part, columns[i])) for i, part in enumerate(facts))
 
 
 def _write(path: Path, arrays: Mapping[str, NDArray[np.generic]]) -> None:

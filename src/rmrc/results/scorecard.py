@@ -2,8 +2,8 @@
 
 A metric has one flat name with dots, such as `joint_rate.peak` or `joint_rate.shoulder.peak`. The set of
 metrics depends on the joints and the task axes alone, never on the events of the run: a metric that a run is
-too short to determine is NaN, or "" for a name. Equal ticks give equal metrics, whether their columns were
-kept or not; only `wall_time` and `speed` differ from one execution to the next.
+too short to determine is NaN, or "" for a name. Equal ticks give equal metrics; only `wall_time` and `speed`
+differ from one execution to the next.
 """
 
 import math
@@ -11,14 +11,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from rmrc.results import notebook
 from rmrc.results.columns import Recorded
 from rmrc.results.metrics import metrics
-from rmrc.results.tally import READ, Tally
 from rmrc.support.brief import brief
-
-# Ticks that are added at once, so that a long run takes little more memory.
-PIECE = 10_000
 
 
 class Figure(NamedTuple):
@@ -96,20 +94,8 @@ class Scorecard(Mapping[str, Figure]):
 
 def scorecard(run: Recorded) -> Scorecard:
     """Return the metrics of a run of any length, even 0."""
-    tally = Tally(run)
-    for first in range(0, len(run), PIECE):
-        tally.add({name: run.columns[name][first : first + PIECE] for name in READ})
-    return figures(run, tally)
-
-
-def figures(run: Recorded, tally: Tally) -> Scorecard:
-    """Return the metrics of a run.
-
-    Args:
-        run: The facts about it; its columns are not read.
-        tally: With its ticks added.
-    """
-    named = {name: Figure(value, unit, meaning) for name, value, unit, meaning in metrics(run, tally)}
+    with np.errstate(all="ignore"):  # of infinite values, differences are NaN
+        named = {name: Figure(value, unit, meaning) for name, value, unit, meaning in metrics(run)}
     return Scorecard(run.name, run.joints, named)
 
 

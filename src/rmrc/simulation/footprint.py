@@ -13,9 +13,6 @@ from rmrc.support.errors import ScenarioError
 
 Array = NDArray[np.float64]
 
-# Ticks that a world holds at most where its columns are not kept.
-HELD = 10_000
-
 # Measured [B]: the additional memory of a recording per tick; a world in MuJoCo; libraries and machine code
 # that are loaded on the way, and those of a recording. What compiling takes once, 100 MB, is not included.
 RECORDED, WORLD = 3 * 13 * 8 + 24, 256_000
@@ -27,13 +24,16 @@ def has_others(wiring: Wiring, nq: int) -> bool:
     return not np.array_equal(wiring.qpos, np.arange(nq))
 
 
-def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False) -> Array:
-    """Return the memory of runs in one thread, one after another, each at its largest length.
+def footprint(
+    prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False, threads: int = 1
+) -> Array:
+    """Return the memory of runs, each at its largest length.
 
     Args:
         prepared: The worlds.
-        keep_columns: Whether the columns of every tick are kept, also after a run.
+        keep_columns: Whether columns are kept after the end of a run.
         recorded: Whether a recording is written.
+        threads: Number of worlds that run at a time.
 
     Returns:
         What is written, and what is only reserved, such as MuJoCo's arenas, (2,) [B].
@@ -41,14 +41,14 @@ def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded:
     each = []
     for world in prepared:
         n, nq, path = world.arm.n, len(world.qpos), world.reference.ticks
-        ticks = world.most_ticks if keep_columns else min(world.most_ticks, HELD)
         others = nq if has_others(world.arm.wiring, nq) else 0
-        columns = array_size(ticks, n, min(n, len(world.task.rows)), others)
+        columns = array_size(world.most_ticks, n, min(n, len(world.task.rows)), others)
         models = 1 if world.plant.knows_all else 2  # that of the plant, and the one that its law assumes
         held = columns + path * RECORDED * recorded + models * WORLD
         each.append((held, models * int(world.arm.model.narena)))
     recorder: Array = np.array([RECORDER * recorded, 0.0])
-    need: Array = recorder + (np.sum(each, axis=0) if keep_columns else np.max(each, axis=0))
+    at_once = min(threads, len(prepared))
+    need: Array = recorder + (np.sum(each, axis=0) if keep_columns else at_once * np.max(each, axis=0))
     return need
 
 
@@ -57,18 +57,15 @@ def excess(need: Array) -> str | None:
     return memory.excess(LIBRARIES + need[0], need[1])
 
 
-def refuse_excess(prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False) -> None:
-    """Refuse runs that do not fit into memory.
-
-    Args:
-        prepared: The worlds, one or more.
-        keep_columns: Whether the columns of every tick are kept.
-        recorded: Whether a recording is written.
+def refuse_excess(
+    prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False, threads: int = 1
+) -> None:
+    """Refuse runs that do not fit into memory; arguments as in `footprint`.
 
     Raises:
         ScenarioError: They do not fit, with the key that makes the longest of them so long.
     """
-    too_much = excess(footprint(prepared, keep_columns, recorded))
+    too_much = excess(footprint(prepared, keep_columns, recorded, threads))
     if too_much is None:
         return
     longest = max(prepared, key=lambda world: world.most_ticks)

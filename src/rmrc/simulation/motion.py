@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from rmrc.scenario import Motion, TargetLimitsSection
 from rmrc.simulation.reference import Spline
 from rmrc.simulation.tables import read_table
-from rmrc.support.errors import TargetError, did_you_mean
+from rmrc.support.errors import QuestionError, TargetError, did_you_mean
+from rmrc.support.files import reading
 from rmrc.support.legible import listed
 from rmrc.support.spatial import exp_rotation, normalize, pose_product, quat_multiply, rotate
 
@@ -54,9 +55,10 @@ def read_motion(
     """
     names = {"pose": POSE, "q": tuple(joints), "twist": TWIST, "pose_ref": POSE_REF}
     try:
-        is_run = file.path.suffix == ".npz"
-        table = _run_columns(file.path, joints) if is_run else read_table(file.path).numbers
-    except (OSError, ValueError, KeyError, EOFError) as error:
+        with reading(file.path, "a motion as CSV, Parquet or npz"):
+            is_run = file.path.suffix == ".npz"
+            table = _run_columns(file.path, joints) if is_run else read_table(file.path).numbers
+    except (OSError, QuestionError) as error:
         raise TargetError(f"cannot be read: {error}") from None
     complete = (name for name in ("pose", "q", "twist") if names[name] and table.keys() >= {*names[name]})
     columns: str = file.columns or next(complete, "pose")

@@ -12,12 +12,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.results.columns import COLUMNS, Divergence, widths
+from rmrc.results.columns import Divergence, no_ticks
 from rmrc.results.run import Run
-from rmrc.results.scorecard import Scorecard, figures
-from rmrc.results.tally import Tally
+from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.scenario.choices import DAMPING_BELOW, read_by
-from rmrc.simulation.footprint import HELD, refuse_excess
+from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared, expected_profile
 from rmrc.simulation.world import World, compile_for
 from rmrc.support.threads import side_by_side
@@ -31,9 +30,9 @@ PIECE, MOMENT, GROWTH = 1000, 0.05, 8
 # rule that ends the runs.
 Watcher: TypeAlias = Callable[[int, Run], None]
 
-# Returns whether a world ends here, from its index and what is known of its ticks. It is called after each
-# ASKED ticks, and gets nothing else, so that the end of a world does not depend on others.
-Rule: TypeAlias = Callable[[int, Tally], bool]
+# Returns whether a world ends here, from its index and its run so far. It is called after each ASKED ticks,
+# and gets nothing else, so that the end of a world does not depend on others.
+Rule: TypeAlias = Callable[[int, Run], bool]
 ASKED = 512
 
 
@@ -41,91 +40,80 @@ class _Course:
     """The course of one world, from before its start until after its end.
 
     Attributes:
-        tally: What its metrics need to know of the ticks, if columns are not kept or a rule asks.
+        scorecard: Its metrics, once it has ended, if columns are not kept.
+        warnings: MuJoCo's warnings, once it has ended.
+        has_ended: Whether no tick follows.
+        was_cut: Whether a rule ended it.
     """
 
     def __init__(self, prepared: Prepared, keeps: bool) -> None:
         self.prepared, self.keeps = prepared, keeps
         self.world: World | None = None
-        self._facts = about(prepared, _no_columns(prepared) if keeps else {})
-        self.tally = Tally(self._facts)
+        n = prepared.arm.n
+        self._facts = about(prepared, no_ticks(n, min(n, len(prepared.task.rows)), len(prepared.qpos)))
+        self.scorecard: Scorecard | None = None
         self.warnings: dict[str, int] = {}
         self.has_ended = self.was_cut = False
 
     @property
     def run(self) -> Run:
-        """What is known of it so far; all of its columns if they are kept, else none."""
-        if self.world is None or not self.keeps:
-            return self._facts
-        return replace(self._facts, columns=self.world.columns(0, self.world.done))
+        """Its run so far; without ticks after its end, if columns are not kept."""
+        return self._facts if self.world is None else self._part(self.world, 0)
+
+    def _part(self, world: World, first: int) -> Run:
+        """Return its run from a tick on."""
+        return replace(self._facts, columns=world.columns(first, world.done))
 
     def step(
         self,
         show: Callable[[Run], None] | None,
         is_stopped: Callable[[], bool],
-        rule: Callable[[Tally], bool] | None,
+        rule: Callable[[Run], bool] | None,
     ) -> None:
         """Run to the end, to a stop, or to where a rule ends it."""
         if self.has_ended:
             return
-        if self.world is None:
-            ticks = self.prepared.most_ticks
-            self.world = World(self.prepared, ticks if self.keeps else min(ticks, HELD))
-        world, length = self.world, 1
+        world, length = self.world or World(self.prepared), 1
+        self.world = world
         while world.is_running and not is_stopped():
             first, started = world.done, time.perf_counter()
             most = min(length, ASKED - first % ASKED) if rule else length
             try:
                 world.advance(most)
-            finally:  # an interrupted piece is shown as well
+            finally:  # an interrupted piece counts as well
                 seconds = time.perf_counter() - started
-                self._note(world, first, seconds, show)
+                self._note(world, seconds)
+                if show and (world.done > first or world.divergence):
+                    show(self._part(world, first))
             fitting = (world.done - first) * MOMENT / max(seconds, 1e-9)
             length = max(1, min(PIECE, GROWTH * length, int(fitting)))
-            if rule and world.done % ASKED == 0 and world.is_running:
-                self._add()
-                if rule(self.tally):
-                    world.end()
-                    self.was_cut = True
+            if rule and world.done % ASKED == 0 and world.is_running and rule(self.run):
+                world.end()
+                self.was_cut = True
         if not world.is_running:
-            if not self.keeps:
-                self._add()
             self.warnings = world.warnings
-            self._facts = self.run
+            if self.keeps:
+                self._facts = self.run
+            else:
+                self.scorecard = scorecard(self.run)
             world.release()
             self.world, self.has_ended = None, True
 
-    def _note(self, world: World, first: int, seconds: float, show: Callable[[Run], None] | None) -> None:
-        """Note and show a piece, and add the ticks to the tally before their rows are used again."""
-        so_far = self._facts.wall_time + seconds
-        self._facts = replace(self._facts, divergence=world.divergence, wall_time=so_far)
+    def _note(self, world: World, seconds: float) -> None:
+        """Note the facts after a piece, which took some seconds."""
+        touching, resting = self._facts.touching, self._facts.resting
         if world.contacts:
             touching, resting = world.contacts.first, tuple(world.contacts.resting)
-            self._facts = replace(self._facts, touching=touching, resting=resting)
-        if not self.keeps and (world.done % len(world.rows) == 0 or show):
-            self._add()
-        if show and (world.done > first or self._facts.divergence):
-            columns = world.columns(first, world.done)
-            if not self.keeps:
-                columns = {name: column.copy() for name, column in columns.items()}
-            show(replace(self._facts, columns=columns))
-
-    def _add(self) -> None:
-        if self.world is not None and self.world.done > self.tally.ticks:
-            self.tally.add(self.world.columns(self.tally.ticks, self.world.done))
-
-    def scorecard(self) -> Scorecard:
-        """Return its metrics so far."""
-        if self.keeps:
-            return self.run.scorecard
-        self._add()
-        return figures(self._facts, self.tally)
+        self._facts = replace(
+            self._facts, divergence=world.divergence, wall_time=self._facts.wall_time + seconds,
+            touching=touching, resting=resting,
+        )  # fmt: skip
 
 
 class Simulation:
     """Prepared scenarios during their run; all records so far are available at any time.
 
-    Without columns, the results of the runs are their scorecards, and longer runs take no more memory.
+    Where columns are not kept, those of a world are dropped at its end, and its scorecard remains.
     """
 
     def __init__(self, prepared: Sequence[Prepared], threads: int = 1, keep_columns: bool = True) -> None:
@@ -139,7 +127,7 @@ class Simulation:
         Raises:
             ScenarioError: They do not fit into memory.
         """
-        refuse_excess(prepared, keep_columns)
+        refuse_excess(prepared, keep_columns, threads=threads)
         for one in prepared:
             compile_for(one)
         self._threads, self._keeps = threads, keep_columns
@@ -185,7 +173,7 @@ class Simulation:
                 with lock:
                     on_block(index, part)
 
-            ends = None if rule is None else lambda tally: rule(index, tally)
+            ends = None if rule is None else lambda run: rule(index, run)
             if not is_stopped():
                 self._courses[index].step(show if on_block else None, is_stopped, ends)
 
@@ -213,7 +201,7 @@ class Simulation:
 
     def scorecards(self) -> list[Scorecard]:
         """Return the metrics of each world so far: those of `scorecard(run)`."""
-        return [course.scorecard() for course in self._courses]
+        return [course.scorecard or course.run.scorecard for course in self._courses]
 
     def divergences(self) -> list[Divergence | None]:
         """Return the divergence of each world, or None."""
@@ -230,13 +218,6 @@ class Simulation:
     def _refuse_without_columns(self) -> None:
         if not self._keeps:
             raise ValueError("columns are not kept: call step(), then scorecards() and divergences()")
-
-
-def _no_columns(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
-    """Return the columns of a run without ticks."""
-    n = prepared.arm.n
-    sizes = widths(n, min(n, len(prepared.task.rows)), len(prepared.qpos))
-    return {name: np.empty((0, size) if COLUMNS[name].width else 0) for name, size in sizes.items()}
 
 
 def about(prepared: Prepared, columns: Mapping[str, NDArray[np.generic]]) -> Run:

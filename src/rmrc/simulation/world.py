@@ -86,18 +86,13 @@ class World:
 
     Attributes:
         prepared: The scenario.
-        rows: The last rows of its columns, (rows, width): tick t is in row t modulo rows.
-        positions: All of qpos for these ticks, (rows, nq); None where qpos is q in its order.
+        rows: Its columns, (most ticks, width).
+        positions: All of qpos, (most ticks, nq); None where qpos is q in its order.
         contacts: Contacts of the arm; None where it can touch nothing.
     """
 
-    def __init__(self, prepared: Prepared, rows: int) -> None:
-        """Begin at the start of the scenario.
-
-        Args:
-            prepared: The scenario.
-            rows: How many ticks to hold.
-        """
+    def __init__(self, prepared: Prepared) -> None:
+        """Begin at the start of the scenario."""
         plant, arm, hardware = prepared.plant, prepared.arm, prepared.hardware
         self.prepared = prepared
         base = plant.model()
@@ -120,8 +115,8 @@ class World:
         self._referenced: list[Any] = [*plant.wire(world, base, wiring, self._data)]
         self._words = self._words_of_columns()
         self._sources = np.concatenate([*self._words.values()])
-        self.rows = np.empty((rows, len(self._sources)), np.int64)
-        self.positions = np.empty((rows, base.nq)) if has_others(wiring, base.nq) else None
+        self.rows = np.empty((prepared.most_ticks, len(self._sources)), np.int64)
+        self.positions = np.empty((prepared.most_ticks, base.nq)) if has_others(wiring, base.nq) else None
         self._draw = hardware.chance()
         self._path_end = 0  # the first tick of the path that is not sampled yet
         self._follow(world["engine"])
@@ -215,10 +210,9 @@ class World:
         return bool(group["diverged"] < 0 and group["next"] < group["ticks"])
 
     def advance(self, count: int) -> None:
-        """Do some ticks: at most so many, and none that would write a row of the first of them again."""
+        """Do some ticks: at most so many."""
         group = self._record["engine"]
-        room = len(self.rows) - self.done % len(self.rows)
-        group["last"] = min(self.done + min(count, room, BLOCK - 1), int(group["ticks"]))
+        group["last"] = min(self.done + min(count, BLOCK - 1), int(group["ticks"]))
         count, tick = int(group["last"]) - self.done, int(self._record["memory"]["path_tick"])
         if tick + count >= self._path_end < group["path_ticks"]:
             self._path = self.prepared.reference.block(tick)
@@ -242,16 +236,15 @@ class World:
         self._record["engine"]["ticks"] = self.done
 
     def columns(self, first: int, last: int) -> dict[str, NDArray[np.generic]]:
-        """Return views of the columns of some ticks that are held, in consecutive rows."""
-        begin = first % len(self.rows)
-        rows, end = slice(begin, begin + last - first), 0
+        """Return views of the columns of some ticks."""
+        end = 0
         columns: dict[str, NDArray[np.generic]] = dict.fromkeys(COLUMNS, np.empty(0))  # in their order
         for name, words in self._words.items():
-            table = self.rows[rows, end : end + len(words)]
+            table = self.rows[first:last, end : end + len(words)]
             table = table if name == "status" else table.view(np.float64)
             columns[name] = table if COLUMNS[name].width else table[:, 0]
             end += len(words)
-        columns["qpos"] = columns["q"] if self.positions is None else self.positions[rows]
+        columns["qpos"] = columns["q"] if self.positions is None else self.positions[first:last]
         return columns
 
     @property

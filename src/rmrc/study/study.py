@@ -455,7 +455,7 @@ class Study:
             if stop.is_set():
                 return []
             simulation = Simulation(prepared, keep_columns=False)
-        of_variants: Rule | None = rule and (lambda index, tally: rule(piece[index], tally))
+        of_variants: Rule | None = rule and (lambda index, run: rule(piece[index], run))
         simulation.step(stop=stop, rule=of_variants)
         return [] if stop.is_set() else _results(simulation, piece, prepared, stop)
 

@@ -1,9 +1,41 @@
-"""Files that appear atomically."""
+"""Files that appear atomically, and files of others that may be anything."""
 
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from rmrc.support.errors import QuestionError, RmrcError
+from rmrc.support.legible import shortened, visible
+
+
+@contextmanager
+def reading(path: Path, contents: str) -> Iterator[None]:
+    """Have whatever fails while a file is read and understood appear as one line.
+
+    Libraries raise errors of many kinds about damaged bytes: Arrow an `OSError`, zip a `NotImplementedError`,
+    a decompressor an error of its own.
+
+    Args:
+        path: The file. Anything but a regular file is refused, because reading a pipe may never end.
+        contents: What it must be, such as `"a log"`.
+
+    Raises:
+        OSError: The file is missing, or may not be read.
+        QuestionError: It is no regular file, or is something else or damaged.
+    """
+    name = visible(str(path))
+    if path.exists() and not path.is_file():
+        raise QuestionError(f"{name}: is not a regular file; give {contents}")
+    try:
+        yield
+    except (RmrcError, ImportError, NameError):  # not about the file
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.filename is not None:
+            raise
+        reason = shortened(" ".join(str(error).split()) or type(error).__name__)
+        raise QuestionError(f"{name}: is not {contents}, or is damaged: {reason}") from None
 
 
 @contextmanager

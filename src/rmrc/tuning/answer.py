@@ -1,8 +1,6 @@
 """The answer of a search, described once: for the terminal, the page and the file of settings."""
 
-import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -11,7 +9,6 @@ from numpy.typing import NDArray
 from rmrc.results.facts import versions
 from rmrc.show.sheets import Sheet, number
 from rmrc.study.margins.margins import Margin
-from rmrc.support.errors import QuestionError
 from rmrc.tuning.robot import GAIN_MARGIN
 from rmrc.tuning.space import rounded
 from rmrc.tuning.trials import CHATTER, SATURATED, TOLERANCE
@@ -53,26 +50,6 @@ def answer_of(work: Tuning, tuned: Tuned) -> Answer:
         "block": tuned.block,
         "versions": versions(),
     }
-
-
-def read_answer(path: Path, about: str) -> Answer:
-    """Return the answer in a file of settings.
-
-    Args:
-        path: The file, for messages.
-        about: Its metadata as JSON.
-
-    Raises:
-        QuestionError: It is another kind of file.
-    """
-    try:
-        answer: Answer = json.loads(about)
-        sheets(answer)
-        if not isinstance(answer["block"], str) or not isinstance(answer["versions"], dict):
-            raise ValueError("another kind of file")
-    except (LookupError, ValueError, TypeError, AttributeError, RecursionError):
-        raise QuestionError(f"{path}: does not contain the result of `rmrc tune`; run it again") from None
-    return answer
 
 
 def sheets(answer: Answer) -> list[Sheet]:

@@ -1,5 +1,6 @@
 """`rmrc.report`: the report page of a verb's output, and that of a search."""
 
+import json
 from os import PathLike
 from pathlib import Path
 
@@ -8,7 +9,8 @@ from rmrc.show.page import Page
 from rmrc.show.run_page import versions
 from rmrc.study import sweep_page
 from rmrc.study.dataset import Left, read_left
-from rmrc.tuning.answer import read_answer, sheets
+from rmrc.support.files import reading
+from rmrc.tuning.answer import sheets
 from rmrc.tuning.figure import front_figure
 
 
@@ -22,10 +24,11 @@ def page(path: Path) -> Page:
         OSError: It cannot be read.
         QuestionError: It is another kind of file, or damaged.
     """
-    if path.suffix != ".parquet":
-        return run_page.page(path)
-    left = read_left(path)
-    return _of_search(path, left) if "on_front" in left.rows else sweep_page.page(path, left)
+    with reading(path, "an output of run, compare, sweep or tune"):
+        if path.suffix != ".parquet":
+            return run_page.page(path)
+        left = read_left(path)
+        return _of_search(left) if "on_front" in left.rows else sweep_page.page(path, left)
 
 
 def report(result: str | PathLike[str], path: str | PathLike[str] | None = None) -> Path:
@@ -48,8 +51,8 @@ def report(result: str | PathLike[str], path: str | PathLike[str] | None = None)
     return written
 
 
-def _of_search(path: Path, left: Left) -> Page:
-    answer = read_answer(path, left.about)
+def _of_search(left: Left) -> Page:
+    answer = json.loads(left.about)
     facts, *tables = sheets(answer)
     verdict = "No tried setting keeps the limits."
     if answer["named"]:

@@ -239,7 +239,7 @@ class Trials:
             return is_over or (ends is not None and ends(jobs[index][0], point))
 
         worlds = [self._study.prepare(self._changes(*job)) for job in jobs]
-        simulation = Simulation(worlds, self._threads, keep_columns=True)
+        simulation = Simulation(worlds, self._threads, keep_columns=False)
         simulation.step(stop=self.stop, rule=rule if ends else None)
         if self.stop.is_set():
             return None

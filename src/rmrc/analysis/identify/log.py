@@ -17,7 +17,8 @@ from rmrc.analysis.identify.response import Array, Commands
 from rmrc.results.run import BASELINE, Run
 from rmrc.simulation.tables import read_table
 from rmrc.support.errors import QuestionError
-from rmrc.support.legible import line, listed, quoted
+from rmrc.support.files import reading
+from rmrc.support.legible import listed, quoted
 
 Source: TypeAlias = str | os.PathLike[str] | Run | Mapping[str, ArrayLike]
 """A file, a run, or arrays by the names of columns."""
@@ -115,18 +116,15 @@ def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
     if isinstance(source, Mapping):
         return "log", *_of_run(source, ())
     path = Path(source)
-    try:
+    with reading(path, "a log as CSV, Parquet or npz"):
         if path.suffix == ".npz":
-            with path.open("rb") as opened:
-                if not is_zipfile(opened):  # otherwise numpy would take it for a pickle
-                    raise BadZipFile("it is not a zip file")
-            with np.load(path, allow_pickle=False) as file:
+            if not is_zipfile(path):  # otherwise numpy would take it for a pickle
+                raise BadZipFile("it is not a zip file")
+            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 facts = json.loads(str(file["facts"])) if "facts" in file else {}
                 own = {name: file[name] for name in file.files if not name.startswith(BASELINE)}
                 return path.name, *_of_run(own, facts.get("joints", ()))
         table = read_table(path, is_log=True)
-    except (ValueError, KeyError, EOFError, BadZipFile) as error:
-        raise QuestionError(f"{path}: is not a log; give CSV, Parquet or npz: {line(str(error))}") from None
     texts = listed((f"{name} ({quoted(text)})" for name, text in table.texts.items()), 8)
     if not table.numbers:
         raise QuestionError(f"{path}: has no numeric column; its columns are {texts or 'none'}")

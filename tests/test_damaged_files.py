@@ -1,0 +1,153 @@
+"""What the program wrote, and what it is given, is read or refused in one line: never a traceback, never a wait."""
+
+import os
+import random
+import shutil
+import signal
+import threading
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import project
+import rmrc as package
+from project import ROOT
+from rmrc import cli
+from rmrc.support.files import reading
+
+SCENARIO = f"""
+name: u
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+control: {{period: 0.01, feedback: 5}}
+target: {{path: [{{line: {{by: [0.05, 0.0]}}}}], limits: {{velocity: 0.5}}}}
+plant: {{kind: ideal}}
+"""
+# For each file: the verb that reads it, and the file that is damaged beside it.
+READERS = {
+    "u.npz": ["report", "u.npz"],
+    "u.json": ["report", "u.json"],
+    "u.npz plotted": ["plot", "u.npz", "--out", "plot.png"],
+    "u.sweep.parquet": ["report", "u.sweep.parquet"],
+    "u.tune.parquet": ["report", "u.tune.parquet"],
+    "log.parquet": ["identify", "log.parquet"],
+    "log.csv": ["identify", "log.csv"],
+    "log.npz": ["identify", "log.npz"],
+}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Return a folder with an output of each verb, and a log in each format."""
+    folder = tmp_path_factory.mktemp("written")
+    (folder / "u.yaml").write_text(SCENARIO)
+    with pytest.MonkeyPatch.context() as patch, project.undrawn():
+        patch.chdir(folder)
+        package.run("u.yaml", out=".", record=False)
+        package.sweep("u.yaml", {"control.feedback": [2, 5]}, out=".")
+        package.tune("u.yaml", runs=30, perturbed=0, out=".")
+    time = np.arange(0.0, 2.0, 0.01)
+    log = {"t": time, "q0": 0.1 * np.sin(3 * (time - 0.05)), "qdot_cmd0": 0.3 * np.cos(3 * time)}
+    pq.write_table(pa.table(log), folder / "log.parquet")
+    np.savez(folder / "log.npz", **log)
+    rows = [",".join(log), *(",".join(map(str, row)) for row in zip(*log.values(), strict=True))]
+    (folder / "log.csv").write_text("\n".join(rows))
+    return folder
+
+
+@pytest.fixture
+def copied(written, tmp_path):
+    shutil.copytree(written, tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def damages(data, seed):
+    """Yield damaged copies: cut, with bytes of noise, with a stretch of zeros, with another text inside."""
+    chance = random.Random(seed)
+    for _ in range(4):
+        yield data[: chance.randrange(len(data))]
+        for count in (1, 20):
+            noisy = bytearray(data)
+            for _ in range(count):
+                noisy[chance.randrange(len(data))] = chance.randrange(256)
+            yield bytes(noisy)
+        begin = chance.randrange(len(data))
+        yield data[:begin] + bytes(50) + data[begin + 50 :]
+        digit = data.replace(b"1", b"[]", chance.randrange(1, 9))
+        yield digit.replace(b'"name"', b'"nema"') if chance.random() < 0.5 else digit
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_whole_file_is_read_and_a_damaged_one_gives_one_line(name, copied, rmrc):
+    file, arguments = copied / name.split()[0], READERS[name]
+    data = file.read_bytes()
+    code, _, err = rmrc(*arguments)
+    assert code in (0, 1), err  # 1: a log without a delay
+    refused = 0
+    for damaged in damages(data, name):
+        file.write_bytes(damaged)
+        code, _, err = rmrc(*arguments)
+        assert code in (0, 1, 2), err
+        if code == 2:
+            refused += 1
+            assert err.startswith("rmrc: error: ") and err.count("\n") == 1 and file.stem in err
+    assert refused > 5  # the test damages what is read
+
+
+def test_an_answer_of_tune_that_recommends_the_setting_as_written_has_a_page(copied, rmrc):
+    """The setting as written is the best one where no other may be tried."""
+    code, _, err = rmrc("tune", "u.yaml", "--runs", "2", "--perturbed", "0", "--only", "control.feedback=5")
+    assert code == 0, err
+    assert rmrc("report", "u.tune.parquet")[0] == 0
+    assert (copied / "u.tune.html").stat().st_size > 1000
+
+
+PIPED = [
+    ["report", "pipe.npz"], ["plot", "pipe.npz"], ["identify", "pipe.csv"], ["identify", "pipe.parquet"],
+    ["identify", "pipe.npz"], ["report", "pipe.parquet"], ["run", "pipe.yaml"], ["inspect", "pipe.xml"],
+    ["check", "pipe.urdf"], ["sweep", "u.yaml", "--vary", "control.feedback=2,5", "--out", "pipes"],
+]  # fmt: skip
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+@pytest.mark.parametrize("arguments", PIPED, ids=" ".join)
+def test_a_pipe_in_place_of_a_file_is_refused_and_never_waited_for(arguments, copied, rmrc):
+    for suffix in ("npz", "csv", "parquet", "yaml", "xml", "urdf"):
+        os.mkfifo(copied / f"pipe.{suffix}")
+    (copied / "pipes").mkdir()
+    os.mkfifo(copied / "pipes" / "u.sweep.parquet")
+    guard = threading.Timer(60, os.kill, (os.getpid(), signal.SIGINT))  # a wait fails the test instead of the suite
+    guard.start()
+    try:
+        code, _, err = rmrc(*arguments)
+    finally:
+        guard.cancel()
+    assert code == 2 and err.count("\n") == 1 and ("pipe." in err or "pipes" in err), err
+
+
+@pytest.mark.parametrize("error", [OSError("bad page"), NotImplementedError("method 97"), ValueError(""), KeyError("x")])
+def test_whatever_a_library_raises_about_a_file_is_one_line(tmp_path, error):
+    with pytest.raises(package.QuestionError, match="is not a log, or is damaged"), reading(tmp_path / "l", "a log"):
+        raise error
+    with pytest.raises(FileNotFoundError), reading(tmp_path / "missing", "a log"):
+        (tmp_path / "missing").read_text()
+
+
+@pytest.mark.parametrize("error", [TypeError("incompatible function arguments"), SystemError("error set")])
+def test_an_interrupt_that_a_binding_turns_into_another_error_is_still_130(error, rmrc, monkeypatch):
+    def interrupted(**_):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise error from None
+
+    monkeypatch.setattr(cli, "app", interrupted)
+    assert rmrc()[::2] == (130, "rmrc: interrupted\n")
+
+    def failed(**_):  # the negative control: without a signal it is an error of the program
+        raise error
+
+    monkeypatch.setattr(cli, "app", failed)
+    assert rmrc()[0] == 70
