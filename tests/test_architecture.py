@@ -57,8 +57,6 @@ OWNERS = {
             "rmrc.show.plot",
             "rmrc.show.run_figure",
             "rmrc.show.textbook_figures",
-            "rmrc.study.filter_figure",
-            "rmrc.study.margins.figure",
             "rmrc.study.plotting",
             "rmrc.study.sweep_figure",
             "rmrc.tuning.figure",

@@ -14,7 +14,7 @@ from rmrc.results.columns import COLUMNS
 from rmrc.scenario import variants
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.compare import Comparison
+from rmrc.study.run import Job
 from rmrc.support.errors import ModelError, ScenarioError
 from screws import screw_chain
 from wording import says
@@ -282,16 +282,9 @@ def test_what_has_sizes_of_its_own_is_refused(tmp_path):
     assert str(caught.value) == says(f"{path}: … equality … bodies; … the lengths into the model")
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_they_can_be_compared(tmp_path):
     varied = ["plant.payload=0,2", "arm.stretch.link_2=0.9,1.1"]
     path = ROOT / "scenarios" / "approach_singularity.yaml"
-    comparison = Comparison(
-        path, variants(varied), ["target.path=[{hold: {for: 0.05}}]"], tmp_path, record=False
-    )
-    assert [one.variant.label for one in comparison.run().results] == [
-        "0, 0.9",
-        "0, 1.1",
-        "2, 0.9",
-        "2, 1.1",
-    ]
+    job = Job(path, tmp_path, False, variants(varied), ["target.path=[{hold: {for: 0.05}}]"])
+    job.run()
+    assert list(job.runs) == ["0, 0.9", "0, 1.1", "2, 0.9", "2, 1.1"]

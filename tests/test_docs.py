@@ -28,7 +28,7 @@ from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, PRIORI
 from rmrc.show import sheets
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.compare import Comparison
+from rmrc.study.run import Job
 from rmrc.study.sweep import Sweep
 from shipped import shipped
 
@@ -552,16 +552,16 @@ def test_numbers_of_the_first_page_are_those_that_a_run_gives():
             assert agrees(figures[name], number), f"{how}: {name} is {figures[name]:.4g}, printed {number}"
 
 
-def test_numbers_of_the_comparison_are_those_that_its_command_gives(tmp_path):
+def test_numbers_of_the_comparison_are_those_that_its_command_gives():
     text = page("Compare methods")
     (command,) = fenced(text, "sh")
     _, path, *varied = re.fullmatch(r".*-m rmrc (compare) (\S+) --vary (\S+)\n", command).groups()
-    comparison = Comparison(ROOT / path, variants(varied), folder=tmp_path)
-    runs = Simulation(comparison.worlds).run()
+    job = Job(ROOT / path, variants=variants(varied))
+    runs = Simulation(job.worlds).run()
     names = re.findall(r"`([\w.]+)` \[", text)
     table = rows(text)
     assert names
-    assert [cells[0] for cells in table] == [f"`{variant.label}`" for variant in comparison.variants]
+    assert [cells[0] for cells in table] == [f"`{variant.label}`" for variant in job.variants]
     for run, (label, *printed) in zip(runs, table, strict=True):
         card = scorecard(run)
         for name, number in zip(names, printed, strict=True):

@@ -218,8 +218,8 @@ print(peak() - before, LIBRARIES + footprint({prepared}, recorded={recorded})[0]
 """
 RUN = 'from rmrc.study.run import Job; work = Job(scenario.load(Path("long.yaml"), {overrides}), Path("out"), {recorded})'
 COMPARE = (
-    "from rmrc.study.compare import Comparison; "
-    'work = Comparison(Path("long.yaml"), scenario.variants(["control.feedback=1,2,3"]), {overrides}, Path("out"), {recorded})'
+    "from rmrc.study.run import Job; "
+    'work = Job(Path("long.yaml"), Path("out"), {recorded}, scenario.variants(["control.feedback=1,2,3"]), {overrides})'
 )
 
 

@@ -12,12 +12,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from loops import controller_of
 from project import ROOT, mostly_long
-from rmrc.scenario import Scenario, load, variants
+from rmrc.scenario import Scenario, load
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.compare import Comparison
 from rmrc.study.sweep import Sweep
+from rmrc.study.verbs import compare
 from rmrc.support.errors import ScenarioError
 from rmrc.tuning.tune import Tuning
 from wording import says
@@ -428,12 +428,11 @@ def plain_loop(path, *settings):
     return Loop(prepare(load(path, settings))).run(nothing, moved(2.0, 1.0))[0]
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_comparison_has_what_the_plain_loop_does(written, tmp_path):
     kinds = ("servo", "model")
-    left = Comparison(written, variants([f"plant.kind={','.join(kinds)}"]), [], tmp_path / "out").run()
-    assert [one.variant.label for one in left.results] == [*kinds]
-    servo, own = (one.run["qpos"] for one in left.results)
+    runs = compare(written, {"plant.kind": kinds}, out=tmp_path / "out")
+    assert [*runs] == [*kinds]
+    servo, own = (run["qpos"] for run in runs.values())
     qpos = plain_loop(written)
     assert_allclose(own, qpos, rtol=0, atol=EXACT)
     assert np.abs(servo - qpos).max() > 1e-3  # our servos do not sag

@@ -1,6 +1,7 @@
 import os
 import stat
 import threading
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ def make_run(ticks=4, **given):
     }
     columns["status"] = np.arange(ticks)
     columns["path_time"] = np.arange(ticks) * (1e-3 / 3.0)
-    fields = {
+    facts = {
         "name": "case",
         "joints": ("base", "µ elbow", "d3"),
         "is_slide": (False, False, True),
@@ -33,32 +34,11 @@ def make_run(ticks=4, **given):
         "columns": columns,
         "planned": ticks,
     }
-    return Run(**(fields | given))
+    return Run(**(facts | given))
 
 
-FIELDS = (
-    "name",
-    "joints",
-    "is_slide",
-    "axes",
-    "length",
-    "period",
-    "planned",
-    "wall_time",
-    "weights",
-    "torque_limit",
-)
-
-
-@pytest.mark.parametrize("ticks", [0, 1, 50])
-@pytest.mark.parametrize(
-    "divergence",
-    [
-        None,
-        Divergence(3, 0.003, "µ elbow", "rate is not finite"),
-        Divergence(0, 0.0, "", "unknown"),
-    ],
-)
+@pytest.mark.parametrize("ticks", [0, 50])
+@pytest.mark.parametrize("divergence", [None, Divergence(3, 0.003, "µ elbow", "rate is not finite")])
 def test_what_is_saved_is_read_back_bit_for_bit(tmp_path, ticks, divergence):
     run = make_run(ticks, planned=60, divergence=divergence, wall_time=0.1 + 0.2)
     if ticks:
@@ -68,17 +48,15 @@ def test_what_is_saved_is_read_back_bit_for_bit(tmp_path, ticks, divergence):
     path = tmp_path / "new" / "folder" / "run.npz"
     run.save(path)
     back = Run.read(path)
-    for name in FIELDS:
-        # repr: equal in value and in type, tuples' items included
-        assert repr(getattr(back, name)) == repr(getattr(run, name)), name
-    assert back.divergence == divergence
+    for field in fields(Run):
+        if field.name != "columns":  # repr: equal in value and in type, tuples' items included
+            assert repr(getattr(back, field.name)) == repr(getattr(run, field.name)), field.name
     assert list(back.columns) == list(COLUMNS)
     for name in COLUMNS:
         assert back[name].dtype == run[name].dtype
-        assert back[name].shape == run[name].shape
+        np.testing.assert_array_equal(back[name], run[name], strict=True)
         assert back[name].tobytes() == run[name].tobytes(), name
-    assert len(back) == ticks
-    assert not back.is_complete
+    assert len(back) == ticks and not back.is_complete
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"])), st.floats(-1e99, 1e99))
@@ -102,23 +80,18 @@ def test_a_file_says_the_unit_of_every_column(tmp_path):
 def test_a_run_is_complete_when_its_path_was_recorded_to_the_end():
     assert make_run(4, planned=4).is_complete
     assert not make_run(3, planned=4).is_complete
-    assert make_run(3, planned=4).completed == 0.75
-    assert make_run(0, planned=4).completed == 0.0
+    assert [make_run(ticks, planned=4).completed for ticks in (0, 3)] == [0.0, 0.75]
     slowed = make_run(4, planned=4)  # more ticks than planned, and still on its way
     slowed.columns["path_time"][:] *= 0.5
     assert slowed.completed == 0.625
     assert not slowed.is_complete
-
-
-def test_joint_units_follow_the_kind_of_the_joint():
-    assert [make_run().joint_unit(j) for j in range(3)] == ["rad", "rad", "m"]
+    assert [slowed.joint_unit(j) for j in range(3)] == ["rad", "rad", "m"]
 
 
 def test_a_divergence_is_one_line_that_names_tick_time_joint_and_reason():
     text = 'diverged at tick 12 (0.0120 s) at joint "elbow": rate is not finite'
     assert str(Divergence(12, 0.012, "elbow", "rate is not finite")) == text
-    text = "diverged at tick 12 (0.0120 s): rate is not finite"
-    assert str(Divergence(12, 0.012, "", "rate is not finite")) == text
+    assert str(Divergence(12, 0.012, "", "rate is not finite")) == text.replace(' at joint "elbow"', "")
 
 
 # Files ------------------------------------------------------------------------------------------
@@ -164,36 +137,22 @@ def test_a_run_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]
 
 
-def test_until_it_is_whole_a_reader_sees_the_old_file(tmp_path):
+def test_two_writers_of_one_path_do_not_mix_and_a_reader_sees_whole_files(tmp_path):
     path = tmp_path / "run.npz"
     path.write_bytes(b"old")
-    with written_whole(path) as temporary:
-        temporary.write_bytes(b"new")
-        assert path.read_bytes() == b"old"
-    assert path.read_bytes() == b"new"
+    with written_whole(path) as first:
+        first.write_bytes(b"first")
+        with written_whole(path) as second:
+            second.write_bytes(b"second")
+            assert path.read_bytes() == b"old"
+        assert path.read_bytes() == b"second"
+        # a rename is atomic only within a file system; programs choose a format by the suffix
+        assert (first.parent, first.name[:5], first.suffix) == (tmp_path, ".run-", ".npz")
+    assert path.read_bytes() == b"first"
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]
 
 
-def test_two_writers_of_one_path_do_not_mix(tmp_path):
-    path = tmp_path / "run.npz"
-    with written_whole(path) as first:
-        with written_whole(path) as second:
-            assert first != second
-            first.write_bytes(b"first")
-            second.write_bytes(b"second")
-        assert path.read_bytes() == b"second"
-    assert path.read_bytes() == b"first"
-
-
-def test_the_temporary_is_hidden_beside_the_file_and_keeps_the_suffix(tmp_path):
-    # A rename is atomic only within a file system; programs choose a format by the suffix.
-    with written_whole(tmp_path / "run.npz") as temporary:
-        assert temporary.parent == tmp_path
-        assert temporary.name.startswith(".run-")
-        assert temporary.suffix == ".npz"
-
-
-@pytest.mark.parametrize("umask", [0o022, 0o002, 0o077])
+@pytest.mark.parametrize("umask", [0o022, 0o077])
 def test_the_mode_is_what_the_umask_allows(tmp_path, umask):
     path = tmp_path / "run.npz"
     before = os.umask(umask)

@@ -10,7 +10,7 @@ from project import ROOT
 from rmrc.analysis.check.findings import CODES
 from rmrc.results.facts import versions
 from rmrc.results.run import Run
-from rmrc.study.batch import Batch
+from rmrc.study.run import Job
 from wording import says
 
 TEXT = f"""
@@ -152,12 +152,11 @@ def test_ctrl_c_before_the_first_tick_is_an_error(rmrc, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Batch, "compile", interrupted)
+    monkeypatch.setattr(Job, "compile", interrupted)
     assert rmrc("run", "quick.yaml", *ASKED)[0] == 130
     assert told(read("ci/a.xml")) == {"run": ("error", "ended before the first result")}
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_each_variant_of_a_comparison_is_a_suite_and_the_exit_code_stays(rmrc, quick):
     varied = ("--vary", "control.feedback=5,10", "--set", "expect.duration.equals=0.2")
     code, _, _ = rmrc("compare", "quick.yaml", *varied, *ASKED)

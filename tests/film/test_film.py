@@ -15,9 +15,8 @@ from project import ROOT
 from rmrc.film import camera, encode, opengl
 from rmrc.film.film import Cut, Film, render
 from rmrc.film.opengl import PictureError
-from rmrc.film.renderer import FINER, Renderer
 from rmrc.scenario import loads
-from rmrc.study import filming
+from rmrc.study.filming import worlds_of
 from rmrc.support.errors import QuestionError
 from wording import says
 
@@ -46,7 +45,7 @@ def opened():
 @pytest.fixture(scope="module")
 def worlds():
     """Return the world and the run of the scenario, by its name."""
-    return filming.ran(loads(SCENARIO.format(model=MODEL)), ())
+    return worlds_of(loads(SCENARIO.format(model=MODEL)))
 
 
 def projected(renderer, point):
@@ -105,31 +104,14 @@ def test_the_camera_sees_all_points_and_is_no_farther_than_it_must(seed, normal,
     np.testing.assert_allclose(margins.min(), camera.MARGIN / 2, atol=1e-9)  # one direction binds
 
 
-@pytest.mark.long  # the verb does both below
 @pytest.mark.usefixtures("opened")
-def test_a_picture_has_the_size_asked_and_an_instant(worlds, tmp_path):
-    for name, at in (("a.png", 0.1), ("b.png", 0.5)):
-        render(worlds, tmp_path / name, Cut(at=at), (300, 260))
-    first, second = (Image.open(tmp_path / name) for name in ("a.png", "b.png"))
-    assert first.size == (300, 260)
-    assert np.abs(np.asarray(first).astype(int) - np.asarray(second)).max() > 100
-
-
-@pytest.mark.usefixtures("opened")
-@pytest.mark.parametrize("names", [["a.gif"], pytest.param(["a.gif", "b.gif"], marks=pytest.mark.long)])
-def test_a_film_has_the_frames_and_the_pace_asked_and_the_same_bytes_each_time(worlds, tmp_path, names):
+def test_a_film_has_the_frames_and_the_pace_asked(worlds, tmp_path):
     end = float(next(iter(worlds.values()))[1]["time"][-1])
-    for name in names:
-        render(worlds, tmp_path / name, Cut(fps=12.5, speed=4.0), (200, 200))
+    render(worlds, tmp_path / "a.gif", Cut(fps=12.5, speed=4.0), (200, 200))
     with Image.open(tmp_path / "a.gif") as film:
-        frames = film.n_frames
-        assert frames == int(np.ceil(end / 0.32 - 1e-9)) + 1
-        durations = []
-        for i in range(frames):
-            film.seek(i)
-            durations.append(film.info["duration"])
-    assert durations == [80] * (frames - 1) + [1500]
-    assert len({(tmp_path / name).read_bytes() for name in names}) == 1
+        assert film.n_frames == int(np.ceil(end / 0.32 - 1e-9)) + 1
+        durations = [film.seek(i) or film.info["duration"] for i in range(film.n_frames)]
+    assert durations == [80] * (len(durations) - 1) + [1500]
 
 
 @pytest.mark.usefixtures("opened")
@@ -144,27 +126,17 @@ def test_variants_stand_side_by_side_on_one_scale(worlds):
     assert (frame[:title, :200] != frame[:title, 200:]).any()
 
 
-@pytest.mark.long  # a GIF has its frames from the same loop
-@pytest.mark.usefixtures("opened")
-def test_an_mp4_has_the_frames_asked(worlds, tmp_path):
-    ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the extra film is not installed")
-    render(worlds, tmp_path / "a.mp4", Cut(fps=10.0, end=0.5), (200, 200))
-    assert ffmpeg.count_frames_and_secs(str(tmp_path / "a.mp4"))[0] == 6
-
-
 def test_without_ffmpeg_one_line_names_the_extra(worlds, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(QuestionError, match=r"rmrc\[film\]"):
         render(worlds, tmp_path / "a.mp4")
 
 
-@pytest.mark.parametrize("asked", ["egl", "osmesa"])
-def test_without_opengl_one_line_names_the_packages(worlds, tmp_path, monkeypatch, asked):
-    monkeypatch.setenv("MUJOCO_GL", asked)
+def test_without_opengl_one_line_names_the_packages(worlds, tmp_path, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "egl")
     monkeypatch.setattr(ctypes.util, "find_library", lambda _: None)
-    with pytest.raises(PictureError, match=r"libegl1 and libgl1-mesa-dri.*libosmesa6") as told:
+    with pytest.raises(PictureError, match=r"^[^\n]*libegl1 and libgl1-mesa-dri[^\n]*libosmesa6[^\n]*$"):
         opengl.refuse_missing()
-    assert "\n" not in str(told.value)
 
     def opens(*_):
         raise AttributeError("'NoneType' object has no attribute 'eglQueryString'\nmore")
@@ -227,7 +199,7 @@ WRONG = {
     "too long": (["there.npz", "--speed", "0.0001"], "… frames … --fps … --speed …"),
     "changed": (["there.npz", "--set", "control.feedback=1"], "… finished run … scenario"),
     "no scenario": (["bare.npz"], "bare.json: … `run` and `compare` write it …"),
-    "damaged": (["torn.npz"], "torn.json: … scenario … damaged"),
+    "damaged": (["torn.npz"], "torn.json: … damaged …"),
     "another run": (["other.npz"], "other.json: … another run …"),
     "a model": (["planar_2link.xml"], "… a model, …"),
 }
@@ -250,15 +222,3 @@ def test_a_mistake_is_one_line(rmrc, left, monkeypatch, case):
 def test_delays_of_a_gif_are_hundredths_of_a_second_and_two_at_least():
     assert [encode.delay_of(".gif", fps) for fps in (100.0, 50.0, 12.5, 1.0)] == [0.02, 0.02, 0.08, 1.0]
     assert encode.delay_of(".mp4", 60.0) == 1 / 60
-
-
-@pytest.mark.usefixtures("opened")
-def test_a_pixel_is_the_mean_of_its_parts(worlds):
-    ((world, run),) = worlds.values()
-    assert FINER == 2
-    with Renderer(world.true_arm.model, 64, 48) as small:
-        box = small.corners(run["qpos"][0], world.true_arm.mocap_now)
-        eye = camera.fitted(box, 2, 64 / 48)
-        picture = small.draw(run["qpos"][0], eye, [], world.true_arm.mocap_now)
-    assert picture.shape == (48, 64, 3)
-    assert len(np.unique(picture)) > 20  # edges are smooth

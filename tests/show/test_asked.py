@@ -8,8 +8,6 @@ from matplotlib.figure import Figure
 
 from project import mostly_long
 from rmrc.show.asked import ASKED, Asked, sized
-from rmrc.study.filter_figure import filter_factors
-from rmrc.study.filters import FilterFactor
 from rmrc.tuning.figure import draw_front
 from rmrc.tuning.tables import Row
 
@@ -31,17 +29,9 @@ def front(path):
     draw_front("x", points, points[:2], marks, [3.0], path)
 
 
-def filters(path):
-    import numpy as np
-
-    sigma = np.geomspace(1e-3, 1.0, 20)
-    curve = FilterFactor(sigma, sigma / (sigma**2 + 0.01), 0.02, 0.02 / 0.0104)
-    filter_factors("x", [("damped", curve), ("a long name of a variant, control.feedback=20", curve)], [path])
-
-
 @pytest.mark.parametrize(
     ("draw", "width", "font"),
-    mostly_long([(front, 3.5, 8.0), (front, 7.16, 9.0), (filters, 3.5, 8.0), (filters, 7.16, 9.0)], 4),
+    [(front, 3.5, 8.0), (front, 7.16, 9.0)],
 )
 def test_a_picture_is_as_wide_as_asked_with_letters_that_can_be_read(tmp_path, draw, width, font):
     with sized(width, font):

@@ -5,14 +5,15 @@ import json
 import numpy as np
 import pytest
 
-from project import ROOT, undrawn
+from project import ROOT
 from rmrc.recording.single import read_columns
 from rmrc.results.columns import COLUMNS
+from rmrc.results.run import read_runs
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load, variants
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.compare import Comparison
+from rmrc.study.run import Job
 
 TEXT = f"""
 name: quick
@@ -30,94 +31,70 @@ SET = ["control.feedback=11", "name=other"]
 
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory):
-    """(path of the scenario, left)."""
+    """(path of the scenario, finished job)."""
     folder = tmp_path_factory.mktemp("compared")
     (folder / "quick.yaml").write_text(TEXT)
     counted = []
-    comparison = Comparison(folder / "quick.yaml", variants(GRID), SET, folder / "new" / "out")
-    with undrawn():
-        left = comparison.run(counted.append)
-    assert sum(counted) == comparison.ticks
-    return folder / "quick.yaml", left
+    job = Job(folder / "quick.yaml", folder / "new" / "out", variants=variants(GRID), overrides=SET)
+    job.run(counted.append)
+    assert sum(counted) == sum(one.reference.ticks for one in job.worlds)
+    return folder / "quick.yaml", job
 
 
-def test_each_variant_has_the_bits_of_its_scenario_run_alone(compared):
-    path, left = compared
-    for one in left.results:
-        (alone,) = Simulation([prepare(load(path, [*SET, *map(str, one.variant.changes)]))]).run()
-        for name in COLUMNS:
-            np.testing.assert_array_equal(one.run[name], alone[name], strict=True)
-    assert len({one.run["q"].tobytes() for one in left.results}) == 3  # the inverse knows no damping
-
-
-def test_results_are_complete_and_in_the_order_of_the_grid(compared):
-    _, left = compared
-    labels = [one.variant.label for one in left.results]
+def test_each_variant_has_the_bits_of_its_scenario_run_alone_also_in_both_files(compared):
+    path, job = compared
     much, little = "{maximum: 0.5, below: 2}", "{maximum: 0.01, below: 2}"
-    assert labels == [
-        f"{method}, {damping}" for method in ("damped", "inverse") for damping in (much, little)
-    ]
-    assert {one.status for one in left.results} == {"complete"}
-    assert [[outcome.ok for outcome in one.outcomes] for one in left.results] == [[False], [True], [], []]
-    assert not left.interrupted
-
-
-def test_the_files_are_named_after_the_scenario_and_all_there(compared):
-    path, left = compared
-    folder = path.parent / "new" / "out"
-    names = [f"other.compare{kind}" for kind in (".rrd", ".npz", ".json", ".png", ".svg")]
-    assert list(left.files) == [folder / name for name in names]
-    assert sorted(folder.iterdir()) == sorted(left.files)
-
-
-def test_the_recording_has_every_variant(compared):
-    _, left = compared
-    for one in left.results:
-        columns = read_columns(left.files[0], one.variant.label)
+    labels = [f"{method}, {damping}" for method in ("damped", "inverse") for damping in (much, little)]
+    saved = read_runs(job.files[1])
+    assert list(job.runs) == list(saved) == labels
+    for variant in job.variants:
+        (alone,) = Simulation([prepare(load(path, [*SET, *map(str, variant.changes)]))]).run()
+        recorded = read_columns(job.files[0], variant.label)
         for name in COLUMNS:
-            np.testing.assert_array_equal(columns[name], one.run[name], strict=True)
+            for columns in (job.runs[variant.label], saved[variant.label], recorded):
+                np.testing.assert_array_equal(columns[name], alone[name], strict=True)
+    assert len({run["q"].tobytes() for run in job.runs.values()}) == 3  # the inverse knows no damping
 
 
-def test_the_facts_are_those_of_each_variant(compared):
-    path, left = compared
-    facts = json.loads(left.files[2].read_text())
+def test_the_files_are_named_after_the_scenario_and_have_the_facts_of_each_variant(compared):
+    path, job = compared
+    folder = path.parent / "new" / "out"
+    assert job.files == [folder / f"other.compare{kind}" for kind in (".rrd", ".npz", ".json")]
+    assert sorted(folder.iterdir()) == sorted(job.files)
+    assert not (job.interrupted or job.failures)
+    facts = json.loads(job.files[2].read_text())
     assert (facts["name"], facts["overrides"]) == ("other", SET)
-    assert {"python", "rmrc", "mujoco", "matplotlib"} < set(facts["versions"])
-    for known, one in zip(facts["variants"], left.results, strict=True):
-        assert known["label"] == one.variant.label
-        assert known["overrides"] == [str(change) for change in one.variant.changes]
+    assert {"python", "rmrc", "mujoco"} < set(facts["versions"])
+    expected = [[False], [True], [], []]
+    for variant, one, known, met in zip(job.variants, job.results, facts["variants"], expected, strict=True):
+        assert (known["label"], known["overrides"]) == (variant.label, [str(one) for one in variant.changes])
         assert (known["status"], known["divergence"]) == ("complete", None)
-        figures = scorecard(one.run)
         assert known["scorecard"]["joint_rate"]["peak"] == np.abs(one.run["qdot"]).max()
-        assert known["scorecard"]["return"]["joint_change"] == figures["return.joint_change"].value
-        assert [outcome["ok"] for outcome in known["expect"]] == [outcome.ok for outcome in one.outcomes]
-        expected = load(path, [*SET, *map(str, one.variant.changes)])
-        assert known["scenario"] == prepare(expected).scenario.model_dump(mode="json")
+        closed = scorecard(one.run)["return.joint_change"].value
+        assert known["scorecard"]["return"]["joint_change"] == closed
+        assert [outcome["ok"] for outcome in known["expect"]] == met
+        assert known["scenario"] == one.prepared.scenario.model_dump(mode="json")
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_variants_may_have_different_arms_and_be_of_different_length(tmp_path):
     (tmp_path / "quick.yaml").write_text(TEXT.replace("start: [60 deg, -120 deg]", "start: home"))
     models = f"arm.model={ROOT}/models/planar_2link.xml,{ROOT}/models/planar_3link.xml"
     varied = [models, "target.limits.velocity=0.25,0.05"]
-    left = Comparison(tmp_path / "quick.yaml", variants(varied), folder=tmp_path, record=False).run()
-    assert [one.run["q"].shape[1] for one in left.results] == [2, 2, 3, 3]
-    assert len({len(one.run) for one in left.results}) > 1
-    assert [path.suffix for path in left.files] == [".npz", ".json", ".png", ".svg"]
-
-
-@pytest.fixture
-def without_pictures(monkeypatch):
-    """They take longer than the runs."""
-    monkeypatch.setattr(Comparison, "_draw", lambda *_: [])
+    job = Job(tmp_path / "quick.yaml", tmp_path, record=False, variants=variants(varied))
+    job.run()
+    assert [run["q"].shape[1] for run in job.runs.values()] == [2, 2, 3, 3]
+    assert len(set(map(len, job.runs.values()))) > 1
+    assert [path.suffix for path in job.files] == [".npz", ".json"]
 
 
 def counted(path, varied, overrides=()):
     """Return of each variant the names of the expectations that count, and what the others were stated for."""
-    left = Comparison(path, variants(varied), overrides, path.parent, record=False).run()
+    job = Job(path, path.parent, False, variants(varied), overrides)
+    job.run()
+    facts = json.loads((path.parent / "quick.compare.json").read_text())["variants"]
     return {
-        one.variant.label: ([outcome.name for outcome in one.outcomes], dict(one.stated_for))
-        for one in left.results
+        one["label"]: ([outcome["name"] for outcome in one["expect"]], one["expected_of_others"])
+        for one in facts
     }
 
 
@@ -125,7 +102,6 @@ SHORT = TEXT.replace("{by: [0.05, 0.0]}}, {line: {by: [-0.05, 0.0]}", "{by: [0.0
 EXPECTED = ["position_error.max"]
 
 
-@pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize(
     ("key", "as_written", "others"),
     [
@@ -140,30 +116,18 @@ def test_what_is_expected_of_one_law_is_not_counted_for_others(tmp_path, key, as
     (tmp_path / "quick.yaml").write_text(SHORT)
     wanted = {as_written: (EXPECTED, {})} | {one: ([], {key: as_written}) for one in others.split(",")}
     assert counted(tmp_path / "quick.yaml", [f"{key}={as_written},{others}"]) == wanted
-    facts = json.loads((tmp_path / "quick.compare.json").read_text())["variants"]
-    assert [one["expected_of_others"] for one in facts] == [stated for _, stated in wanted.values()]
-    assert [len(one["expect"]) for one in facts] == [len(names) for names, _ in wanted.values()]
 
 
-@pytest.mark.usefixtures("without_pictures")
-def test_numbers_of_the_same_law_are_held_against_what_is_expected_of_it(tmp_path):
-    (tmp_path / "quick.yaml").write_text(SHORT)
-    found = counted(tmp_path / "quick.yaml", ["control.feedback=1,40"])
-    assert found == {"feedback=1": (EXPECTED, {}), "feedback=40": (EXPECTED, {})}
-
-
-@pytest.mark.usefixtures("without_pictures")
 def test_expectations_of_a_file_are_for_its_own_law_and_those_of_the_command_for_all(tmp_path):
     path = tmp_path / "quick.yaml"
     path.write_text(SHORT)
+    gains, inverse = ["control.feedback=5,6"], "control.inverse.method=inverse"
     other = {"control.inverse.method": "damped"}
-    found = counted(path, ["control.feedback=5,6"], ["control.inverse.method=inverse"])
-    assert list(found.values()) == [([], other)] * 2
-    asked = ["control.inverse.method=inverse", "expect.joint_rate.peak={below: 9}"]
-    found = counted(path, ["control.feedback=5,6"], asked)
-    assert list(found.values()) == [(["joint_rate.peak"], other)] * 2
+    assert list(counted(path, gains).values()) == [(EXPECTED, {})] * 2  # numbers of the same law
+    assert list(counted(path, gains, [inverse]).values()) == [([], other)] * 2
+    stated = [inverse, "expect.joint_rate.peak={below: 9}"]
+    assert list(counted(path, gains, stated).values()) == [(["joint_rate.peak"], other)] * 2
     # what a file lacks is given by the command: nothing is left that the file could mean
     path.write_text(SHORT.replace(f"model: {ROOT}/models/planar_2link.xml, ", ""))
     model = f"arm.model={ROOT}/models/planar_2link.xml"
-    found = counted(path, ["control.feedback=5,6"], [model, "control.inverse.method=inverse"])
-    assert list(found.values()) == [(EXPECTED, {})] * 2
+    assert list(counted(path, gains, [model, inverse]).values()) == [(EXPECTED, {})] * 2

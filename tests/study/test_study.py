@@ -1,7 +1,6 @@
 """Many variants of one scenario: prepared once, they are to the bit and to the word what each is alone."""
 
 import functools
-import json
 import threading
 
 import numpy as np
@@ -17,8 +16,8 @@ from rmrc.scenario.changes import read_setting
 from rmrc.simulation import prepare as preparation
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.compare import Comparison
 from rmrc.study.plan import Plan
+from rmrc.study.run import Job
 from rmrc.study.study import Checked, Study
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Problem
@@ -152,7 +151,7 @@ def test_a_mistake_names_its_variants_once(tmp_path):
         study.prepare_all([low, low._replace(label="c")])
     assert str(caught.value) == says(shown)
     with pytest.raises(ScenarioError) as caught:
-        Comparison(tmp_path / "none.yaml", [low, high])
+        Job(tmp_path / "none.yaml", variants=[low, high])
     assert str(caught.value) == says(f"{tmp_path}/none.yaml: … file")
 
 
@@ -194,22 +193,6 @@ def test_what_many_variants_have_in_common_is_told_once_with_how_many_and_the_fi
         whole.raise_any(plan)
     assert str(caught.value).splitlines()[3:] == [says("… 1 more …")]
     Checked(8).raise_any(plan)  # negative control
-
-
-def test_a_comparison_of_a_scenario_object_is_that_of_its_file(tmp_path, monkeypatch):
-    monkeypatch.setattr(Comparison, "_draw", lambda *_: None)
-    path = ROOT / "scenarios" / "approach_singularity.yaml"
-    short, some = (
-        ["target.path=[{hold: {for: 0.05}}]"],
-        variants([["control.feedback=5"], ["plant.payload=1"]]),
-    )
-    by_file = Comparison(path, some, short, tmp_path / "a", record=False).run()
-    by_object = Comparison(load(path), some, short, tmp_path / "b", record=False).run()
-    for one, other in zip(by_file.results, by_object.results, strict=True):
-        assert one.run["qdot_cmd"].tobytes() == other.run["qdot_cmd"].tobytes()
-        assert one.outcomes == other.outcomes
-    a, b = (json.loads((tmp_path / name / "approach_singularity.compare.json").read_text()) for name in "ab")
-    assert [one["overrides"] for one in a["variants"]] == [one["overrides"] for one in b["variants"]]
 
 
 def test_watchers_see_every_tick_and_a_rule_ends_the_runs():

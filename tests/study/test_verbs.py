@@ -1,17 +1,17 @@
 """`rmrc.run`, `rmrc.compare`, `rmrc.sweep`: of a path, a name or an object, and nothing is written unless asked."""
 
 import json
+import signal
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 import rmrc
-from project import ROOT, mostly_long
+from project import ROOT
 from rmrc.results.run import Run
 from rmrc.scenario import variants
-from rmrc.study.compare import Comparison
-from rmrc.study.run import Job
+from rmrc.study.study import Study
 from rmrc.study.sweep import Sweep
 from wording import says
 
@@ -46,42 +46,39 @@ def same(one, other):
     return all(one[name].tobytes() == other[name].tobytes() for name in one.columns)
 
 
-def test_a_path_a_name_and_an_object_give_the_same_run_which_is_that_of_the_verb(tmp_path):
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_path_a_name_and_an_object_give_the_same_run_which_is_written_if_it_is_asked_for(short, tmp_path):
     scenario = rmrc.load(LINE)
     assert scenario == rmrc.load(str(LINE)) == rmrc.load("line_tracking")
     runs = [rmrc.run(one) for one in ("line_tracking", scenario)]
-    assert same(*runs)
-    assert same(runs[0], Job(rmrc.load(LINE), tmp_path / "out", record=False).run().results[0].run)
-    assert not same(runs[0], rmrc.run(scenario.set({"control.feedback": 21})))
-
-
-def test_run_writes_what_the_verb_writes_if_it_is_asked_to(short, tmp_path):
+    assert same(*runs) and not same(runs[0], rmrc.run(scenario.set({"control.feedback": 21})))
     found = rmrc.run(short, out=tmp_path / "out")
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "short.json",
-        "short.npz",
-        "short.rrd",
-    ]
+    assert names(tmp_path / "out") == ["short.json", "short.npz", "short.rrd"]
     assert same(Run.read(tmp_path / "out/short.npz"), found)
     rmrc.run(short, out=str(tmp_path / "less"), record=False)
-    assert sorted(path.name for path in (tmp_path / "less").iterdir()) == ["short.json", "short.npz"]
+    assert names(tmp_path / "less") == ["short.json", "short.npz"]
 
 
-def test_compare_gives_runs_by_label_each_as_it_is_alone(short):
-    runs = rmrc.compare(short, VARY)
-    assert list(runs) == LABELS
+def test_compare_gives_runs_by_label_each_as_it_is_alone_and_writes_if_it_is_asked_to(short, tmp_path):
+    runs = rmrc.compare(short, VARY, out=tmp_path / "out", record=False)
+    assert list(runs) == LABELS and same(runs[LABELS[3]], rmrc.compare(short, VARY)[LABELS[3]])
     for label, found in runs.items():
         method, feedback = label.split(", ")
         alone = rmrc.run(short.set({"control.inverse.method": method, "control.feedback": float(feedback)}))
         assert same(found, alone)
     assert not same(*list(runs.values())[:2])
+    assert names(tmp_path / "out") == ["short.compare.json", "short.compare.npz"]
+    facts = json.loads((tmp_path / "out/short.compare.json").read_text())
+    assert [one["label"] for one in facts["variants"]] == LABELS
 
 
 @pytest.mark.parametrize(
     ("vary", "texts"),
     [
         ({"control.inverse.method": ["inverse", "damped"]}, ["control.inverse.method=inverse,damped"]),
-        ({"control.feedback": [5, 20.5]}, ["control.feedback=5,20.5"]),
         ({"control.limits.rate": [None, 3]}, ["control.limits.rate=null,3"]),
         ({"arm.start": [[0, 1], ["10 deg", 1]]}, ["arm.start=[0, 1],[10 deg, 1]"]),
         ({"plant.kind": ["ideal", "servo"], "task.length": (1, 2)}, ["plant.kind=ideal,servo", "task.length=1,2"]),
@@ -94,59 +91,22 @@ def test_variants_have_the_labels_and_values_of_the_command_line(vary, texts):
     assert values[0] == values[1]
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_compare_writes_what_the_verb_writes_if_it_is_asked_to(short, tmp_path):
-    runs = rmrc.compare(short, {"control.feedback": [5, 20]}, out=tmp_path / "out", record=False)
-    Comparison(short, variants(["control.feedback=5,20"]), (), tmp_path / "verb", record=False).run()
-    facts = [json.loads((tmp_path / name / "short.compare.json").read_text()) for name in ("out", "verb")]
-    assert [one["label"] for one in facts[0]["variants"]] == list(runs) == ["feedback=5", "feedback=20"]
-    for one in (one for some in facts for one in some["variants"]):
-        del one["scorecard"]["wall_time"], one["scorecard"]["speed"]
-    assert facts[0] == facts[1]
-
-
-@pytest.mark.parametrize(
-    "drawn",
-    mostly_long(
-        [{}, {"random": {"control.feedback": (5, 40)}}, {"sobol": {"control.feedback": [5, 40]}}],
-        1,
-        [{}, {"random": {"control.feedback": (5, 40)}}],
-    ),
-)
-def test_sweep_gives_the_rows_of_the_verb(short, tmp_path, drawn):
-    samples = 3 if drawn else None
-    rows = rmrc.sweep(
-        short, {"control.inverse.method": ["inverse", "damped"]}, **drawn, samples=samples, seed=7
-    )
+@pytest.mark.parametrize("drawn", [{}, {"random": {"control.feedback": (5, 40)}}])
+def test_sweep_gives_the_rows_of_the_verb_and_writes_them_if_it_is_asked_to(short, tmp_path, drawn):
+    methods, done = {"control.inverse.method": ["inverse", "damped"]}, []
+    more = {"samples": 3} if drawn else {}
+    rows = rmrc.sweep(short, methods, **drawn, **more, seed=7, out=tmp_path / "out", on_runs=done.append)
     drawing = (
-        ["sweep.draw.control.feedback=[5, 40]", f"sweep.sampler={next(iter(drawn))}", "sweep.samples=3"]
-        if drawn
-        else []
+        ["sweep.draw.control.feedback=[5, 40]", "sweep.sampler=random", "sweep.samples=3"] if drawn else []
     )
     texts = ["sweep.vary.control.inverse.method=[inverse, damped]", "sweep.seed=7", *drawing]
     with Sweep(short, texts, tmp_path / "verb") as work:
         work.run()
-    theirs = pq.read_table(work.dataset.file)
-    assert rows.num_rows == (6 if drawn else 2)
-    assert repr(rows.to_pylist()) == repr(theirs.to_pylist())  # NaN among them
-    assert rows.schema.equals(theirs.schema)
-    assert rows.schema.field("tau.peak").metadata == {
-        b"unit": b"N\xc2\xb7m",
-        b"meaning": theirs.schema.field("tau.peak").metadata[b"meaning"],
-    }
-
-
-def test_sweep_keeps_its_rows_where_it_is_asked_to(short, tmp_path):
-    rows = rmrc.sweep(short, {"control.feedback": [5, 20]}, out=tmp_path / "out")
-    (file,) = (tmp_path / "out").iterdir()
-    assert file.name == "short.sweep.parquet"
-    assert repr(pq.read_table(file).to_pylist()) == repr(rows.to_pylist())
-
-
-def test_sweep_shows_how_far_it_is(short):
-    done = []
-    rmrc.sweep(short, {"control.feedback": [5, 10, 20]}, on_runs=done.append)
-    assert sum(done) == 3
+    for theirs in map(pq.read_table, (work.dataset.file, tmp_path / "out/short.sweep.parquet")):
+        assert repr(rows.to_pylist()) == repr(theirs.to_pylist())  # NaN among them
+        assert rows.schema.equals(theirs.schema)
+    assert rows.num_rows == sum(done) == (6 if drawn else 2)
+    assert rows.schema.field("tau.peak").metadata[b"unit"] == "N·m".encode()
 
 
 WRONG = {
@@ -187,26 +147,19 @@ def test_a_folder_that_cannot_be_made_is_told_before_anything_moves(short, tmp_p
         call(short, tmp_path / "file/out")
 
 
-@pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("of", [Job, Comparison, Sweep])
-def test_an_interrupt_is_raised_once_the_files_are_there(short, tmp_path, monkeypatch, of):
-    real = of.run
+@pytest.mark.parametrize("verb", ["run", "compare"])
+def test_an_interrupt_is_raised_once_the_files_are_there(short, tmp_path, monkeypatch, verb):
+    step = Study.step
 
-    def interrupted(work, *arguments):
-        ended = real(work, *arguments)
-        object.__setattr__(ended, "interrupted", True)
-        return ended
+    def interrupted(*arguments):
+        signal.raise_signal(signal.SIGINT)
+        return step(*arguments)
 
-    monkeypatch.setattr(of, "run", interrupted)
-    vary = {"control.feedback": [5, 20]}
-    call = {
-        Job: lambda: rmrc.run(short, out=tmp_path / "out"),
-        Comparison: lambda: rmrc.compare(short, vary, out=tmp_path / "out"),
-        Sweep: lambda: rmrc.sweep(short, vary, out=tmp_path / "out"),
-    }[of]
+    monkeypatch.setattr(Study, "step", interrupted)
+    more = [{"control.feedback": [5, 20]}] if verb == "compare" else []
     with pytest.raises(KeyboardInterrupt):
-        call()
-    assert list((tmp_path / "out").iterdir())
+        getattr(rmrc, verb)(short, *more, out=tmp_path / "out")
+    assert len(names(tmp_path / "out")) == 3
 
 
 def test_a_file_that_cannot_be_written_in_the_end_is_an_error(short, tmp_path, monkeypatch):

@@ -16,7 +16,7 @@ from project import ROOT
 from rmrc.scenario import changes_of, load
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.margins.search import bears
+from rmrc.study.margins.margins import bears
 from rmrc.study.study import Study
 from rmrc.tuning.robot import GAIN_MARGIN
 from rmrc.tuning.trials import CHATTER, SATURATED

@@ -9,7 +9,7 @@ import pytest
 
 from project import ROOT
 from rmrc.scenario.profile import load_profile
-from rmrc.study.margins.search import bears
+from rmrc.study.margins.margins import bears
 from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
 from rmrc.textbook.stability import edge_gain

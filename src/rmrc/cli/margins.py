@@ -5,13 +5,14 @@ from typing import Annotated
 
 import typer
 
+from rmrc import scenario as scenarios
 from rmrc.cli.console import EXIT_INTERRUPTED, complain, interruption, progress
 from rmrc.cli.options import AsJson, Junit, Quiet, Summary, Threads, drawable
 from rmrc.cli.reports import show
 from rmrc.cli.scenarios import Overrides, ScenarioFile
 
 # Usual number of runs of a search, for the progress bar.
-_RUNS = 80
+_RUNS = 40
 
 
 def margins(
@@ -38,24 +39,26 @@ def margins(
     """
     from rmrc.results.leaving import refuse_unwritable
     from rmrc.study import ci
-    from rmrc.study.margins.margins import Asking
+    from rmrc.study.margins.margins import margins as search
     from rmrc.study.margins.report import report
 
     files = [path for path in (drawable(picture),) if path is not None]
     with ci.Files(scenario.stem, junit, summary) as kept:
-        with interruption("interrupted before the first run"):
-            work = Asking(scenario, set_ or (), accuracy=accuracy, threads=threads)
-            refuse_unwritable(files)
-            work.compile()
-        with progress(f"{work.scenario.name}: margins", _RUNS, quiet or as_json, unit="runs") as on_runs:
-            found = work.run(on_runs)
-        answer, told = report(found), f"interrupted after {found.runs} runs" if found.interrupted else ""
-        kept.write_answer(work.scenario.name, answer, told)
-    if told:
-        complain(told)
+        refuse_unwritable(files)
+        loaded = scenarios.load(scenario, set_ or ())
+        with (
+            interruption("interrupted before the first run"),
+            progress(f"{loaded.name}: margins", _RUNS, quiet or as_json, unit="runs") as on_runs,
+        ):
+            result = search(loaded, accuracy=accuracy, threads=threads, on_runs=on_runs)
+        answer = report(result)
+        cut = f"interrupted after {result.runs} runs" if result.interrupted else ""
+        kept.write_answer(loaded.name, answer, cut)
+    if cut:
+        complain(cut)
     for path in files:
         if answer.draw is not None:
             answer.draw(path)
     show(answer, as_json, quiet, [*files, *kept.paths])
-    if found.interrupted:
+    if cut:
         raise typer.Exit(EXIT_INTERRUPTED)

@@ -76,32 +76,13 @@ def plot(
     size = inches(width)
     with interruption("interrupted; nothing was written"):
         from rmrc.results.leaving import refuse_unwritable
-        from rmrc.results.run import read_runs
         from rmrc.show.panels import NAMES
-        from rmrc.show.plot import plot as draw
+        from rmrc.study import plotting, sweep_figure
 
-        if run.suffix == ".parquet":
-            _plot_sweep(run, wanted, panels, size, font)
-            print_line(output(quiet), f"wrote {wanted}")
-            return
-        names = _chosen(panels, NAMES)
+        names = _chosen(panels, sweep_figure.PANELS if run.suffix == ".parquet" else NAMES)
         refuse_unwritable([wanted])
-        found = read_runs(run)
-        for label, one in found.items():
-            if not len(one):
-                raise QuestionError(f"{visible(str(run))}: {quoted(label)} has no ticks to draw")
-        draw(found, wanted, names, size, font)
+        plotting.plot(run, wanted, names, size, font)
     print_line(output(quiet), f"wrote {wanted}")
-
-
-def _plot_sweep(rows: Path, wanted: Path, panels: str | None, width: float, font: float) -> None:
-    from rmrc.results.leaving import refuse_unwritable
-    from rmrc.study import sweep_figure
-    from rmrc.study.swept import Swept
-
-    names = _chosen(panels, sweep_figure.PANELS)
-    refuse_unwritable([wanted])
-    sweep_figure.plot(Swept.of(rows), wanted, names, width, font)
 
 
 def _chosen(text: str | None, known: Sequence[str]) -> list[str]:

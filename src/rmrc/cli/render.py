@@ -1,9 +1,8 @@
 """The verb `render`: draw a picture or a film of one run, or of several side by side."""
 
 import re
-from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -13,9 +12,6 @@ from rmrc.cli.kinds import RUN, SCENARIO, Kind, expect
 from rmrc.cli.options import Quiet, within
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import quoted, visible
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 FILMED = Kind(
     "the output of a run, or a scenario", (*RUN.suffixes, *SCENARIO.suffixes), shipped=SCENARIO.shipped
@@ -91,38 +87,26 @@ def render(
 
     MuJoCo renders off screen through EGL or OSMesa; without either the exit code is 2.
     """
-    is_left = run.suffix in RUN.suffixes
-    wanted = out or (run if is_left else Path("recordings") / run.name).with_suffix(".gif")
+    wanted = out or (run if run.suffix in RUN.suffixes else Path("recordings") / run.name).with_suffix(".gif")
     if wanted.suffix not in SUFFIXES:
         raise QuestionError(f"--out {visible(str(wanted))}: must end in .gif, .png or .mp4")
     if at is not None and wanted.suffix != ".png":
         raise QuestionError(
             "--at applies to a picture; for a film give --from and --to, or end --out in .png"
         )
-    if is_left and (vary or set_):
-        raise QuestionError(
-            f"{visible(str(run))}: is a finished run whose keys cannot change; give the scenario"
-        )
     pixels = _pixels(size)
     with interruption("interrupted; nothing was written"):
         from rmrc.film.opengl import refuse_missing
 
         refuse_missing()  # before MuJoCo is imported
-        from rmrc.film.film import Cut
+        from rmrc.film import film
         from rmrc.results.leaving import refuse_unwritable
-        from rmrc.study import filming
+        from rmrc.study.filming import worlds_of
 
         refuse_unwritable([wanted])
-        worlds = (
-            filming.left(run)
-            if is_left
-            else filming.ran(run, scenarios.variants(vary) if vary else (), set_ or ())
-        )
-
-        def watch(frames: int) -> "AbstractContextManager[Callable[[int], None]]":
-            return progress("drawing", frames, quiet)
-
-        filming.draw(worlds, wanted, Cut(at, begin, end, speed, fps), pixels, watch)
+        worlds = worlds_of(run, scenarios.variants(vary) if vary else (), set_ or ())
+        cut = film.Cut(at, begin, end, speed, fps)
+        film.render(worlds, wanted, cut, pixels, lambda frames: progress("drawing", frames, quiet))
     print_line(output(quiet), f"wrote {wanted}")
 
 

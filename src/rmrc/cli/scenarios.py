@@ -24,12 +24,11 @@ from rmrc.cli.console import (
     progress,
 )
 from rmrc.cli.kinds import RECORDING, SCENARIO, expect
-from rmrc.cli.options import Junit, Out, Quiet, Summary, pictured, within
+from rmrc.cli.options import Junit, Out, Quiet, Summary, within
 from rmrc.support.invocation import command
 
 if TYPE_CHECKING:
-    from rmrc.study.batch import Batch, Left, R
-    from rmrc.study.run import Scored
+    from rmrc.study.run import Job
 
 ScenarioFile = Annotated[
     Path,
@@ -68,24 +67,25 @@ def run(
         loaded = scenarios.load(scenario, set_ or ())
         _doubt_times(loaded)
         job = Job(loaded, out, record)
-        left = _ran(job, job.name, quiet)
-        (one,) = left.results
-        figures = tables.markdown(one.scorecard, (), one.beside).partition("\n\n")[2]  # below its heading
-        files.write(job.name, [ci.suite(job.name, one, left.failures)], figures)
-    console.print(tables.render(one.scorecard, one.outcomes, one.beside))
+        _run(job, job.name, quiet)
+        one = job.results[0]
+        beside = one.run.baseline.scorecard if one.run.baseline else None
+        figures = tables.markdown(one.scorecard, (), beside).partition("\n\n")[2]  # below its heading
+        files.write(job.name, [ci.suite(job.name, one, job.failures)], figures)
+    console.print(tables.render(one.scorecard, one.outcomes, beside))
     for assumed in one.prepared.assumed:
         if assumed.is_otherwise:
             print_line(console, f"assumed: {assumed.text}")
     for pair in one.run.resting:
         print_line(console, f"touching from the start, not counted as CONTACT: {' – '.join(pair)}")
-    _list(console, left.files, record, files.paths)
+    _list(console, job, files.paths)
     console.print(Text(one.run.verdict), soft_wrap=False)
-    still = stuck.told(one.run, job.prepared.arm)
+    still = stuck.told(one.run, one.prepared.arm)
     if still:
         complain(still)
-    for line in loads.told(one.scorecard, job.prepared.scenario.expect):
+    for line in loads.told(one.scorecard, one.prepared.scenario.expect):
         complain(line)
-    raise typer.Exit(_exit_code(left, one))
+    raise typer.Exit(_exit_code(job))
 
 
 def _doubt_times(scenario: "scenarios.Scenario") -> None:
@@ -103,13 +103,14 @@ def _doubt_times(scenario: "scenarios.Scenario") -> None:
             complain(f"warning: {scenario.locate(key)}: {text}")
 
 
-def _exit_code(left: "Left[Scored]", one: "Scored") -> int:
-    """Report problems on stderr, and return the exit code of the worst."""
+def _exit_code(job: "Job") -> int:
+    """Report problems of a scenario on stderr, and return the exit code of the worst."""
+    one = job.results[0]
     missed, run = [outcome for outcome in one.outcomes if not outcome.ok], one.run
     for outcome in missed:
         complain(f"missed: {outcome}")
-    code = _cut_short(left, f"interrupted at tick {len(run)} of {run.planned}")
-    if left.interrupted:
+    code = _cut_short(job, f"interrupted at tick {len(run)} of {run.planned}")
+    if job.interrupted:
         return code
     if run.divergence:
         complain(f"error: {run.name} {run.divergence}")
@@ -122,7 +123,6 @@ def _exit_code(left: "Left[Scored]", one: "Scored") -> int:
     return code or (EXIT_MISSED if missed else 0)
 
 
-@pictured
 def compare(
     scenario: ScenarioFile,
     vary: Annotated[
@@ -140,34 +140,36 @@ def compare(
     summary: Summary = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run variants of a scenario side by side; write NAME.compare.rrd, .npz, .json, .png and .svg.
+    """Run variants of a scenario side by side; write NAME.compare.rrd, .npz and .json.
 
     Expectations do not change the exit code; the table lists those that were missed.
     """
     from rmrc.results import loads
     from rmrc.show.terminal import render
     from rmrc.study import ci
-    from rmrc.study.compare import Comparison
-    from rmrc.study.compare_table import markdown, sheets
+    from rmrc.study.compare_table import markdown
+    from rmrc.study.run import Job
 
     console = output(quiet)
     with ci.Files(scenario.stem, junit, summary) as files:
-        comparison = Comparison(scenario, scenarios.variants(vary or ()), set_ or (), out, record)
-        left = _ran(comparison, f"{comparison.name}: {len(comparison.variants)} variants", quiet)
+        job = Job(scenario, out, record, scenarios.variants(vary or ()), set_ or ())
+        _run(job, f"{job.name}: {len(job.variants)} variants", quiet)
+        table = job.table()
         suites = [
-            ci.suite(f"{comparison.name} {one.variant.label}", one, left.failures) for one in left.results
+            ci.suite(f"{job.name} {label}", one, job.failures)
+            for label, one in zip(job.runs, job.results, strict=True)
         ]
-        files.write(comparison.name, suites, markdown(left.results))
-    console.print(render(sheets(comparison.name, left.results)))
-    _list(console, left.files, record, files.paths)
-    runs = [one.run for one in left.results]
-    for one in left.results:
+        files.write(job.name, suites, markdown(table))
+    console.print(render([table]))
+    _list(console, job, files.paths)
+    for label, one in zip(job.runs, job.results, strict=True):
         for line in loads.told(one.scorecard, one.prepared.scenario.expect):
-            complain(f'variant "{one.variant.label}": {line}')
+            complain(f'variant "{label}": {line}')
         if one.divergence:
-            complain(f'error: variant "{one.variant.label}" {one.divergence}')
+            complain(f'error: variant "{label}" {one.divergence}')
+    runs = job.runs.values()
     ticks, planned = sum(map(len, runs)), sum(run.planned for run in runs)
-    code = _cut_short(left, f"interrupted at tick {ticks} of {planned}, counting all variants")
+    code = _cut_short(job, f"interrupted at tick {ticks} of {planned}, counting all variants")
     raise typer.Exit(code or (EXIT_DIVERGED if any(run.divergence for run in runs) else 0))
 
 
@@ -229,25 +231,25 @@ def schema(
         print(tables.schema_text(scenarios.schema_rows()))
 
 
-def _ran(work: "Batch[R]", what: str, quiet: bool) -> "Left[R]":
+def _run(job: "Job", what: str, quiet: bool) -> None:
     """Compile and run."""
     with interruption("interrupted before the first tick"):
-        work.compile()
-    with progress(what, work.ticks, quiet) as on_ticks:
-        return work.run(on_ticks)
+        job.compile()
+    with progress(what, sum(one.reference.ticks for one in job.worlds), quiet) as on_ticks:
+        job.run(on_ticks)
 
 
-def _cut_short(left: "Left[R]", where: str) -> int:
+def _cut_short(job: "Job", where: str) -> int:
     """Report files not written and the tick of an interruption; return an exit code, or 0."""
-    for failure in left.failures:
+    for failure in job.failures:
         complain(f"error: {failure}")
-    if left.interrupted:
+    if job.interrupted:
         complain(where)
-    return EXIT_INPUT if left.failures else EXIT_INTERRUPTED if left.interrupted else 0
+    return EXIT_INPUT if job.failures else EXIT_INTERRUPTED if job.interrupted else 0
 
 
-def _list(console: Console, files: Sequence[Path], record: bool, more: Sequence[Path]) -> None:
-    for path in (*files, *more):
+def _list(console: Console, job: "Job", more: Sequence[Path]) -> None:
+    for path in (*job.files, *more):
         print_line(console, f"wrote {path}")
-    if record and files and files[0].suffix == ".rrd":
-        print_line(console, f"look at it: {command('replay', files[0])}")
+    if job.files and job.files[0].suffix == ".rrd":
+        print_line(console, f"look at it: {command('replay', job.files[0])}")

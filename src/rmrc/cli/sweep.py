@@ -159,13 +159,13 @@ def _options(
 def _record(console: Console, work: "Sweep", choice: "Choice", quiet: bool) -> None:
     for index in work.chosen(choice):
         job = work.job(index)
-        with progress(job.name, job.ticks, quiet) as on_ticks:
-            left = job.run(on_ticks)
-        if left.interrupted:
+        with progress(job.name, job.worlds[0].reference.ticks, quiet) as on_ticks:
+            job.run(on_ticks)
+        if job.interrupted:
             complain(f"interrupted while {job.name} was recorded; all rows are written")
             raise typer.Exit(EXIT_INTERRUPTED)
-        for failure in left.failures:
+        for failure in job.failures:
             complain(f"error: {failure}")
-        if left.failures:
+        if job.failures:
             raise typer.Exit(EXIT_INPUT)
-        print_line(console, f"wrote {left.files[0]}")
+        print_line(console, f"wrote {job.files[0]}")

@@ -20,6 +20,7 @@ from rmrc.film.strip import Strip, share_scale
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import Prepared
+from rmrc.support.legible import quoted, visible
 
 Worlds = Mapping[str, tuple[Prepared, Run]]
 Frame = NDArray[np.uint8]
@@ -68,17 +69,24 @@ def render(
     """Draw runs into a file, atomically.
 
     Args:
-        worlds: World and run of each, by label; each run has at least one tick.
+        worlds: World and run of each, by label.
         path: `.png`, `.gif` or `.mp4`.
         cut: The instants.
         size: Width and height of the whole [pixels]; None: 480 × 480 for each run.
         watch: Called with the number of frames; it yields a function that is called with the number drawn.
 
     Raises:
-        PictureError: OpenGL is missing, a model is not the one that ran, or the size does not fit.
+        PictureError: OpenGL is missing, a model is not the one that ran, a run is empty, or the size does not
+            fit.
         QuestionError: MP4 cannot be written here.
     """
     kind = path.suffix
+    if kind not in KINDS:
+        kinds = ", ".join(KINDS[:-1])
+        raise PictureError(f"--out {visible(str(path))}: must end in {kinds} or {KINDS[-1]}")
+    for label, (_, run) in worlds.items():
+        if not len(run):
+            raise PictureError(f"{quoted(label)} has no ticks to draw")
     if kind == ".mp4":
         encode.mp4_writer()
     film = Film(worlds, size, even=kind == ".mp4")

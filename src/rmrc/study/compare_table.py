@@ -2,16 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
+from itertools import accumulate, pairwise
 
 import numpy as np
 
 from rmrc.results.metrics import joint_changes
 from rmrc.results.run import Run
-from rmrc.scenario import Variant
 from rmrc.scenario.choices import IN_RUNS
-from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number
+from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, number
 from rmrc.study.study import Ran
 
 # A joint that ends this far from its start has flipped [rad]; a sliding one by that share of the
@@ -22,79 +21,49 @@ FLIPPED = 0.5
 # Headings of the metrics in groups that stay together where a terminal is narrow.
 _FIGURES = (
     {
-        "joint_rate.peak": "rate\npeak",
-        "joint_rate_cmd.peak": "command\npeak",
-        "joint_rate.rms": "rate\nrms",
-        "joint_acceleration.peak": "accel.\npeak",
+        "joint_rate.peak": "rate\npeak", "joint_rate_cmd.peak": "command\npeak",
+        "joint_rate.rms": "rate\nrms", "joint_acceleration.peak": "accel.\npeak",
         "tau.share_of_limit": "torque\npeak",
     },
     {
-        "position_error_along.max": "pos.\nerror\nalong",
-        "position_error_across.max": "pos.\nerror\nacross",
-        "orientation_error_along.max": "rot.\nerror\nalong",
-        "orientation_error_across.max": "rot.\nerror\nacross",
-        "position_error.end": "pos.\nerror\nat end",
-        "orientation_error.end": "rot.\nerror\nat end",
+        **{f"{kind}_error_{part}.max": f"{short}.\nerror\n{part}"
+           for kind, short in (("position", "pos"), ("orientation", "rot")) for part in ("along", "across")},
+        "position_error.end": "pos.\nerror\nat end", "orientation_error.end": "rot.\nerror\nat end",
     },
     {f"status_time.{one.name}": f"time\n{one.name}" for one in IN_RUNS},
-)
-_TIMES = "status_time."
+)  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class Compared(Ran):
-    """The result of one variant.
-
-    Attributes:
-        variant: Its label and changes.
-        stated_for: If some expectations do not apply: the choices in which the variant differs, with the
-            scenario's values.
-    """
-
-    variant: Variant
-    stated_for: Mapping[str, str]
-
-
-def sheets(name: str, rows: Sequence[Compared]) -> list[Sheet]:
-    """Return the table for a terminal, with the name above and notes below.
+def table(name: str, labels: Sequence[str], results: Sequence[Ran], stated: Mapping[str, str]) -> Sheet:
+    """Return the table.
 
     Args:
         name: Name of the scenario.
-        rows: One or more.
+        labels: Label of each variant.
+        results: Result of each.
+        stated: The choices for which the scenario states expectations, if these do not apply to some variant.
     """
-    variants, groups = _columns(rows)
-    columns = [variants, *(column for group in groups for column in group)]
-    table = _sheet(columns, tuple(map(_over, columns)), tuple(map(len, groups)))
-    parts = [Sheet(name), table]
-    parts += [Sheet("", notes=(note,)) for note in _notes(rows)]
-    return [*parts[:-1], replace(parts[-1], is_spaced=False)]
+    groups = [[_column(results, *one) for one in titles.items()] for titles in _FIGURES]
+    groups = [[column for column in group if column] for group in groups]
+    words = [("flipped", *(flipped(one.run) for one in results)), ("expect", *map(_expect, results))]
+    groups = [group for group in (*groups, words) if group]
+    variants = ("variant", *map(_label, labels, results))
+    heading, *rows = zip(variants, *(column for group in groups for column in group), strict=True)
+    law = " and ".join(f"{key}={value}" for key, value in stated.items())
+    note = f'"-": the expectations of the scenario are for {law}; they are not checked for other choices.'
+    left = frozenset({0, len(heading) - 2, len(heading) - 1})
+    return Sheet(name, heading, rows, left, tuple(map(len, groups)), (note,) if law else ())
 
 
-def _over(column: "_Column") -> str:
-    """Return a heading, with one line per unit for an arm with both kinds of joints."""
-    return "\n".join([column.title, "\nor ".join(column.units)]) if column.units else column.title
-
-
-def markdown(rows: Sequence[Compared]) -> str:
-    """Return the same as Markdown, one narrow table per group, to fit the recording.
-
-    Args:
-        rows: One or more.
-    """
-    variants, groups = _columns(rows)
-    blocks = []
-    for group in groups:
-        columns = [variants, *group]
-        units = tuple(", ".join(one.units) for one in columns)
-        sheet = _sheet(columns, tuple(one.title for one in columns))
-        blocks.append(as_markdown(replace(sheet, rows=[units, *sheet.rows]) if any(units) else sheet))
-    return "\n\n".join([*blocks, *map(escaped, _notes(rows))]) + "\n"
-
-
-def _sheet(columns: Sequence["_Column"], headings: tuple[str, ...], groups: tuple[int, ...] = ()) -> Sheet:
-    rows = list(zip(*(one.cells for one in columns), strict=True))
-    words = frozenset(index for index, one in enumerate(columns) if one.words)
-    return Sheet("", headings, rows, words, groups)
+def markdown(sheet: Sheet) -> str:
+    """Return the table as Markdown: a narrow one per group of columns, to fit the recording."""
+    parts = []
+    for first, last in pairwise(accumulate(sheet.groups, initial=1)):
+        heading, *rows = ((row[0], *row[first:last]) for row in (sheet.headings, *sheet.rows))
+        left = frozenset({0, *(column - first + 1 for column in sheet.left if first <= column < last)})
+        parts.append(Sheet("", heading, rows, left))
+    parts[-1] = replace(parts[-1], notes=sheet.notes)
+    return "\n\n".join(map(as_markdown, parts)) + "\n"
 
 
 def flipped(run: Run) -> str:
@@ -114,56 +83,23 @@ def flipped(run: Run) -> str:
     return ", ".join(joint for joint, is_far in zip(run.joints, far, strict=True) if is_far) or "no"
 
 
-class _Column(NamedTuple):
-    title: str
-    units: Sequence[str]
-    cells: Sequence[str]
-    words: bool = False
+def _column(results: Sequence[Ran], metric: str, title: str) -> tuple[str, ...]:
+    """Return the heading of a metric with its units, and its cells; nothing if no variant has it."""
+    found = [one.scorecard.get(metric) for one in results]
+    units = dict.fromkeys(unit for figure in found if figure for unit in figure.unit.split(" or "))
+    if not units or (title.startswith("time") and not any(figure and figure.value for figure in found)):
+        return ()
+    heading = "\nor ".join("of limit" if unit == "1" else unit for unit in units)
+    return f"{title}\n{heading}", *(number(float(one.value)) if one else UNDEFINED for one in found)
 
 
-def _columns(rows: Sequence[Compared]) -> tuple[_Column, list[list[_Column]]]:
-    """Return the names of the variants, and the columns in groups: settings, then results."""
-    groups = []
-    for titles in _FIGURES:
-        group = []
-        for figure, title in titles.items():
-            cards = [row.scorecard for row in rows if figure in row.scorecard]
-            units = [unit for card in cards for unit in card[figure].unit.split(" or ")]
-            is_time = figure.startswith(_TIMES)
-            if units and not (is_time and all(row.scorecard[figure].value == 0.0 for row in rows)):
-                known = ["of limit" if unit == "1" else unit for unit in dict.fromkeys(units)]
-                group.append(_Column(title, known, [_figure(row, figure) for row in rows]))
-        groups.append(group)
-    ends = [
-        _Column("flipped", [], [flipped(row.run) for row in rows], words=True),
-        _Column("expect", [], [_expect(row) for row in rows], words=True),
-    ]
-    variants = _Column("variant", [], [_label(row) for row in rows], words=True)
-    return variants, [group for group in (*groups, ends) if group]
-
-
-def _notes(rows: Sequence[Compared]) -> list[str]:
-    """Return the note about expectations that do not apply, if any."""
-    wanted = dict.fromkeys(pair for row in rows for pair in row.stated_for.items())
-    law = " and ".join(f"{key}={value}" for key, value in wanted)
-    return (
-        [f'"-": the expectations of the scenario are for {law}; they are not checked for other choices.']
-        if wanted
-        else []
-    )
-
-
-def _figure(row: Compared, figure: str) -> str:
-    return number(float(row.scorecard[figure].value)) if figure in row.scorecard else UNDEFINED
-
-
-def _label(row: Compared) -> str:
+def _label(label: str, result: Ran) -> str:
     """Return the label, and below it the progress of an incomplete run."""
-    if row.run.divergence:
-        return f"{row.variant.label}\ndiverged at {row.run.divergence.time:.3f} s"
-    return row.variant.label if row.run.is_complete else f"{row.variant.label}\nunfinished"
+    if result.run.divergence:
+        return f"{label}\ndiverged at {result.run.divergence.time:.3f} s"
+    return label if result.run.is_complete else f"{label}\nunfinished"
 
 
-def _expect(row: Compared) -> str:
-    missed = sum(not outcome.ok for outcome in row.outcomes)
-    return (f"missed {missed}" if missed else "met") if row.outcomes else UNDEFINED
+def _expect(result: Ran) -> str:
+    missed = sum(not outcome.ok for outcome in result.outcomes)
+    return (f"missed {missed}" if missed else "met") if result.outcomes else UNDEFINED

@@ -2,10 +2,9 @@
 
 import json
 import os
-from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rmrc.results.run import Run, read_runs
 from rmrc.scenario import Source, Variant, block, draft_of, grid, loads
@@ -13,10 +12,7 @@ from rmrc.simulation.prepare import Prepared
 from rmrc.study.study import Study
 from rmrc.study.verbs import Values
 from rmrc.support.errors import QuestionError, ScenarioError
-from rmrc.support.legible import quoted, visible
-
-if TYPE_CHECKING:
-    from rmrc.film.film import Watch
+from rmrc.support.legible import visible
 
 Worlds = dict[str, tuple[Prepared, Run]]
 
@@ -56,49 +52,37 @@ def render(
         ScenarioError: Lists the problems of the scenario, before the run starts.
         OSError: The file cannot be written.
     """
-    from rmrc.film.film import Cut
+    from rmrc.film import film
 
-    is_left = isinstance(source, str | os.PathLike) and Path(source).suffix in SUFFIXES
-    if is_left and vary:
-        raise QuestionError(f"{source}: is a finished run whose keys cannot vary; give the scenario")
-    worlds = left(Path(source)) if is_left else ran(source, grid(vary) if vary else ())  # type: ignore[arg-type]
-    draw(worlds, Path(path), Cut(at, begin, end, speed, fps), size)
+    worlds = worlds_of(source, grid(vary) if vary else ())
+    film.render(worlds, Path(path), film.Cut(at, begin, end, speed, fps), size)
 
 
-def draw(
-    worlds: Worlds, path: Path, cut: Any, size: tuple[int, int] | None, watch: "Watch | None" = None
-) -> None:
-    """Draw worlds that ran; see `render`."""
-    from rmrc.film.film import KINDS, render
-
-    if path.suffix not in KINDS:
-        raise QuestionError(f"--out {visible(str(path))}: must end in {', '.join(KINDS[:-1])} or {KINDS[-1]}")
-    for label, (_, run) in worlds.items():
-        if not len(run):
-            raise QuestionError(f"{quoted(label)} has no ticks to draw")
-    render(worlds, path, cut, size, watch or (lambda _: nullcontext(lambda _: None)))
-
-
-def ran(source: Source, variants: Sequence[Variant], overrides: Sequence[str] = ()) -> Worlds:
-    """Run a scenario, or variants of it, and return each with its world, by label.
+def worlds_of(source: Source, variants: Sequence[Variant] = (), overrides: Sequence[str] = ()) -> Worlds:
+    """Return runs with their worlds, by label: those of a file, or of a scenario that is run here.
 
     Args:
-        source: The scenario, its file, or the name of a shipped one.
-        variants: Variants to run; None: the scenario alone, by its name.
+        source: NAME.npz, or its .rrd or .json; or a scenario, its file, or the name of a shipped one.
+        variants: Variants of the scenario to run; none: the scenario alone, by its name.
         overrides: `KEY=VALUE` texts that hold for all.
 
     Raises:
-        ScenarioError: Lists all problems, before the run starts.
+        QuestionError: A file is missing or lacks data; or its scenario can no longer be prepared.
+        ScenarioError: Lists all problems of the scenario, before the run starts.
     """
+    if isinstance(source, str | os.PathLike) and Path(source).suffix in SUFFIXES:
+        if variants or overrides:
+            name = visible(str(source))
+            raise QuestionError(f"{name}: is a finished run whose keys cannot change; give the scenario")
+        return saved(Path(source))
     study = Study(draft_of(source).overridden(overrides))
     worlds = study.prepare_all(variants) if variants else [study.prepare()]
     labels = [variant.label for variant in variants] or [worlds[0].scenario.name]
-    study.compile(worlds)
     results = study.step(worlds)
-    return {label: (world, one.run) for label, world, one in zip(labels, worlds, results, strict=True)}
+    return {label: (one.prepared, one.run) for label, one in zip(labels, results, strict=True)}
 
 
-def left(path: Path) -> Worlds:
+def saved(path: Path) -> Worlds:
     """Return the runs of a file with their worlds, rebuilt from its JSON, by label.
 
     Args:
@@ -109,33 +93,17 @@ def left(path: Path) -> Worlds:
             prepared, as without its model.
     """
     runs, beside = read_runs(path.with_suffix(".npz")), path.with_suffix(".json")
-    scenarios = _scenarios(beside)
-    if list(scenarios) != list(runs):
-        raise QuestionError(
-            f"{visible(str(beside))}: belongs to another run than {visible(path.stem)}.npz next to it"
-        )
-    worlds = {}
-    for label, run in runs.items():
-        try:
-            worlds[label] = Study(loads(block(scenarios[label]))).prepare(), run
-        except ScenarioError as error:
-            (first, *_) = error.problems
-            raise QuestionError(f"{visible(str(beside))}: can no longer be drawn: {first}") from None
-    return worlds
-
-
-def _scenarios(path: Path) -> Mapping[str, dict[str, Any]]:
-    """Return the scenarios in a JSON file of `run` or `compare`, by label."""
-    if not path.exists():
-        raise QuestionError(
-            f"{visible(str(path))}: is missing; `run` and `compare` write it, and it names the model"
-        )
+    name = visible(str(beside))
     try:
-        facts = json.loads(path.read_text("utf-8"))
-        if "variants" in facts:
-            return {one["label"]: one["scenario"] for one in facts["variants"]}
-        return {facts["name"]: facts["scenario"]}
-    except (ValueError, KeyError, TypeError):
+        facts: dict[str, Any] = json.loads(beside.read_text("utf-8"))
+        variants = facts.get("variants") or [facts | {"label": facts["name"]}]
+        scenarios = {one["label"]: one["scenario"] for one in variants}
+        return {label: (Study(loads(block(scenarios[label]))).prepare(), run) for label, run in runs.items()}
+    except FileNotFoundError:
         raise QuestionError(
-            f"{visible(str(path))}: does not contain the scenario of a run, or is damaged"
+            f"{name}: is missing; `run` and `compare` write it, and it names the model"
         ) from None
+    except ScenarioError as error:
+        raise QuestionError(f"{name}: can no longer be drawn: {error.problems[0]}") from None
+    except (ValueError, LookupError, TypeError, AttributeError):
+        raise QuestionError(f"{name}: is damaged, or belongs to another run than {path.stem}.npz") from None

@@ -12,6 +12,7 @@ from rmrc.study import sweep_figure
 from rmrc.study.dataset import Table, left_of
 from rmrc.study.swept import Swept
 from rmrc.support.errors import QuestionError
+from rmrc.support.legible import quoted
 
 
 def plot(
@@ -40,21 +41,15 @@ def plot(
         QuestionError: The file is of another kind, or damaged; or it has no data to draw.
     """
     to = None if path is None else Path(path)
-    swept, runs = None, dict[str, Run]()
     if isinstance(result, str | PathLike):
-        if Path(result).suffix == ".parquet":
-            swept = Swept.of(Path(result))
-        else:
-            runs = read_runs(Path(result))
-    elif isinstance(result, Run):
-        runs = {result.name: result}
-    elif isinstance(result, Mapping):
-        runs = dict(result)
-    else:
-        swept = Swept.of(Path("the table"), left_of(result))
-    if swept is not None:
-        return sweep_figure.plot(swept, to, panels, width, font)
+        file = Path(result)
+        result = Swept.of(file) if file.suffix == ".parquet" else read_runs(file)
+    elif not isinstance(result, Run | Mapping):
+        result = Swept.of(Path("the table"), left_of(result))
+    if isinstance(result, Swept):
+        return sweep_figure.plot(result, to, panels, width, font)
+    runs = {result.name: result} if isinstance(result, Run) else result
     for label, run in runs.items():
         if not len(run):
-            raise QuestionError(f"{label} has no ticks to draw")
+            raise QuestionError(f"{quoted(label)} has no ticks to draw")
     return plot_runs(runs, to, panels, width, font)

@@ -9,13 +9,11 @@ from typing import Any
 from rmrc.recording import unlogged
 from rmrc.results.expectations import check
 from rmrc.results.run import Run
-from rmrc.scenario import Variant
 from rmrc.show.tables import markdown
 from rmrc.simulation.prepare import Prepared
 from rmrc.study import compare_table
-from rmrc.study.compare_table import Compared
-from rmrc.study.filming import Worlds, left
-from rmrc.study.study import Study
+from rmrc.study.filming import Worlds, saved
+from rmrc.study.study import Ran, Study
 
 # Ticks of a block.
 BLOCK = 1000
@@ -32,7 +30,7 @@ def rerecord(path: Path, recording: Path) -> None:
         QuestionError: One of the two is missing, damaged or lacks data; or the model no longer exists.
         OSError: The recording cannot be written.
     """
-    worlds = left(path)
+    worlds = saved(path)
     facts = json.loads(path.with_suffix(".json").read_text("utf-8"))
     if "variants" in facts:
         _write_all(worlds, facts["variants"], recording)
@@ -65,17 +63,15 @@ def _write_all(worlds: Worlds, facts: Sequence[dict[str, Any]], recording: Path)
         for index, (_, run) in enumerate(worlds.values()):
             for part in _blocks(run):
                 overlay.write(index, part)
-        rows = []
-        for index, (label, (prepared, run)) in enumerate(worlds.items()):
+        results, stated = [], dict[str, str]()
+        for index, (prepared, run) in enumerate(worlds.values()):
             counted = {one["name"] for one in facts[index].get("expect", ())}
             expected = {name: one for name, one in prepared.scenario.expect.items() if name in counted}
             outcomes = tuple(check(run.scorecard, expected))
-            others = facts[index].get("expected_of_others", {})
-            ended = run.divergence, False, False
-            rows.append(
-                Compared(index, prepared, run.scorecard, outcomes, *ended, run, Variant(label), others)
-            )
-        overlay.finish(compare_table.markdown(rows))
+            results.append(Ran(index, prepared, run.scorecard, outcomes, run.divergence, False, False, run))
+            stated |= facts[index].get("expected_of_others", {})
+        table = compare_table.table(name, list(worlds), results, stated)
+        overlay.finish(compare_table.markdown(table))
 
 
 def _blocks(run: Run) -> Iterator[Run]:

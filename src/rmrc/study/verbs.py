@@ -1,17 +1,16 @@
 """`rmrc.run`, `rmrc.compare` and `rmrc.sweep`: the verbs in Python, which write files only on request."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
+from rmrc.results.leaving import OutputError
 from rmrc.results.run import Run, Runs
 from rmrc.scenario import Source, draft_of, grid
-from rmrc.study.compare import Comparison
 from rmrc.study.dataset import Table
-from rmrc.study.run import Job, beside
-from rmrc.study.study import Ran, Study
+from rmrc.study.run import Job
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 
@@ -43,12 +42,7 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
         >>> found.scorecard["position_error.max"].unit
         'm'
     """
-    if out is None:
-        study = Study(scenario)
-        return beside(study.step(study.prepare_beside()))[0].run
-    left = Job(scenario, Path(out), record).run()
-    left.raise_any()
-    return left.results[0].run
+    return next(iter(_runs(Job(scenario, _folder(out), record)).values()))
 
 
 def compare(
@@ -59,8 +53,7 @@ def compare(
     Args:
         scenario: The scenario, its file, or the name of a shipped one.
         vary: Values of keys; their combinations are the variants, 2 to 50.
-        out: Folder for NAME.compare.rrd, .npz, .json, .png and .svg; created if missing. None: writes
-            nothing.
+        out: Folder for NAME.compare.rrd, .npz and .json; created if missing. None: writes nothing.
         record: Whether to write the recording.
 
     Returns:
@@ -76,16 +69,21 @@ def compare(
         >>> list(runs)
         ['inverse', 'damped']
     """
-    variants = grid(vary)
-    results: Sequence[Ran]
-    if out is None:
-        study = Study(scenario)
-        results = study.step(study.prepare_all(variants))
-    else:
-        left = Comparison(scenario, variants, folder=Path(out), record=record).run()
-        left.raise_any()
-        results = left.results
-    return Runs({variant.label: one.run for variant, one in zip(variants, results, strict=True)})
+    return _runs(Job(scenario, _folder(out), record, grid(vary)))
+
+
+def _folder(out: str | os.PathLike[str] | None) -> Path | None:
+    return None if out is None else Path(out)
+
+
+def _runs(job: Job) -> Runs:
+    """Run a job, and raise what a verb prints on stderr."""
+    job.run()
+    if job.interrupted:
+        raise KeyboardInterrupt
+    if job.failures:
+        raise OutputError("; ".join(job.failures))
+    return job.runs
 
 
 def sweep(
@@ -150,8 +148,8 @@ def sweep(
     }
     one = draft_of(scenario).scenario()
     one = one.set({f"sweep.{key}": value for key, value in section.items() if value is not None})
-    with TemporaryDirectory(prefix="rmrc-") as kept:
-        with Sweep(one, (), Path(kept if out is None else out), threads, cluster) as work:
+    with TemporaryDirectory(prefix="rmrc-") as temporary:
+        with Sweep(one, (), _folder(out) or Path(temporary), threads, cluster) as work:
             if work.run(on_runs).interrupted:
                 raise KeyboardInterrupt
         return work.dataset.table()

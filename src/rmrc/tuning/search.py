@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 
 from rmrc.scenario.choices import INVERSES
-from rmrc.study.margins.search import bears
+from rmrc.study.margins.margins import bears
 from rmrc.study.study import Study
 from rmrc.study.sobol import sobol_point
 from rmrc.tuning.front import Point, area, front, gains

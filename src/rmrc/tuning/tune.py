@@ -27,7 +27,6 @@ from rmrc.tuning.robot import GAIN_MARGIN, Given, Robot, robot_of
 from rmrc.tuning.search import Search
 from rmrc.tuning.space import (
     AT_SINGULARITY,
-    FEEDBACK,
     NUMBERS,
     ON_EXCESS,
     WORDS,
@@ -189,7 +188,7 @@ class Tuning:
             if not search.begin(own_setting(self.scenario), self.slower):
                 raise KeyboardInterrupt
             verdict = search.run()
-            margins = self._margins(verdict, limits[FEEDBACK][1] * self.margin, stop)
+            margins = self._margins(verdict, stop)
             interrupted = stop.is_set()
         best = verdict.recommended
         return Tuned(
@@ -199,25 +198,16 @@ class Tuning:
             interrupted,
         )  # fmt: skip
 
-    def _margins(self, verdict: Verdict, expected: float, stop: threading.Event) -> dict[str, Margins]:
-        """Return the margins of recommendations on the slowest of the robots; nothing if interrupted.
-
-        Args:
-            verdict: The recommendations.
-            expected: Estimated feedback at their stability limit [1/s].
-            stop: Event that ends the runs.
-        """
+    def _margins(self, verdict: Verdict, stop: threading.Event) -> dict[str, Margins]:
+        """Return the margins of recommendations on the slowest of the robots; nothing if interrupted."""
         chosen = {"recommended": verdict.recommended, "second best": verdict.second}
         loops = {
             name: (*trial.setting.changes, *self.scenarios[0].changes)
             for name, trial in chosen.items()
             if trial is not None and trial.setting.feedback > 0.0
         }
-        margins = margins_of(
-            self._study, [*loops.values()], stop,
-            accuracy=_ACCURACY, threads=self._threads, is_sparing=True, expected=expected,
-            stable=self.margin if self.margin > 1.0 else 0.0,  # each of them was tried with it
-        )  # fmt: skip
+        every = [*loops.values()]
+        margins = margins_of(self._study, every, stop, accuracy=_ACCURACY, threads=self._threads)
         return {} if stop.is_set() else dict(zip(loops, margins, strict=True))
 
     def files(self, folder: Path, picture: Path | None = None) -> list[Path]:

@@ -1,28 +1,65 @@
-"""Margins of a scenario: how much more delay, lag and gain its loop tolerates before it is unstable."""
+"""Margins of a scenario: how much more delay, lag and gain its loop tolerates before it is unstable.
+
+Each limit is found by bisection of one factor: that of the feedback, or that of the total lateness of
+commands, τ + T/2 + T₁. Threads search several limits at a time.
+"""
 
 import math
 import os
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
 
-from rmrc.scenario import Change, Scenario, Source, changes_of, draft_of
+import numpy as np
+
+from rmrc.scenario import Change, Scenario, Source, changes_of
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.margins.ringing import Judged, judged, lateness
-from rmrc.study.margins.search import ACCURACY, Edge, Search, close_in, delay, gain, lag
-from rmrc.study.study import OnRuns, Study
+from rmrc.study.study import Study
 from rmrc.support.brief import brief
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
-from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag, rule_gain
+from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag
 
-# In a sparing search, the lateness of commands grows at most by this factor: the size of a larger margin does
-# not matter. There, a loop with little feedback, whose response is slow, is judged with this share of the
-# feedback that an ideal plant tolerates: a loop that tolerates more also tolerates less.
-_ENOUGH, _RAISED = 10.0, 0.5
+# The relative accuracy of a limit, and its bounds: at its limit a loop takes forever to show on which side of
+# it it is.
+ACCURACY, _FINEST, _COARSEST = 0.02, 0.005, 0.5
+# A search begins at this share of the ideal plant's limit: lags, limits and singularities leave less. Its
+# first step from there is at least this long, and each is twice as long as the last, up to this multiple of
+# the ideal plant's limit, and down to this share of the feedback.
+_FIRST, _STEP, _BEYOND, _LOWEST = 0.9, 1.1, 10.0, 0.01
+# A dead time is at most this share of the path's duration: with a longer one, no command arrives in time.
+_SHARE = 0.9
+# With this share of the ideal plant's limit, a loop shows its stability quickly.
+_QUICK = 0.25
 
-# The finest accuracy: at its limit a loop takes forever to show on which side of it it is.
-_FINEST, _COARSEST = 0.005, 0.5
+_NAMES = "gain", "delay", "lag"
+
+OnRuns = Callable[[int], None]
+
+
+class Edge(NamedTuple):
+    """Interval that contains a limit.
+
+    Attributes:
+        low: Highest value up to which the loop is stable; 0: none.
+        high: Lowest unstable value; infinite: none was found.
+    """
+
+    low: float
+    high: float
+
+    @property
+    def value(self) -> float:
+        """The limit: the geometric mean of both bounds, or the only bound."""
+        return math.sqrt(self.low * self.high) if self.is_found else self.low or self.high
+
+    @property
+    def is_found(self) -> bool:
+        """Whether both bounds exist."""
+        return self.low > 0.0 and self.high < math.inf
 
 
 @dataclass(frozen=True)
@@ -63,8 +100,6 @@ class Margins:
         gain: Factor on control.feedback at the limit; below 1 if the loop is unstable as written.
         delay: Dead time that can be added [s]; None if the loop is unstable as written.
         lag: Lag that can be added at every joint [s]; None as for `delay`.
-        rule: The feedback by the rule of thumb [1/s].
-        ideal: The feedback at the limit of the ideal plant [1/s].
         runs: Number of runs.
         interrupted: Whether Ctrl-C ended the search.
     """
@@ -75,8 +110,6 @@ class Margins:
     gain: Margin
     delay: Margin | None
     lag: Margin | None
-    rule: float
-    ideal: float
     runs: int
     interrupted: bool
 
@@ -89,187 +122,6 @@ class Margins:
     def all(self) -> tuple[Margin, ...]:
         """All margins of the loop."""
         return tuple(one for one in (self.gain, self.delay, self.lag) if one is not None)
-
-
-class Asking:
-    """A validated scenario and the search for its margins."""
-
-    def __init__(
-        self,
-        source: Source,
-        overrides: Sequence[str] = (),
-        *,
-        accuracy: float = ACCURACY,
-        threads: int | None = None,
-    ) -> None:
-        """Check everything before the first run.
-
-        Args:
-            source: The scenario, or its file.
-            overrides: `KEY=VALUE` texts.
-            accuracy: Relative accuracy of the limits: of the gain, and of the total lateness of commands.
-            threads: Number of threads; None: one per core.
-
-        Raises:
-            ScenarioError: Lists all problems.
-        """
-        if not _FINEST <= accuracy <= _COARSEST:
-            wrong = f"must be between {_FINEST:g} and {_COARSEST:g}, got {accuracy:g}"
-            raise ScenarioError.about("--accuracy", wrong)
-        self._study, self._accuracy = Study(draft_of(source, overrides)), accuracy
-        self._threads = threads or os.cpu_count() or 1
-        self._prepared: Prepared = self._study.prepare()
-        self.scenario = self._prepared.scenario
-        if self.scenario.control.feedback == 0.0:
-            wrong = "must be > 0, got 0: a loop without feedback cannot be unstable"
-            raise ScenarioError([self.scenario.problem("control.feedback", wrong)])
-
-    def compile(self) -> None:
-        """Load the compiled law, or compile it on first use, which takes seconds."""
-        self._study.compile([self._prepared])
-
-    def run(self, on_runs: OnRuns | None = None) -> Margins:
-        """Find the margins; Ctrl-C ends the search and keeps the results so far.
-
-        Args:
-            on_runs: Called after each round with its number of runs.
-
-        Raises:
-            ScenarioError: The runs do not fit into memory.
-        """
-        with interruptible() as stop:
-            (found,) = margins_of(
-                self._study, [()], stop, accuracy=self._accuracy, threads=self._threads, on_runs=on_runs
-            )
-        return found
-
-
-def margins_of(
-    study: Study,
-    settings: Sequence[Sequence[Change]],
-    stop: threading.Event,
-    *,
-    accuracy: float = ACCURACY,
-    threads: int = 1,
-    on_runs: OnRuns | None = None,
-    is_sparing: bool = False,
-    expected: float = 0.0,
-    stable: float = 0.0,
-) -> list[Margins]:
-    """Return the margins of several settings of a scenario, searched in parallel.
-
-    Args:
-        study: Study of the scenario.
-        settings: Changes that make each setting, with a positive feedback.
-        stop: Event that ends the runs.
-        accuracy: Relative accuracy of the limits.
-        threads: Number of threads.
-        on_runs: Called after each round with its number of runs.
-        is_sparing: Whether to take more rounds of fewer runs, with commands at most ten times as late.
-        expected: Expected feedback at the limit [1/s], where a sparing search begins; 0: unknown.
-        stable: Factor on the feedback with which each was found stable before; 0: none.
-
-    Raises:
-        ScenarioError: A setting is wrong, or they do not fit into memory.
-    """
-    loops = [_Loop(study.prepare(base), base, accuracy, is_sparing) for base in settings]
-    gains = [loop.searches["gain"] for loop in loops]
-    for search in gains:
-        search.stable = stable
-    if expected:
-        side = math.sqrt(1.0 + accuracy)
-        for loop, search in zip(loops, gains, strict=True):
-            search.guess, search.first = expected / loop.scenario.control.feedback, (1.0 / side, side)
-    if is_sparing:
-        close_in(study, gains, stop, threads, on_runs)
-    nominal = [loop.nominal for loop in loops if not loop.is_implied()]
-    close_in(study, nominal, stop, threads, on_runs)
-    every = [search for loop in loops for search in loop.rest()]
-    if is_sparing:
-        later = [one for loop in loops for name, one in loop.searches.items() if name != "gain"]
-        _imply(study, later, stop, threads)
-    close_in(study, every, stop, threads, on_runs)
-    return [loop.margins(is_interrupted=stop.is_set()) for loop in loops]
-
-
-def _imply(study: Study, searches: Sequence[Search], stop: threading.Event, threads: int) -> None:
-    """End searches for more time where a loop with more feedback tolerates the largest value."""
-    raised = list[tuple[Search, Prepared]]()
-    for search in searches:
-        search.most = min(search.most, _ENOUGH)
-        changes = search.changes(search.most)
-        late = study.prepare(changes).scenario
-        feedback = _RAISED * edge_gain(late.control.period, *lateness(late))
-        if feedback > late.control.feedback:
-            raised.append((search, study.prepare((*changes, *changes_of({"control.feedback": feedback})))))
-    found = judged(study, [world for _, world in raised], stop, threads)
-    for (search, _), one in zip(raised, found, strict=True):
-        if one is not None and not one.is_unstable:
-            search.known[search.most] = one
-
-
-class _Loop:
-    """A loop and its searches."""
-
-    def __init__(self, prepared: Prepared, base: Sequence[Change], accuracy: float, is_sparing: bool) -> None:
-        self._prepared, self._base, self.scenario = prepared, base, prepared.scenario
-        self._accuracy, self._is_sparing = accuracy, is_sparing
-        self.searches = {"gain": self._as_asked(gain(self.scenario, base))}
-        self.nominal = replace(gain(self.scenario, base), guess=1.0, least=1.0, most=1.0)
-
-    def _as_asked(self, search: Search) -> Search:
-        return replace(search, accuracy=self._accuracy, is_sparing=self._is_sparing)
-
-    def is_implied(self) -> bool:
-        """Return whether the loop is stable because one with more feedback is, and adopt that result."""
-        low, known = self.searches["gain"].edge.low, self.searches["gain"].known
-        if low >= 1.0:
-            self.nominal.known[1.0] = known.get(low, Judged("", math.nan, math.nan))  # known before
-        return low >= 1.0
-
-    @property
-    def _written(self) -> Judged | None:
-        return self.nominal.known.get(1.0)
-
-    def rest(self) -> list[Search]:
-        """Return the searches that follow the judgment of the loop as written; none if interrupted."""
-        if self._written is None:
-            return []
-        if not self._written.is_unstable:
-            longest = self._prepared.reference.duration
-            self.searches["delay"] = self._as_asked(delay(self.scenario, longest, self._base))
-            self.searches["lag"] = self._as_asked(lag(self.scenario, self._base))
-        for search in self.searches.values():
-            search.known[1.0] = self._written
-        return list(self.searches.values())
-
-    def margins(self, *, is_interrupted: bool) -> Margins:
-        """Return the result."""
-        one = self.scenario
-        late, period = lateness(one), one.control.period
-        found = {name: self._margin(name, search) for name, search in self.searches.items()}
-        others = sum(len(search.known.keys() - {1.0}) for search in self.searches.values())
-        runs = 2 * (len(self.nominal.known) + others)
-        return Margins(
-            one, late, self._written, found["gain"], found.get("delay"), found.get("lag"),
-            rule_gain(period, *late), edge_gain(period, *late), runs, is_interrupted,
-        )  # fmt: skip
-
-    def _margin(self, name: str, search: Search) -> Margin:
-        """Return the result of a search, with the limit of the ideal plant."""
-        feedback, period = self.scenario.control.feedback, self.scenario.control.period
-        tau, slowest = lateness(self.scenario)
-        rule = 1.0 / feedback - 1.0 / rule_gain(period, tau, slowest)  # of the total lateness of commands
-        if name == "gain":
-            rule = rule_gain(period, tau, slowest) / feedback
-            ideal = edge_gain(period, tau, slowest) / feedback
-        elif name == "delay":
-            ideal = max(0.0, edge_delay(feedback, period, slowest) - tau)
-        else:
-            ideal = max(0.0, edge_lag(feedback, period, tau) - slowest)
-        low, high = search.edge
-        edge = Edge(search.value(low) if low else 0.0, search.value(high))
-        return Margin(name, edge, search.value(search.most), ideal, rule, tuple(search.tried))
 
 
 def margins(
@@ -287,12 +139,206 @@ def margins(
         scenario: The scenario, its file, or the name of a shipped one.
         accuracy: Relative accuracy of the limits: of the gain, and of the total lateness of commands.
         threads: Number of threads; None: one per core.
-        on_runs: Called after each round with its number of runs.
+        on_runs: Called after each tried setting with its number of runs.
 
     Returns:
         The margins; Ctrl-C ends the search and keeps the results so far.
 
     Raises:
-        ScenarioError: Lists all problems, before the first run; or the runs do not fit into memory.
+        ScenarioError: Lists all problems, before the first run; or a run does not fit into memory.
+        KeyboardInterrupt: Ctrl-C before the first run.
     """
-    return Asking(scenario, accuracy=accuracy, threads=threads).run(on_runs)
+    if not _FINEST <= accuracy <= _COARSEST:
+        wrong = f"must be between {_FINEST:g} and {_COARSEST:g}, got {accuracy:g}"
+        raise ScenarioError.about("--accuracy", wrong)
+    study, threads = Study(scenario), threads or os.cpu_count() or 1
+    prepared = study.prepare()
+    if prepared.scenario.control.feedback == 0.0:
+        wrong = "must be > 0, got 0: a loop without feedback cannot be unstable"
+        raise ScenarioError([prepared.scenario.problem("control.feedback", wrong)])
+    study.compile([prepared])
+    with interruptible() as stop:
+        return margins_of(study, [()], stop, accuracy=accuracy, threads=threads, on_runs=on_runs)[0]
+
+
+def margins_of(
+    study: Study,
+    settings: Sequence[Sequence[Change]],
+    stop: threading.Event,
+    *,
+    accuracy: float = ACCURACY,
+    threads: int = 1,
+    on_runs: OnRuns | None = None,
+) -> list[Margins]:
+    """Return the margins of several settings of a scenario.
+
+    Args:
+        study: Study of the scenario.
+        settings: Changes that make each setting, with a positive feedback.
+        stop: Event that ends the runs.
+        accuracy: Relative accuracy of the limits.
+        threads: Number of threads.
+        on_runs: Called after each tried setting with its number of runs.
+
+    Raises:
+        ScenarioError: A setting is wrong, or a run does not fit into memory.
+    """
+    judge = _Judge(study, stop, on_runs)
+    loops = [_Loop(judge.prepare(base), base) for base in settings]
+    with ThreadPoolExecutor(threads) as pool:
+        written = pool.map(lambda loop: judge(loop.changes("gain", 1.0)), loops)
+        for loop, judgment in zip(loops, written, strict=True):
+            if judgment is not None:
+                loop.begin(judgment)
+        searches = [(loop, name) for loop in loops for name in loop.tried if loop.written]
+        list(pool.map(lambda search: _close_in(judge, accuracy, *search), searches))
+    return [loop.margins(is_interrupted=stop.is_set()) for loop in loops]
+
+
+def bears(
+    study: Study,
+    settings: Sequence[Sequence[Change]],
+    factor: float = 2.0,
+    *,
+    threads: int = 1,
+    stop: threading.Event | None = None,
+) -> list[bool | None]:
+    """Return whether loops stay stable with their feedback times a factor; None if interrupted.
+
+    Slow ringing takes long to detect, so a loop with little feedback is judged with more feedback first,
+    which implies stability with less; only if that fails is it judged as given.
+
+    Args:
+        study: Study of the scenario.
+        settings: Changes that make each setting; with a positive feedback.
+        factor: On `control.feedback`.
+        threads: Number of threads.
+        stop: Event that ends the runs.
+
+    Raises:
+        ScenarioError: A setting is wrong, or a run does not fit into memory.
+    """
+    judge = _Judge(study, stop or threading.Event())
+
+    def is_borne(base: Sequence[Change]) -> bool | None:
+        loop, judgment = _Loop(judge.prepare(base), base), None
+        for by in dict.fromkeys((max(factor, _QUICK * loop.ideal("gain")), factor)):
+            judgment = judge(loop.changes("gain", by))
+            if judgment is None or not judgment.is_unstable:
+                break
+        return None if judgment is None else not judgment.is_unstable
+
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(is_borne, settings))
+
+
+class _Judge:
+    """Judges settings of a scenario, from any thread; one prepares at a time."""
+
+    def __init__(self, study: Study, stop: threading.Event, on_runs: OnRuns | None = None) -> None:
+        self._study, self._stop, self._on_runs, self._lock = study, stop, on_runs, threading.Lock()
+
+    def prepare(self, changes: Sequence[Change]) -> Prepared:
+        with self._lock:
+            return self._study.prepare(changes)
+
+    def __call__(self, changes: Sequence[Change]) -> Judged | None:
+        judgment = None if self._stop.is_set() else judged(self.prepare(changes), self._stop)
+        with self._lock:
+            if judgment and self._on_runs:
+                self._on_runs(2)
+        return judgment
+
+
+class _Loop:
+    """A loop, and the judgments of its search for each limit, by factor."""
+
+    def __init__(self, prepared: Prepared, base: Sequence[Change]) -> None:
+        self.scenario, self._base, self._duration = prepared.scenario, base, prepared.reference.duration
+        self._feedback, self._period = self.scenario.control.feedback, self.scenario.control.period
+        self._delay, self._lag = lateness(self.scenario)
+        self._late = self._delay + self._lag + 0.5 * self._period
+        self.written: Judged | None = None
+        self.tried: dict[str, dict[float, Judged]] = {"gain": {}}
+
+    def begin(self, written: Judged) -> None:
+        """Begin the searches that follow the judgment of the loop as written."""
+        self.written = written
+        names = _NAMES[:1] if written.is_unstable else _NAMES
+        self.tried = {name: {1.0: written} for name in names}
+
+    def changes(self, name: str, factor: float) -> tuple[Change, ...]:
+        """Return the changes that make a setting."""
+        plant, more = self.scenario.plant, (factor - 1.0) * self._late
+        lags = (np.atleast_1d(plant.lag) + more).tolist()
+        setting = {
+            "gain": {"control.feedback": self._feedback * factor},
+            "delay": {"plant.delay": plant.delay + more},
+            "lag": {"plant.lag": lags if len(lags) > 1 else lags[0]},
+        }[name]
+        return (*self._base, *changes_of(setting))
+
+    def ideal(self, name: str) -> float:
+        """Return the factor at the limit of the ideal plant."""
+        feedback, period, delay, lag = self._feedback, self._period, self._delay, self._lag
+        if name == "gain":
+            return edge_gain(period, delay, lag) / feedback
+        longer = edge_delay(feedback, period, lag) if name == "delay" else edge_lag(feedback, period, delay)
+        return 1.0 + max(0.0, longer - (delay if name == "delay" else lag)) / self._late
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Return the smallest and the largest factor of a search."""
+        ideal = self.ideal(name)
+        if name == "gain":
+            return min(_LOWEST, 0.1 * ideal), _BEYOND * max(1.0, ideal)
+        most = _BEYOND * (ideal if ideal < math.inf else 1.0 + 1.0 / (self._feedback * self._late))
+        if name == "delay":
+            most = min(most, 1.0 + (_SHARE * self._duration - self.scenario.plant.delay) / self._late)
+        return 1.0, max(1.0, most)
+
+    def edge(self, name: str) -> Edge:
+        """Return the present interval of factors."""
+        tried = self.tried[name]
+        high = min((factor for factor, judgment in tried.items() if judgment.is_unstable), default=math.inf)
+        return Edge(max((factor for factor in tried if factor < high), default=0.0), high)
+
+    def margin(self, name: str) -> Margin:
+        """Return the result of a search, in factors of the feedback or in times."""
+
+        def value(factor: float) -> float:
+            return factor if name == "gain" else (factor - 1.0) * self._late
+
+        low, high = self.edge(name)
+        rule = 1.0 / (self._feedback * self._late)
+        tried = tuple((value(factor), judgment) for factor, judgment in sorted(self.tried[name].items()))
+        edge = Edge(value(low) if low else 0.0, value(high))
+        return Margin(name, edge, value(self.bounds(name)[1]), value(self.ideal(name)), value(rule), tried)
+
+    def margins(self, *, is_interrupted: bool) -> Margins:
+        """Return all results."""
+        runs = 2 * (1 + sum(len(tried) - 1 for tried in self.tried.values()))  # as written: once
+        gain, delay, lag = (self.margin(name) if name in self.tried else None for name in _NAMES)
+        assert gain is not None
+        late = self._delay, self._lag
+        return Margins(self.scenario, late, self.written, gain, delay, lag, runs, is_interrupted)
+
+
+def _close_in(judge: _Judge, accuracy: float, loop: _Loop, name: str) -> None:
+    """Search a limit by ever longer steps from below that of the ideal plant, then by bisection."""
+    (low, high), (least, most), tried = loop.edge(name), loop.bounds(name), loop.tried[name]
+    factor = min(max(_FIRST * loop.ideal(name), least, low), most, high)
+    step = max(_STEP, 1.0 + accuracy)
+    while True:
+        if factor not in tried:
+            judgment = judge(loop.changes(name, factor))
+            if judgment is None:
+                return
+            tried[factor] = judgment
+        low, high = loop.edge(name)
+        if factor == high:
+            factor = max(high / step, math.sqrt(low * high) if low else least)
+        else:
+            factor = min(low * step, math.sqrt(low * high) if high < math.inf else most)
+        if factor in tried or high <= low * (1.0 + accuracy):
+            return
+        step *= step

@@ -7,22 +7,22 @@ subtracted.
 
 import math
 import threading
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.law.task import Array
-from rmrc.results.run import Run
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import Prepared
-from rmrc.study.margins.kicks import KICK, resting, twin_of
-from rmrc.study.study import Result, Study
+from rmrc.simulation.simulation import Simulation
 from rmrc.textbook.stability import edge_frequency
 
+# Displacement of a twin's reference along each axis [rad], for lengths times task.length. It is so small that
+# the response of the loop is linear, and ten thousand times the effect of rounding.
+KICK = 1e-6
 # An oscillation at the limit keeps its amplitude. Below this share remains from the middle third to the last
 # of the shortest run, for a loop of dead times with a feedback half a percent below its limit.
 STILL_RINGS = 0.9
@@ -41,16 +41,9 @@ _TO_AND_FRO = 0.1
 _STRETCHES, _WINDOWS, _FEWEST = 8, 40, 20
 # The last third of a stretch is examined in this many parts, each of at least two windows.
 _PARTS = 3
-# World-ticks that are run at once: 300 MB for an arm with seven joints.
-_TICKS = 2_000_000
 _LIMITED = int(
     Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED | Status.TORQUE_LIMITED
 )
-
-# The judged columns of a run.
-_COLUMNS = ("q", "qdot_cmd", "path_time", "status")
-
-Reason = Literal["", "diverged", "rings", "reverses"]
 
 
 @dataclass(frozen=True)
@@ -64,7 +57,7 @@ class Judged:
         left: Remaining fraction of the response to a kick at the end of the worst stretch [1].
     """
 
-    reason: Reason
+    reason: Literal["", "diverged", "rings", "reverses"]
     time: float
     left: float
 
@@ -74,58 +67,50 @@ class Judged:
         return self.reason != ""
 
 
-class _Track:
-    """The judged columns of a run."""
-
-    def __init__(self) -> None:
-        self._parts: list[tuple[Array, ...]] = []
-
-    def add(self, part: Run) -> None:
-        self._parts.append(tuple(part[name] for name in _COLUMNS))
-
-    def columns(self) -> tuple[Array, ...]:
-        return tuple(np.concatenate(parts) for parts in zip(*self._parts, strict=True))
-
-
-def judged(
-    study: Study, worlds: Sequence[Prepared], stop: threading.Event, threads: int = 1
-) -> list[Judged | None]:
-    """Return the judgment of each world's loop, from two runs each; None if interrupted.
+def judged(prepared: Prepared, stop: threading.Event) -> Judged | None:
+    """Return the judgment of a loop, from two runs; None if interrupted.
 
     Args:
-        study: Study that prepared them.
-        worlds: Worlds with a positive control.feedback.
+        prepared: A world with a positive control.feedback.
         stop: Event that ends the runs.
-        threads: Number of threads.
 
     Raises:
-        ScenarioError: They do not fit into memory.
+        ScenarioError: A run does not fit into memory.
     """
-    found: list[Judged | None] = []
-    while len(found) < len(worlds):
-        some, ticks = list[Prepared](), 0
-        for world in worlds[len(found) :]:
-            longer = resting(world, (_FEWEST + 1) * window(world.scenario))
-            ticks += 2 * longer.most_ticks
-            if some and ticks > _TICKS:
-                break
-            some.append(longer)
-        found += _judged(study, some, stop, threads)
-    return found
-
-
-def _judged(
-    study: Study, worlds: Sequence[Prepared], stop: threading.Event, threads: int
-) -> Sequence[Judged | None]:
-    """Judge worlds that are stepped together."""
-    if stop.is_set():
-        return [None] * len(worlds)
-    pairs = [one for world in worlds for one in (world, twin_of(world, _starts(world), kick_of(world)))]
-    tracks = [_Track() for _ in pairs]
-    results = study.watch(pairs, lambda index, part: tracks[index].add(part), stop, threads)
-    if stop.is_set():
-        return [None] * len(worlds)
-    return [_judge(results[i : i + 2], tracks[i : i + 2]) for i in range(0, len(pairs), 2)]
+    period, width = prepared.scenario.control.period, window(prepared.scenario)
+    step = float(np.max(prepared.scenario.arm.encoder.resolution / prepared.task.joint_scale))
+    kick = max(KICK, _STEPS * step)
+    world = resting(prepared, (_FEWEST + 1) * width)
+    count = min(_STRETCHES, max(1, world.reference.ticks // (_WINDOWS * width)))
+    starts = tuple(i * world.reference.ticks // count for i in range(count))
+    runs = []
+    for one in (world, twin_of(world, starts, kick)):
+        (run,) = Simulation([one]).run(stop=stop)
+        if stop.is_set():
+            return None
+        if run.divergence:
+            return Judged("diverged", run.divergence.time, math.inf)
+        runs.append({name: run[name].copy() for name in ("q", "qdot_cmd", "path_time", "status")})
+    ticks = min(len(run["q"]) for run in runs)
+    apart = (runs[1]["q"][:ticks] - runs[0]["q"][:ticks]) / (world.task.joint_scale * kick)
+    swings, sent = without_trend(apart, width), runs[0]["qdot_cmd"]
+    is_limited = runs[0]["status"].astype(np.int64) & _LIMITED != 0
+    # a slowed path reaches the start of a stretch late
+    firsts = np.searchsorted(runs[0]["path_time"], (np.array(starts) - 0.5) * period)
+    stretches = list[Judged]()
+    for first, last in zip(firsts, [*(firsts[1:] - width // 2), len(swings)], strict=True):
+        if last - first < _FEWEST * width:
+            continue
+        remainder = still_ringing(swings[first:last], max(_LEAST, _TELLING_STEPS * step / kick))
+        reason: Literal["", "rings", "reverses"] = ""
+        if remainder >= STILL_RINGS:
+            reason = "rings"
+        elif reverses(sent[first:last], is_limited[first:last], _TO_AND_FRO * np.abs(sent).max(axis=0)):
+            reason = "reverses"
+        stretches.append(Judged(reason, float(first * period) if reason else math.nan, remainder))
+    # the first unstable one, with the worst remaining fraction; the first stretch is never too short
+    judgment = next((one for one in stretches if one.is_unstable), stretches[0])
+    return replace(judgment, left=max(one.left for one in stretches))
 
 
 def lateness(scenario: Scenario) -> tuple[float, float]:
@@ -145,46 +130,30 @@ def window(scenario: Scenario) -> int:
     return max(5, math.ceil(2.0 * math.pi / (slowest * period)) | 1)
 
 
-def kick_of(world: Prepared) -> float:
-    """Return the size of a kick of a world's twin [rad]; for lengths, times `task.length`."""
-    return max(KICK, _STEPS * _step(world))
+def resting(prepared: Prepared, least: int) -> Prepared:
+    """Return a world of at least this many ticks, with the target at rest after the end of its path."""
+    path = prepared.reference
+    return replace(prepared, reference=replace(path, ticks=max(path.ticks, least)))
 
 
-def _step(world: Prepared) -> float:
-    """Return the largest step of its encoders, scaled as the joints of its task [1]."""
-    return float(np.max(world.scenario.arm.encoder.resolution / world.task.joint_scale))
+def twin_of(prepared: Prepared, starts: tuple[int, ...], size: float) -> Prepared:
+    """Return the twin of a world, which differs only by small, brief displacements of the reference.
 
+    A kick lasts 1/K, in which a loop follows most of it, and goes to a corner of a box: to either side along
+    each axis, including axes outside the task. Each of 64 kicks goes to a different corner.
 
-def _starts(world: Prepared) -> tuple[int, ...]:
-    """Return the start of each stretch of the path, in ticks."""
-    ticks = world.reference.ticks
-    count = min(_STRETCHES, max(1, ticks // (_WINDOWS * window(world.scenario))))
-    return tuple(i * ticks // count for i in range(count))
-
-
-def _judge(results: Sequence[Result], tracks: Sequence[_Track]) -> Judged:
-    """Judge a world and its twin."""
-    world, period = results[0].prepared, results[0].prepared.scenario.control.period
-    for one in results:
-        if one.divergence:
-            return Judged("diverged", one.divergence.time, math.inf)
-    (q, sent, path_time, status), (moved, *_) = (track.columns() for track in tracks)
-    ticks, width = min(len(q), len(moved)), window(world.scenario)
-    kick = kick_of(world)
-    least = max(_LEAST, _TELLING_STEPS * _step(world) / kick)
-    apart = (moved[:ticks] - q[:ticks]) / (world.task.joint_scale * kick)
-    swings = without_trend(apart, width)
-    starts = np.searchsorted(path_time, (np.array(_starts(world)) - 0.5) * period)
-    found = []
-    for first, last in zip(starts, [*(starts[1:] - width // 2), len(swings)], strict=True):
-        if last - first >= _FEWEST * width:  # a slowed path reaches a shorter one late
-            left = still_ringing(swings, first, last, least)
-            turns = reverses(sent, status.astype(np.int64) & _LIMITED != 0, first, last)
-            reason: Reason = "rings" if left >= STILL_RINGS else "reverses" if turns else ""
-            found.append(Judged(reason, float(first * period) if reason else math.nan, left))
-    # the first unstable one, with the worst remaining fraction; the first stretch is never too short
-    judgment = next((one for one in found if one.is_unstable), found[0])
-    return replace(judgment, left=max(one.left for one in found))
+    Args:
+        prepared: The world returned by `resting`.
+        starts: First tick of each kick, on the path.
+        size: Displacement along each axis [rad]; for lengths, times `task.length`.
+    """
+    path = prepared.reference
+    ticks = max(1, math.floor(1.0 / (prepared.scenario.control.feedback * path.period)))
+    lengths = size * np.array([prepared.task.length] * 3 + [1.0] * 3)
+    for i, first in enumerate(starts):
+        corner = np.array([1.0 - 2.0 * (i * 11 >> bit & 1) for bit in range(6)])
+        path = path.displaced(first, min(first + ticks, path.ticks - 1), lengths * corner)
+    return replace(prepared, reference=path)
 
 
 def without_trend(values: Array, width: int) -> Array:
@@ -198,57 +167,52 @@ def without_trend(values: Array, width: int) -> Array:
     return np.asarray(values[: len(mean)] - mean)
 
 
-def still_ringing(swings: Array, first: int, last: int, least: float = _LEAST) -> float:
+def still_ringing(swings: Array, least: float = _LEAST) -> float:
     """Return the fraction of a kick's response at the end of a stretch [1]; 1: it neither decays nor grows.
 
     It is the smallest amplitude of the parts of the last third over the largest of the middle third. Where it
     grows throughout the last third, it is the amplitude of its last part over that of its first, if that is
     larger: at a stop, or past a singularity, the two worlds separate by more than the kick, and that may fade
-        or
-    grow as well. It is 1 where they oscillate independently, as far as limits allow, and with nearly the same
-    amplitude at the end.
+    or grow as well. It is 1 where they oscillate independently, as far as limits allow, and with nearly the
+    same amplitude at the end.
 
     Only joints count that oscillate to both sides in each part, by a detectable amplitude.
 
     Args:
-        swings: In units of the kick, (T, n).
-        first: First tick of the stretch, that of the kick.
-        last: One past its last.
+        swings: From the tick of the kick to the end of the stretch, in units of the kick, (t, n).
         least: Detectable amplitude.
     """
-    third = (last - first) // 3
-    middle, end = swings[last - 2 * third : last - third], swings[last - third : last]
-    parts = np.array_split(end, _PARTS)
+    third, parts = len(swings) // 3, _end(swings)
     peaks = np.array([np.abs(part).max(axis=0) for part in parts])
     swings_on = np.all([_both_ways(part, 0.0) for part in parts], axis=0) & (peaks.min(axis=0) >= least)
     if not swings_on.any():
         return 0.0
-    peaks = peaks[:, swings_on]
+    middle, peaks = swings[-2 * third : -third], peaks[:, swings_on]
     weakest, largest = peaks.min(axis=0), peaks.max(axis=0)
-    left = weakest / max(np.abs(middle).max(), least)
+    remainder = weakest / max(np.abs(middle).max(), least)
     grown = np.where(peaks[-1] >= largest, peaks[-1] / peaks[0], 0.0)
     alone = (weakest >= _ALL) | ((weakest >= _MOST) & (peaks[-1] >= 0.5 * largest))
-    return float(np.maximum(left, np.where(grown >= 1.0, grown, alone)).max())
+    return float(np.maximum(remainder, np.where(grown >= 1.0, grown, alone)).max())
 
 
-def reverses(sent: Array, is_limited: NDArray[np.bool_], first: int, last: int) -> bool:
+def reverses(sent: Array, is_limited: NDArray[np.bool_], least: Array) -> bool:
     """Return whether a joint oscillates between limits in each part of the last third of a stretch.
 
     Such an oscillation may hide a kick: where limits act, the rates do not depend on the arm's position.
 
     Args:
-        sent: Commanded rates, (T, n).
-        is_limited: Whether a limit acts, (T,).
-        first: First tick of the stretch.
-        last: One past its last.
+        sent: Commanded rates of the stretch, (t, n).
+        is_limited: Whether a limit acts, (t,).
+        least: Rates that count as an oscillation if they are exceeded to both sides, (n,).
     """
-    third = slice(last - (last - first) // 3, last)
-    if not all(part.any() for part in np.array_split(is_limited[third], _PARTS)):
+    if not all(part.any() for part in _end(is_limited)):
         return False
-    least = _TO_AND_FRO * np.abs(sent).max(axis=0)
-    return bool(
-        np.all([_both_ways(part, least) for part in np.array_split(sent[third], _PARTS)], axis=0).any()
-    )
+    return bool(np.all([_both_ways(part, least) for part in _end(sent)], axis=0).any())
+
+
+def _end(values: NDArray[Any]) -> list[NDArray[Any]]:
+    """Return the last third of values (t, ...) in parts."""
+    return np.array_split(values[len(values) - len(values) // 3 :], _PARTS)
 
 
 def _both_ways(values: Array, least: ArrayLike) -> NDArray[np.bool_]:
