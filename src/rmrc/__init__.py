@@ -67,7 +67,7 @@ if TYPE_CHECKING:
         TargetError,
     )
     from rmrc.tuning.page import report
-    from rmrc.tuning.tune import tune
+    from rmrc.tuning.verb import tune
 
 __all__ = [
     "ClusterError", "Controller", "DivergenceError", "Law", "ModelError", "ModelWarning", "Prepared",
@@ -100,7 +100,7 @@ if not TYPE_CHECKING:  # type checkers use the imports above, and report names t
         "rmrc.study.verbs": ("compare", "run", "sweep"),
         "rmrc.support.errors": tuple(name for name in __all__ if name.endswith(("Error", "Warning"))),
         "rmrc.tuning.page": ("report",),
-        "rmrc.tuning.tune": ("tune",),
+        "rmrc.tuning.verb": ("tune",),
     }
 
     def __getattr__(name):

@@ -87,7 +87,7 @@ def tune(
     ideal: Ideal = False,
     gain_margin: GainMargin = None,
     slower: Slower = 1.1,
-    runs: Runs = 2000,
+    runs: Runs = 320,
     seed: Seed = 0,
     set_: Overrides = None,
     out: Out = Path("recordings"),
@@ -99,7 +99,7 @@ def tune(
 
     Rates each setting by its worst result on the scenario and its perturbed scenarios, over all robots that
     --delay, --lag, --noise and --calibration or the scenario describe; without them, on an assumed modest
-    robot. Prints the Pareto front of peak rate and error, the stability margins of each recommendation, and a
+    robot. Prints the Pareto front of peak rate and error, the gain margin of each recommendation, and a
     control section to paste. Writes NAME.tune.yaml, .png and .parquet. Exit code 1: no setting keeps the
     limits.
     """
@@ -135,6 +135,7 @@ def tune(
 def _show(work: "Tuning", tuned: "Tuned", places: tuple[Path, Path | None], quiet: bool) -> None:
     from rmrc.show.terminal import render
     from rmrc.tuning.answer import answer_of, sheets
+    from rmrc.tuning.verb import write
 
     console, answer = output(quiet), answer_of(work, tuned)
     console.print(render(sheets(answer)))
@@ -142,7 +143,7 @@ def _show(work: "Tuning", tuned: "Tuned", places: tuple[Path, Path | None], quie
         for line in answer["lines"]:
             console.print(line, highlight=False)
         console.print(f"\n{answer['block']}", highlight=False, soft_wrap=True)
-    for path in work.write(tuned, *places):
+    for path in write(work, tuned, *places):
         print_line(console, f"wrote {path}")
     if not tuned.feasible:
         complain(answer["lines"][0])

@@ -1,5 +1,6 @@
 """The answer of a search, described once: for the terminal, the page and the file of settings."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
@@ -8,15 +9,12 @@ from numpy.typing import NDArray
 
 from rmrc.results.facts import versions
 from rmrc.show.sheets import Sheet, number
-from rmrc.study.margins.margins import Margin
 from rmrc.tuning.robot import GAIN_MARGIN
 from rmrc.tuning.space import rounded
 from rmrc.tuning.trials import CHATTER, SATURATED, TOLERANCE
 from rmrc.tuning.tune import Tuned, Tuning
-from rmrc.tuning.verdict import ALIKE, Trial
+from rmrc.tuning.verdict import Trial
 
-# Number of displayed rows of the front; the file has all.
-MOST_ROWS = 12
 _HEADINGS, _UNITS = ("setting", "numbers", "error", "peak rate", "time", ""), ("", "", "m", "rad/s", "s", "")
 
 Answer: TypeAlias = Mapping[str, Any]
@@ -38,12 +36,10 @@ def answer_of(work: Tuning, tuned: Tuned) -> Answer:
         "title": f"{work.scenario.name}: {len(tuned.tried)} settings in {tuned.runs} runs; {whole}",
         "facts": _facts(work, tuned),
         "front": [_row(trial, tuned.role(trial)) for trial in verdict.front],
-        "named": [
-            _row(trial, tuned.role(trial) or "dominates as written") for trial in unique.values()
-        ],
+        "named": [_row(trial, tuned.role(trial) or "dominates as written") for trial in unique.values()],
         "margins": [
-            (name, _bears(found.gain, 1.0), _bears(found.delay, 1e3), _bears(found.lag, 1e3))
-            for name, found in tuned.margins.items()
+            (role, f"{math.sqrt(low * high):.3g}" if low and high < math.inf else f"> {low:.3g}")
+            for role, (low, high) in tuned.margins.items()
         ],
         "limits": sorted(set(limits[np.isfinite(limits)].tolist())),
         "lines": list(_lines(tuned)),
@@ -53,25 +49,17 @@ def answer_of(work: Tuning, tuned: Tuned) -> Answer:
 
 
 def sheets(answer: Answer) -> list[Sheet]:
-    """Return the tables of an answer: trials and limits, the front, the named settings, costs, margins."""
-    front, named = answer["front"], answer["named"]
+    """Return the tables of an answer: trials and limits, the front, the named settings, gain margins."""
     facts = Sheet(answer["title"], ("", ""), [tuple(fact) for fact in answer["facts"]], frozenset({0, 1}))
-    if not named:
+    if not answer["named"]:
         return [facts]
-    best, *others = named
-    rows, words = _shown(front, named), frozenset({0, 1, 5})
-    title = f"Pareto front, {len(rows)} of its {len(front)} settings"
-    against = ("against", "error", "", "peak rate", "", "time", "")
-    costs = [(other["role"], *_against(best, other)) for other in others]
-    margins = ("loop margin of", "gain", "more delay", "more lag"), ("", "times", "ms", "ms")
-    return [
-        facts,
-        Sheet(title, _HEADINGS, [_UNITS, *map(_cells, rows)], words),
-        Sheet("Recommendations, and others", _HEADINGS, [_UNITS, *map(_cells, named)], words),
-        *([Sheet("The recommended setting costs (+) or saves (-)", against, costs)] if costs else []),
-        *([Sheet("Margins, on the slowest of the robots", margins[0],
-                 [margins[1], *map(tuple, answer["margins"])])] if answer["margins"] else []),
-    ]  # fmt: skip
+    tables = {"Pareto front": answer["front"], "Recommendations, and others": answer["named"]}
+    each = [
+        Sheet(title, _HEADINGS, [_UNITS, *map(_cells, rows)], frozenset({0, 1, 5}))
+        for title, rows in tables.items()
+    ]
+    margins = Sheet("Margins, on the slowest of the robots", ("loop margin of", "gain"), answer["margins"])
+    return [facts, *each, *([margins] if answer["margins"] else [])]
 
 
 def words(trial: Trial) -> str:
@@ -150,13 +138,10 @@ def _lines(tuned: Tuned) -> list[str]:
         return [f"no tried setting keeps the limits; the nearest is {which}: {nearest.worst.missed}"]
     assert best is not None  # something is feasible
     lines = [_as_written(tuned)]
-    if tuned.verdict.alike:
-        names = "; ".join(dict.fromkeys(map(words, tuned.verdict.alike)))
-        lines.append(f"As good, within {ALIKE:.0%} of error: {names}.")
-    margin = tuned.margins.get("recommended")
-    if margin and margin.gain.edge.high <= GAIN_MARGIN:
+    low, high = tuned.margins.get("recommended", (0.0, math.inf))
+    if high <= GAIN_MARGIN:
         lines.append(
-            f"Warning: its gain margin is {margin.gain.value:.3g}, below {GAIN_MARGIN:g}: if your robot "
+            f"Warning: its gain margin is {math.sqrt(low * high):.3g}, below {GAIN_MARGIN:g}: if your robot "
             f"may be slower than assumed here, use less feedback, by --gain-margin {GAIN_MARGIN:g}."
         )
     for key, value in {} if best.setting.is_written else best.setting.by_key.items():
@@ -179,36 +164,11 @@ def _as_written(tuned: Tuned) -> str:
         return "The setting as written is on the Pareto front: no tried setting dominates it."
     which = "the recommended setting" if better is tuned.verdict.recommended else words(better)
     # a dominated setting has the larger error or peak rate; if one of them is 0, it is 0 in both
-    error, rate = (f"{a / b if b else 1.0:.3g}" for a, b in zip(better.worst[:2], own.worst[:2], strict=True))
-    return f"The setting as written is dominated: {which} has {error} times its error at {rate} times its peak rate."
-
-
-def _bears(margin: Margin | None, scale: float) -> str:
-    if margin is None:
-        return "none"
-    value = scale * margin.value
-    text = f"{value:.3g}" if value < 1000 else f"{value:.0f}"
-    return text if margin.edge.is_found else f"> {text}"
-
-
-def _shown(front: Sequence[Answer], named: Sequence[Answer]) -> list[Answer]:
-    """Return the displayed rows of a front: evenly, up to the largest error with a name."""
-    largest = max(row["error"] for row in named)
-    near = [row for row in front if row["error"] <= largest] or list(front)
-    chosen = {round(i * (len(near) - 1) / (MOST_ROWS - 1)) for i in range(MOST_ROWS)}
-    is_short = len(near) <= MOST_ROWS
-    return [row for i, row in enumerate(near) if is_short or i in chosen or row["role"]]
+    error, rate = (a / b if b else 1.0 for a, b in zip(better.worst[:2], own.worst[:2], strict=True))
+    ratios = f"{error:.3g} times its error at {rate:.3g} times its peak rate"
+    return f"The setting as written is dominated: {which} has {ratios}."
 
 
 def _cells(row: Answer) -> tuple[str, ...]:
     figures = (number(row[name]) for name in ("error", "peak_rate", "time"))
     return (row["words"], row["numbers"], *figures, row["role"])
-
-
-def _against(best: Answer, other: Answer) -> list[str]:
-    """Return ratio and difference of error, peak rate and time."""
-    cells = []
-    for name, unit in (("error", "m"), ("peak_rate", "rad/s"), ("time", "s")):
-        a, b = best[name], other[name]
-        cells += [f"x {number(a / b)}" if b else "", f"{a - b:+.3g} {unit}"]
-    return cells

@@ -29,7 +29,9 @@ def front_figure(answer: Mapping[str, Any], rows: Iterable[_Row]) -> Figure:
         rows: All settings, as in the file of settings; the feasible ones are drawn.
     """
     points = [row for row in rows if row["feasible"]]
-    marks = [(name, row) for row in answer["named"] for name in [row["role"].partition(",")[0]] if name in _NAMED]
+    marks = [
+        (name, row) for row in answer["named"] for name in [row["role"].partition(",")[0]] if name in _NAMED
+    ]
     with lettering():
         figure = sheet(9.0, 5.4)
         axes = figure.add_subplot(yscale="log")
@@ -41,7 +43,9 @@ def front_figure(answer: Mapping[str, Any], rows: Iterable[_Row]) -> Figure:
                 marker=MARKERS[i % len(MARKERS)], markersize=size, markerfacecolor="none",
                 color=f"#{mix(color, BLACK, 0.15) >> 8:06x}", markeredgewidth=1.0, label=plain(method),
             )  # fmt: skip
-        axes.step(*_steps(answer["front"]), where="post", color="black", linewidth=1.3, label="front", zorder=3)
+        axes.step(
+            *_steps(answer["front"]), where="post", color="black", linewidth=1.3, label="front", zorder=3
+        )
         for i, (name, row) in enumerate(marks):  # the first on top
             shape, size = _NAMED[name]
             axes.plot(

@@ -5,6 +5,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+
+_Array = NDArray[np.float64]
 
 # Smaller rates and errors count as this one.
 _NOTHING = 1e-12
@@ -75,9 +78,20 @@ def area(points: Sequence[Point], reference: tuple[float, float]) -> float:
     return total
 
 
-def gains(front, points, reference):
-    kept = front[np.argsort(front[:, 0])]
-    edges = np.minimum(np.concatenate([[-math.inf], kept[:, 0], [math.inf]]), reference[0])
-    lowest = np.minimum(np.minimum.accumulate(np.concatenate([[math.inf], kept[:, 1]])), reference[1])
+def gains(front: _Array, points: _Array, reference: Sequence[float]) -> _Array:
+    """Return by how much more than a front each point dominates of a plane below a reference, (k,).
+
+    Args:
+        front: Its points, (m, 2).
+        points: To be added to it, one at a time, (k, 2).
+        reference: Beyond which nothing counts.
+
+    Example:
+        >>> gains(np.array([[1.0, 1.0]]), np.array([[0.0, 2.0], [2.0, 0.0], [2.0, 2.0]]), (3.0, 3.0))
+        array([1., 1., 0.])
+    """
+    known = front[np.argsort(front[:, 0])]
+    edges = np.minimum(np.concatenate([[-math.inf], known[:, 0], [math.inf]]), reference[0])
+    lowest = np.minimum(np.minimum.accumulate(np.concatenate([[math.inf], known[:, 1]])), reference[1])
     widths = np.clip(edges[1:] - np.maximum(edges[:-1], points[:, :1]), 0.0, None)
     return np.asarray((widths * np.clip(lowest - points[:, 1:], 0.0, None)).sum(axis=1))

@@ -58,8 +58,8 @@ def _of_search(left: Left) -> Page:
     if answer["named"]:
         best = answer["named"][0]
         verdict = (
-            f"Recommended: {best['words']} ({best['numbers']}), with an error of {1e3 * best['error']:.3g} mm "
-            f"at a peak rate of {best['peak_rate']:.3g} rad/s."
+            f"Recommended: {best['words']} ({best['numbers']}), with an error of "
+            f"{1e3 * best['error']:.3g} mm at a peak rate of {best['peak_rate']:.3g} rad/s."
         )
     made = Page(f"Tuning of {answer['name']}", verdict)
     if answer["block"]:

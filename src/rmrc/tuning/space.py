@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,9 @@ from rmrc.results.run import Run
 from rmrc.scenario import Change, Scenario, changes_of
 from rmrc.scenario.choices import INVERSES, LIMITS, POLICIES, SCHEDULES, Parameter, Scales, Status
 from rmrc.simulation.prepare import Prepared
-from rmrc.support.errors import ScenarioError, did_you_mean
+from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin, Problem
+from rmrc.tuning.robot import lengths_of
 
 METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS = (
     f"control.{choices.key}" for choices in (INVERSES, SCHEDULES, POLICIES, LIMITS)
@@ -140,17 +141,17 @@ def scales(nominal: Prepared, run: Run) -> Scales:
     task, reference = nominal.task, nominal.reference
     wanted: Point = task.turned(reference.twist, reference.pose)[:, task.rows] * task.row_scale
     sigma = _largest(run["sigma"]) or 1.0
-    # Below speed/σ₁ no joint rates can follow; 300 times that bounds no actuator's rates, and the limits are
-    # sufficient.
+    # Below speed/σ₁ no joint rates can follow. A bound above the limits, or far above the rates as written,
+    # bounds nothing.
     slowest = float(np.linalg.norm(wanted, axis=1).max()) / sigma or 0.01
-    lengths = np.where(nominal.arm.is_slide, nominal.task.length, 1.0)
-    allowed = float(np.linalg.norm(nominal.law.rate_limit / lengths))
+    allowed = float(np.linalg.norm(nominal.law.rate_limit / lengths_of(nominal)))
+    reached = _largest(np.linalg.norm(run["qdot"] / lengths_of(nominal), axis=1))
     return Scales(
         sigma=sigma,
         manipulability=_largest(run["manipulability"]) or 1.0,
         start=_largest(run["sigma"][:1, nominal.task.rank - 1]) or sigma,
         slowest=slowest,
-        fastest=max(2.0 * slowest, min(300.0 * slowest, allowed)),
+        fastest=max(2.0 * slowest, min(1.5 * reached, allowed)),
     )
 
 
@@ -199,7 +200,7 @@ class Space:
 
     structures: tuple[Structure, ...]
     limits: dict[str, tuple[float, float]]
-    only: Mapping[str, tuple[float, ...]]
+    only: Mapping[str, tuple[Any, ...]]
     own: Mapping[str, float]
 
     def at(self, structure: Structure, point: Point) -> Setting:
@@ -215,7 +216,7 @@ class Space:
     def _value(self, key: str, share: float) -> float:
         if key in self.only:
             values = self.only[key]
-            return values[min(int(share * len(values)), len(values) - 1)]
+            return float(values[min(int(share * len(values)), len(values) - 1)])
         low, high = self.limits[key]
         return rounded(low * (high / low) ** share)
 
@@ -249,54 +250,38 @@ class Space:
         return setting.structure in self.structures and is_within
 
 
-def read_only(only: Only) -> tuple[dict[str, tuple[str, ...]], dict[str, tuple[float, ...]]]:
-    """Return the words and the numbers that keys are restricted to.
+def read_only(only: Only) -> dict[str, tuple[Any, ...]]:
+    """Return the values that keys are restricted to, which may be no values of their keys.
 
     Args:
         only: The values of some keys.
 
     Raises:
-        ScenarioError: Lists their problems.
+        ScenarioError: Lists the texts and keys that restrict nothing.
     """
-    words, numbers, problems = dict[str, tuple[str, ...]](), dict[str, tuple[float, ...]](), list[Problem]()
+    restricted, problems = dict[str, tuple[Any, ...]](), list[Problem]()
     for item in only.items() if isinstance(only, Mapping) else only:
-        key, values = _split(item) if isinstance(item, str) else (item[0], [*item[1]])
-        try:
-            if key in words or key in numbers:
-                raise ValueError("is given twice")
-            if key in WORDS:
-                words[key] = tuple(_word(key, value) for value in values)
-            elif key in NUMBERS:
-                numbers[key] = tuple(map(_number, values))
-            elif "" in (key, *values):
-                example = f"{METHOD}=damped,filtered"
-                raise ValueError(f"must be KEY=V1,V2,..., for example {example}")
-            else:
-                raise ValueError(f"is not a tunable key; choose from {', '.join((*WORDS, *NUMBERS))}")
-        except ValueError as error:
-            problems.append(Problem((), str(error), Origin(f"--only {key or item}")))
+        key, values = item if isinstance(item, tuple) else _split(item)
+        if key in (*WORDS, *NUMBERS) and key not in restricted and "" not in values:
+            restricted[key] = tuple(values)
+            continue
+        why = f"is not a tunable key; choose from {', '.join((*WORDS, *NUMBERS))}"
+        why = "is given twice" if key in restricted else why
+        why = f"must be KEY=V1,V2,..., for example {METHOD}=damped,filtered" if "" in values else why
+        problems.append(Problem((), why, Origin(f"--only {key}")))
     if problems:
         raise ScenarioError(problems)
-    return words, numbers
+    return restricted
 
 
-def _split(text: str) -> tuple[str, list[str]]:
+def _split(text: str) -> tuple[str, list[object]]:
     key, _, values = text.partition("=")
-    return key.strip(), [value.strip() for value in values.split(",")]
+    each = [value.strip() for value in values.split(",")]
+    return key.strip(), [_number(value) if key.strip() in NUMBERS else value for value in each]
 
 
-def _word(key: str, value: object) -> str:
-    if value not in WORDS[key]:
-        near = did_you_mean(str(value), WORDS[key])
-        raise ValueError(f"must be among {', '.join(WORDS[key])}, got {value}{near}")
-    return str(value)
-
-
-def _number(value: str | float) -> float:
+def _number(text: str) -> float | str:
     try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"must be numbers, got {value}")
-    return number
+        return float(text)
+    except ValueError:
+        return text

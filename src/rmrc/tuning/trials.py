@@ -16,9 +16,11 @@ from rmrc.scenario import Change, Variant, changes_of
 from rmrc.scenario.choices import POLICIES
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
+from rmrc.study.margins.margins import bears
 from rmrc.study.study import Study
 from rmrc.support.spatial import AXES
 from rmrc.tuning.front import Point
+from rmrc.tuning.robot import lengths_of
 from rmrc.tuning.space import Setting
 
 # Relative excess of a measured peak over a limit that is allowed: the law keeps commands within it, and
@@ -102,11 +104,10 @@ class Limits:
     @classmethod
     def of(cls, prepared: Prepared) -> "Limits":
         """Return the limits of a scenario, the model's own where it has none."""
-        arm, length, law = prepared.arm, prepared.task.length, prepared.law
-        scale = np.where(arm.is_slide, length, 1.0)
-        jerk = np.full(arm.n, prepared.scenario.control.limits.jerk or math.inf)
+        arm, law = prepared.arm, prepared.law
+        jerk = np.broadcast_to(prepared.scenario.control.limits.jerk or math.inf, arm.n)
         limits = law.rate_limit, law.acceleration_limit, jerk
-        return cls(arm.joints, tuple(arm.units), scale, length, *limits)
+        return cls(arm.joints, tuple(arm.units), lengths_of(prepared), prepared.task.length, *limits)
 
     def measure(
         self, card: Scorecard, longest: float, divergence: Divergence | None = None, *, ended: bool = False
@@ -135,57 +136,50 @@ class Limits:
             excesses.append((math.inf, f"it {divergence}"))
         excess, missed = max(excesses, key=lambda pair: pair[0])
         rate, rough = float((rates / self.scale).max()), figure("joint_acceleration_cmd.rms")
-        return Outcome(
-            error, rate, time, rough, completed, excess, missed, ended, figure("condition.max")
-        )
+        return Outcome(error, rate, time, rough, completed, excess, missed, ended, figure("condition.max"))
 
     def _peaks(self, card: Scorecard) -> Iterator[tuple[float, str]]:
         """Yield the relative excess over the limits of the joints, and in words."""
-        for what, name, limits, per in (
-            ("rate", "joint_rate", self.rate, "/s"),
-            ("acceleration", "joint_acceleration", self.acceleration, "/s²"),
-        ):
-            for joint, limit, unit in zip(self.joints, limits, self.units, strict=True):
+        most = str(card["joint_jerk_cmd.peak_joint"].value)
+        each = zip(self.joints, self.units, self.rate, self.acceleration, self.jerk, strict=True)
+        for joint, unit, rate, acceleration, jerk in each:
+            for what, limit, name, per in (
+                ("rate", rate, f"joint_rate.{joint}.peak", "/s"),
+                ("acceleration", acceleration, f"joint_acceleration.{joint}.peak", "/s²"),
+                ("commanded jerk", jerk if joint == most else math.inf, "joint_jerk_cmd.peak", "/s³"),
+            ):
                 if limit < math.inf:
-                    yield _over(what, joint, float(card[f"{name}.{joint}.peak"].value), limit, f"{unit}{per}")
-        joint = str(card["joint_jerk_cmd.peak_joint"].value)
-        if joint and np.isfinite(self.jerk).any():
-            j, jerk = self.joints.index(joint), float(card["joint_jerk_cmd.peak"].value)
-            yield _over("commanded jerk", joint, jerk, self.jerk[j], f"{self.units[j]}/s³")
+                    peak = float(card[name].value)
+                    words = f"the {what} of {joint} is {peak:.4g} {unit}{per}, and {limit:.4g} is allowed"
+                    yield peak / (limit * (1.0 + TOLERANCE)) - 1.0, words
 
     def progress(self, run: Run) -> tuple[Point, bool]:
         """Return the objectives of a run so far, and whether it exceeded the limit of a joint already."""
-        used = np.isin(np.array(AXES), run.axes)
-        off = run["pose_error"] * used
+        off = run["pose_error"] * np.isin(AXES, run.axes)
         error = max(_longest(off[:, :3]), self.length * _longest(off[:, 3:]))
         rates = np.abs(run["qdot"]).max(axis=0)
         accelerations = np.abs(np.diff(run["qdot"], axis=0)).max(axis=0) / run.period
-        most = 1.0 + TOLERANCE
-        is_over = (rates > most * self.rate).any() or (accelerations > most * self.acceleration).any()
-        return Point(float((rates / self.scale).max()), error, len(run) * run.period), bool(is_over)
+        over = np.maximum(rates / self.rate, accelerations / self.acceleration)
+        point = Point(float((rates / self.scale).max()), error, len(run) * run.period)
+        return point, bool(over.max() > 1.0 + TOLERANCE)
 
 
 def _longest(vectors: NDArray[np.float64]) -> float:
     return float(np.linalg.norm(vectors, axis=1).max())
 
 
-def _over(what: str, joint: str, peak: float, limit: float, unit: str) -> tuple[float, str]:
-    """Return the relative excess over a limit, and in words."""
-    words = f"the {what} of {joint} is {peak:.4g} {unit}, and {limit:.4g} is allowed"
-    return peak / (limit * (1.0 + TOLERANCE)) - 1.0, words
-
-
 def _smooth(card: Scorecard, time: float) -> Iterator[tuple[float, str]]:
     """Yield the relative excess over chatter, torque and profile limits, and in words."""
     chatter, saturated = float(card["chatter"].value), float(card["torque_limited.time"].value)
     refused, most = float(card["profile.refused"].value), SATURATED * time
-    if chatter > 0.0:
-        joint = card["chatter_joint"].value
-        words = f"the acceleration of {joint} changes its sign {chatter:.4g} times per second"
-        yield chatter / CHATTER - 1.0, f"{words}, and {CHATTER:g} is allowed"
-    if saturated > 0.0:
-        words = f"the actuator of {card['torque_limited.first_joint'].value} is at its limit for"
-        yield saturated / most - 1.0, f"{words} {saturated:.4g} s, and {most:.4g} is allowed"
+    words = (
+        f"the acceleration of {card['chatter_joint'].value} changes its sign {chatter:.4g} times per second"
+    )
+    yield chatter / CHATTER - 1.0, f"{words}, and {CHATTER:g} is allowed"
+    words = (
+        f"the actuator of {card['torque_limited.first_joint'].value} is at its limit for {saturated:.4g} s"
+    )
+    yield saturated / most - 1.0 if most else -1.0, f"{words}, and {most:.4g} is allowed"
     if refused > 0.0:
         words = f"the profile refuses {refused:g} commands"
         yield refused, f"{words}, the first for the {card['profile.first_condition'].value}"
@@ -195,69 +189,88 @@ class Trials:
     """Runs settings on worlds; the results do not depend on the threads.
 
     Attributes:
+        worlds: Number of worlds, 0 for the scenario itself.
+        loops: Numbers of further worlds, the scenario itself on other loops.
+        planned: Duration of the path of each world [s].
+        longest: Largest allowed duration of each [s].
         limits: The limits of a run.
+        stop: Event that ends the runs.
         done: Number of runs so far.
     """
 
     def __init__(
-        self, study: Study, worlds: Sequence[Variant], threads: int, stop: threading.Event, on_runs: OnRuns
+        self,
+        study: Study,
+        worlds: Sequence[Variant],
+        loops: Sequence[Variant],
+        threads: int,
+        stop: threading.Event,
+        on_runs: OnRuns,
     ) -> None:
         """Keep the common data of all trials.
 
         Args:
             study: Study of the scenario.
-            worlds: All worlds, the scenario itself first.
+            worlds: The scenario itself, and perturbed scenarios.
+            loops: The scenario itself on other loops.
             threads: Number of threads, one world each.
             stop: Event that ends the runs.
             on_runs: Called with the number of finished runs.
         """
-        self._study, self._worlds, self._threads = study, worlds, threads
-        self.stop, self.on_runs, self.done = stop, on_runs, 0
+        self._study, self._threads, self.stop, self._on_runs, self.done = study, threads, stop, on_runs, 0
+        self._changes = [variant.changes for variant in (*worlds, *loops)]
+        self.worlds = len(worlds)
+        self.loops = range(len(worlds), len(worlds) + len(loops))
         nominal = study.prepare()
         self.limits, self._slowest = Limits.of(nominal), nominal.scenario.control.slow.longest
-        references = [study.prepare(world.changes).reference for world in worlds]
+        references = [study.prepare(changes).reference for changes in self._changes]
         self.planned = [path.period * path.ticks for path in references]
-        self.longest = [math.inf] * len(worlds)
+        self.longest = [math.inf] * len(references)
 
     def run(
-        self,
-        jobs: Sequence[tuple[Setting, int]],
-        ends: Callable[[Setting, Point], bool] | None = None,
+        self, jobs: Sequence[tuple[Setting, int]], ends: Callable[[Point], bool] | None = None
     ) -> list[Outcome] | None:
         """Return the outcomes of settings on worlds; None if interrupted.
 
         Args:
-            jobs: Setting, and index of the world.
-            ends: Whether a setting with these objectives so far can no longer count; None: all run to the
-                end.
+            jobs: Setting, and number of the world.
+            ends: Whether a run with these objectives so far can no longer count; None: all run to the end.
         """
+
+        def rule(_: int, run: Run) -> bool:
+            point, is_over = self.limits.progress(run)
+            return is_over or (ends is not None and ends(point))
+
         if not jobs:
             return []
-
-        def rule(index: int, run: Run) -> bool:
-            point, is_over = self.limits.progress(run)
-            return is_over or (ends is not None and ends(jobs[index][0], point))
-
-        worlds = [self._study.prepare(self._changes(*job)) for job in jobs]
-        simulation = Simulation(worlds, self._threads, keep_columns=False)
+        prepared = [self._study.prepare(self._all_changes(*job)) for job in jobs]
+        simulation = Simulation(prepared, self._threads, keep_columns=False)
         simulation.step(stop=self.stop, rule=rule if ends else None)
         if self.stop.is_set():
             return None
-        self.count(len(jobs))
-        results = zip(jobs, simulation.scorecards(), simulation.divergences(), simulation.ended(), strict=True)
+        self._count(len(jobs))
+        results = zip(
+            jobs, simulation.scorecards(), simulation.divergences(), simulation.ended(), strict=True
+        )
         return [
             self.limits.measure(card, self.longest[world], end, ended=ended)
             for (_, world), card, end, ended in results
         ]
 
-    def count(self, runs: int) -> None:
-        """Count runs that are done."""
-        self.done += runs
-        self.on_runs(runs)
+    def bears(self, settings: Sequence[Setting], margin: float) -> list[bool | None]:
+        """Return whether loops tolerate a factor on their feedback, on the slowest; None if interrupted."""
+        loops = [(*setting.changes, *self._changes[0]) for setting in settings]
+        answers = bears(self._study, loops, margin, threads=self._threads, stop=self.stop)
+        self._count(2 * len(settings))
+        return answers
 
-    def _changes(self, setting: Setting, world: int) -> tuple[Change, ...]:
+    def _count(self, runs: int) -> None:
+        self.done += runs
+        self._on_runs(runs)
+
+    def _all_changes(self, setting: Setting, world: int) -> tuple[Change, ...]:
         """Return the changes for a run, which ends when it has taken longer than allowed."""
-        changes = (*setting.changes, *self._worlds[world].changes)
+        changes = (*setting.changes, *self._changes[world])
         if not POLICIES[setting.structure.at_singularity].slows or self.longest[world] == math.inf:
             return changes
         share = max(self.longest[world] / self.planned[world], 1.0)

@@ -10,8 +10,6 @@ from rmrc.tuning.trials import Outcome, worst
 
 # Errors within this share of the smallest one count as equal, as other scenarios differ by more.
 ALIKE = 0.02
-# Peak rates and times within this share are the same to the displayed digits.
-SAME = 1e-3
 # If κ reaches this, a plain inverse is a matter of luck: the arm may come nearer, with higher rates.
 SINGULAR = 100.0
 # Feedback within this share counts as equal: then the structure decides.
@@ -67,15 +65,13 @@ class Verdict:
         front: Feasible nondominated settings, by rising peak rate; of settings with equal metrics, the
             preferred one.
         recommended: The best setting; None if nothing is feasible.
-        alike: The best of each other inverse with the metrics of the recommended one.
-        second: The best with an inverse or schedule that has other metrics; None without one.
+        second: The best with another inverse or schedule; None without one.
         better: The best that dominates the setting as written; None if that is on the front.
         nearest: The setting with the smallest excess over the limits, if nothing is feasible.
     """
 
     front: tuple[Trial, ...] = ()
     recommended: Trial | None = None
-    alike: tuple[Trial, ...] = ()
     second: Trial | None = None
     better: Trial | None = None
     nearest: Trial | None = None
@@ -97,13 +93,11 @@ def judge(feasible: Iterable[Trial], tried: Iterable[Trial], own: Trial) -> Verd
     points = {trial.worst.point: trial for trial in reversed(preferred)}
     chosen = [list(points.values())[i] for i in front(list(points))]
     rivals = [trial for trial in preferred if _inverse(trial) != _inverse(recommended)]
-    same = {_inverse(trial): trial for trial in reversed(rivals) if _is_same(trial, recommended)}
     better = [trial for trial in preferred if dominates(trial.worst.point, own.worst.point)]
     return Verdict(
         tuple(chosen),
         recommended,
-        tuple(sorted(same.values(), key=lambda trial: trial.preference)),
-        best(trial for trial in rivals if _inverse(trial) not in same),
+        best(rivals),
         recommended if recommended in better else best(better),
     )
 
@@ -134,9 +128,3 @@ def _inverse(trial: Trial) -> tuple[str, str]:
 
 def _structure(trial: Trial) -> tuple[object, bool]:
     return trial.setting.structure, trial.setting.is_written
-
-
-def _is_same(trial: Trial, other: Trial) -> bool:
-    """Return whether two settings have equal results, as inverses that differ only in unvisited states."""
-    pairs = zip(trial.worst[:3], other.worst[:3], (ALIKE, SAME, SAME), strict=True)
-    return all(abs(a - b) <= share * min(a, b) for a, b, share in pairs)

@@ -1,15 +1,15 @@
-"""Perturbed scenarios: small errors of start, target, payload, and the robot's loop."""
+"""The worlds of a search: the scenario itself, and with small errors of start, target, payload and loop."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc.scenario import ArcSegment, Change, LineSegment, Scenario, Variant, changes_of
+from rmrc.scenario import ArcSegment, LineSegment, Scenario, Variant, changes_of
 from rmrc.scenario.sections import MOST_DRAWN
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.sobol import sobol_point
 from rmrc.support.errors import ScenarioError
-from rmrc.tuning.robot import Robot
+from rmrc.tuning.robot import Robot, lengths_of
 
 # Number of further loops, beside the slowest, for the final run of a recommendation on the scenario itself.
 LOOPS = 6
@@ -31,12 +31,13 @@ class Spread:
 
     def words(self, nominal: Prepared) -> str:
         """Return the sizes for a scenario, in words."""
-        degrees = f"joints start within {np.degrees(self.start):.4g} deg"
+        start = f"joints start within {np.degrees(self.start):.4g} deg"
         slides = f" (slides: {self.start:.3g} task.length)" if nominal.arm.is_slide.any() else ""
         target = f"target within {self.offset:g} m along each axis"
         if not has_points(nominal.scenario):
             target = "no target offset, because the task has no absolute point"
-        parts = {degrees + slides: self.start, target: self.offset, f"payload up to {self.payload:g} kg more": self.payload}
+        payload = f"payload up to {self.payload:g} kg more"
+        parts = {start + slides: self.start, target: self.offset, payload: self.payload}
         return "; ".join(part for part, size in parts.items() if size) or "no perturbation"
 
 
@@ -61,50 +62,38 @@ def draw_scenarios(
     """
     scenario, arm = nominal.scenario, nominal.arm
     if spread.payload and not nominal.plant.has_physics:
-        name = scenario.plant.kind
-        raise ScenarioError.about(
-            "--payload", f"must be 0 in an {name} plant, which has no loads; use another plant.kind"
-        )
-    axes = [i for i, axis in enumerate("xyz") if axis in scenario.task.axes] if has_points(scenario) else []
-    joints = arm.n if spread.start else 0
-    axes = axes if spread.offset else []
-    loops = range(joints + len(axes), joints + len(axes) + len(robot.varied))
-    drawn = joints + len(axes) + len(loops) + bool(spread.payload)
-    if drawn > MOST_DRAWN:
-        raise ScenarioError.about(
-            "--perturbed", f"at most {MOST_DRAWN} numbers can be drawn, got {drawn}; use --start 0"
-        )
+        wrong = f"must be 0 in an {scenario.plant.kind} plant, which has no loads; use another plant.kind"
+        raise ScenarioError.about("--payload", wrong)
+    moved = [axis in scenario.task.axes and bool(spread.offset) and has_points(scenario) for axis in "xyz"]
+    sizes = [arm.n if spread.start else 0, sum(moved), len(robot.varied), bool(spread.payload)]
+    if sum(sizes) > MOST_DRAWN:
+        wrong = f"at most {MOST_DRAWN} numbers can be drawn, got {sum(sizes)}; use --start 0"
+        raise ScenarioError.about("--perturbed", wrong)
+    own = nominal.qpos[arm.wiring.qpos]
     # positions place the joints that are not actuated as in `home`, which must be where the keyframe has them
-    placed = arm.at(arm.configuration("home")).configuration(nominal.qpos[arm.wiring.qpos])
-    if joints and count and not np.array_equal(placed, nominal.qpos):
-        raise ScenarioError.about(
-            "--start",
-            f'must be 0 with arm.start "{scenario.arm.start}", which has joints that are not actuated '
-            "elsewhere than home",
-        )
-    itself = changes_of(robot.values(nominal, {}))
-    scenarios = [Variant(f"the scenario itself{_told(itself)}", itself)]
-    for index in range(count if drawn or robot.calibration else 0):
-        point = sobol_point(index, drawn, seed)
-        loop = np.ones(len(loops)) if index % 2 else point[loops] if index else np.zeros(len(loops))
-        values = robot.values(nominal, dict(zip(robot.varied, loop, strict=True)))
-        if joints:
-            off = (
-                spread.start * np.where(arm.is_slide, nominal.task.length, 1.0) * (2.0 * point[:joints] - 1.0)
-            )
-            start = np.clip(nominal.qpos[arm.wiring.qpos] + off, *arm.position_limit.T)
-            values["arm.start"] = start
-        if axes:
-            moved = np.zeros(3)
-            moved[: len(scenario.target.offset)] = scenario.target.offset
-            moved[axes] += spread.offset * (2.0 * point[joints : joints + len(axes)] - 1.0)
-            values["target.offset"] = moved
+    placed = arm.at(arm.configuration("home")).configuration(own)
+    if spread.start and count and not np.array_equal(placed, nominal.qpos):
+        wrong = f'must be 0 with arm.start "{scenario.arm.start}", which has joints that are not actuated'
+        raise ScenarioError.about("--start", f"{wrong} elsewhere than home")
+    worlds = [_named("the scenario itself", robot.values(nominal, {}))]
+    for index in range(count if sum(sizes) or robot.calibration else 0):
+        point = sobol_point(index, sum(sizes), seed)
+        start, offset, loop, payload = np.split(point, np.cumsum(sizes)[:-1])
+        shares = np.ones(len(loop)) if index % 2 else loop if index else np.zeros(len(loop))
+        values = robot.values(nominal, dict(zip(robot.varied, shares, strict=True)))
+        if spread.start:
+            off = spread.start * lengths_of(nominal) * (2.0 * start - 1.0)
+            values["arm.start"] = np.clip(own + off, *arm.position_limit.T)
+        if any(moved):
+            target = np.zeros(3)
+            target[: len(scenario.target.offset)] = scenario.target.offset
+            target[moved] += spread.offset * (2.0 * offset - 1.0)
+            values["target.offset"] = target
         if spread.payload:
-            values["plant.payload"] = scenario.plant.payload + spread.payload * float(point[-1])
+            values["plant.payload"] = scenario.plant.payload + spread.payload * float(payload[0])
         values |= robot.misfit(nominal, np.random.default_rng((seed, index)).uniform(-1.0, 1.0, 2 * arm.n))
-        changes = changes_of(values, "--vary")
-        scenarios.append(Variant(f"perturbed scenario {index + 1}{_told(changes)}", changes))
-    return tuple(scenarios)
+        worlds.append(_named(f"perturbed scenario {index + 1}", values))
+    return tuple(worlds)
 
 
 def loops_between(nominal: Prepared, robot: Robot) -> tuple[Variant, ...]:
@@ -115,17 +104,18 @@ def loops_between(nominal: Prepared, robot: Robot) -> tuple[Variant, ...]:
         robot: Range of its loop; none if that is a single loop.
     """
     shares = np.arange(LOOPS if robot.varied else 0) / LOOPS
-    values = (robot.values(nominal, dict.fromkeys(robot.varied, float(share))) for share in shares)
-    return tuple(Variant("the scenario itself", changes_of(one)) for one in values)
-
-
-def _told(changes: tuple[Change, ...]) -> str:
-    return f" ({', '.join(map(str, changes))})" if changes else ""
+    loops = (robot.values(nominal, dict.fromkeys(robot.varied, float(share))) for share in shares)
+    return tuple(_named("the scenario itself", values) for values in loops)
 
 
 def has_points(scenario: Scenario) -> bool:
     """Return whether a path has an absolute point for `target.offset`, and the task an axis for it."""
     return not set("xyz").isdisjoint(scenario.task.axes) and any(
-        isinstance(one, ArcSegment) or (isinstance(one, LineSegment) and one.line.to is not None)
-        for one in scenario.target.path
+        isinstance(it, ArcSegment) or (isinstance(it, LineSegment) and it.line.to is not None)
+        for it in scenario.target.path
     )
+
+
+def _named(name: str, values: dict[str, object]) -> Variant:
+    changes = changes_of(values, "--vary")
+    return Variant(f"{name} ({', '.join(map(str, changes))})" if changes else name, changes)
