@@ -1,12 +1,11 @@
 """What a search costs, and how good its front is.
 
-    python benchmarks/tune.py [--scenarios NAME ...] [--set KEY=VALUE ...] [--seeds 6] [--runs 2000]
+    python benchmarks/tune.py [--scenarios NAME ...] [--set KEY=VALUE ...] [--seeds 6] [--runs 320]
         [--ideal] [--threads 1]
 
 For each scenario and seed: seconds of CPU of this process, of the search and of the margins at its end, with
 all that is compiled loaded; ticks of the runs on the scenarios, in millions, from their durations, which do
-not depend on the machine; settings that were looked at on the model, settings that were run on the scenarios,
-and these runs; the error of the
+not depend on the machine; settings that were run on the scenarios, and these runs; the error of the
 recommended setting; and the hypervolume of the front. In the plane of ln(peak rate) and ln(error) that is the
 area which the front dominates, as far as it betters the setting as written in both: 0.7 is half the
 error at 0.37 times the peak rate. In the end min, median and max of each scenario.
@@ -20,26 +19,12 @@ import statistics
 from collections.abc import Sequence
 from pathlib import Path
 
+from rmrc.tuning.front import area
 from rmrc.tuning.tune import Tuned, Tuning
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 CASES = ("approach_singularity", "ur5e_wrist", "stanford_wrist")
-FIGURES = ("CPU, s", "Mticks", "looks", "settings", "runs", "error, mm", "hypervolume")
-
-
-def hypervolume(front: Sequence[tuple[float, float]], reference: tuple[float, float]) -> float:
-    """Return the area in logs that points dominate up to a reference [1].
-
-    Args:
-        front: Peak rates and errors, in any order.
-        reference: Those of the setting as written.
-    """
-    area, lowest = 0.0, math.log(reference[1])
-    for rate, error in sorted(front):
-        if rate < reference[0] and math.log(error) < lowest:
-            area += (lowest - math.log(error)) * math.log(reference[0] / rate)
-            lowest = math.log(error)
-    return area
+FIGURES = ("CPU, s", "Mticks", "settings", "runs", "error, mm", "hypervolume")
 
 
 def measured(path: Path, overrides: Sequence[str], seed: int, **options: object) -> list[float]:
@@ -48,17 +33,16 @@ def measured(path: Path, overrides: Sequence[str], seed: int, **options: object)
     tuning = Tuning(path, overrides, seed=seed, **options)
     found: Tuned = tuning.run()
     after = resource.getrusage(resource.RUSAGE_SELF)
-    front = [one.worst.point[:2] for one in found.verdict.front]
+    front = [trial.worst.point for trial in found.verdict.front]
     best = found.verdict.recommended
     seconds = sum(outcome.time for tried in found.tried for outcome in tried.outcomes.values())
     return [
         after.ru_utime - before.ru_utime,
         seconds / tuning.scenario.control.period / 1e6,
-        found.looks,
         len(found.tried),
         found.runs,
         1e3 * best.worst.error if best else math.nan,
-        hypervolume(front, found.own.worst.point[:2]),
+        area(front, found.own.worst.point.logs),
     ]
 
 
@@ -68,7 +52,7 @@ def main() -> None:
     parser.add_argument("--scenarios", nargs="+", default=CASES)
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of all scenarios")
     parser.add_argument("--seeds", type=int, default=6)
-    parser.add_argument("--runs", type=int, default=2000)
+    parser.add_argument("--runs", type=int, default=320)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--ideal", action="store_true")
     parser.add_argument(

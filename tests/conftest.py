@@ -204,7 +204,7 @@ def undrawn():
 @pytest.fixture
 def unmargined(monkeypatch):
     """Leave the margins of what `tune` recommends unmeasured, which take ten small searches: for tests of something else."""
-    monkeypatch.setattr("rmrc.tuning.tune.Tuning._margins", lambda *_: {})
+    monkeypatch.setattr("rmrc.tuning.tune.Tuning._gain_margins", lambda *_: {})
 
 
 @pytest.fixture

@@ -162,9 +162,9 @@ def test_a_run_is_that_of_a_model_with_these_lengths(scenario, tmp_path, kind):
     [
         ("plant.payload=-1", "--set plant.payload: … 0 … -1"),
         ("plant.payload=.nan", "--set plant.payload: … finite … nan"),
-        ("plant.gravity=[0, 1]", "--set plant.gravity: … 3 … 2"),
-        ("plant.gravity=down", '--set plant.gravity: … list … "down"; … [0, 0, -9.81]'),
-        ("arm.stretch=2", "--set arm.stretch: … mapping … 2; … {BODY: 2}"),
+        ("plant.gravity=[0, 1]", "--set plant.gravity: … 3 … got [0, 1]"),
+        ("plant.gravity=down", '--set plant.gravity: … list … "down"'),
+        ("arm.stretch=2", "--set arm.stretch: … mapping, got 2"),
         ("arm.stretch.link_1=0", "--set arm.stretch.link_1: … 0 … 0"),
     ],
 )

@@ -105,7 +105,7 @@ def test_a_sweep_counts_the_runs_at_a_time(rmrc, tmp_path, monkeypatch):
     )
     code, out, err = rmrc(*options, "--threads", "2")
     assert (code, out) == (2, "") and not (tmp_path / "recordings").exists()
-    wanted = "20001 ticks … 2 … 21 MB … 12.8 MB … 80% … machine …; … control.period … --threads"
+    wanted = "20001 ticks … 2 … 21 MB … 12.8 MB … 80% … machine …; … control.period …"
     assert err == says(f"rmrc: error: long.yaml:5:16: target.path: … {wanted}\n")
     assert rmrc(*options, "--threads", "1") == (0, "", "")
 

@@ -88,7 +88,9 @@ def card_of(commands, q=None, period=PERIOD, **more):
     columns |= {"time": np.arange(len(commands)) * period, "qdot_cmd": commands}
     columns |= {"q": np.zeros_like(commands) if q is None else q, "status": np.zeros(len(commands), np.int64)}
     slides = (False,) * len(joints)
-    return scorecard(Run("stream", joints, slides, ("x",), 1.0, period, columns, len(commands), **more))
+    facts = {"name": "stream", "joints": joints, "is_slide": slides, "axes": ("x",), "length": 1.0}
+    planned = {"period": period, "planned": len(commands), "columns": columns}
+    return scorecard(Run(**facts, **planned, **more))
 
 
 def first_of(card):

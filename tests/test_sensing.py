@@ -371,14 +371,14 @@ IDLE = (*THREE, "arm.joints=[shoulder, wrist]")
         (("plant.joint_offset=2",), '--set plant.joint_offset: … "shoulder" … 3.0472 rad … 2.96706] rad; … start …'),
         (("plant.joint_offset=[1]",), "--set plant.joint_offset: … 2 … (shoulder, elbow) … 1"),
         (("plant.friction.coulomb=-1",), "--set plant.friction.coulomb: … 0 … -1"),
-        (("plant.friction=2",), "--set plant.friction: … mapping … 2; … {coulomb: 2}"),
+        (("plant.friction=2",), "--set plant.friction: … mapping, got 2; … coulomb, viscous"),
         (("plant.friction={viscous: [1, 2, 3]}",), "--set plant.friction: plant.friction.viscous: … 2 … 3"),
         (
             ("plant.kind=ideal", "plant.friction.viscous=1"),
             '--set plant.friction.viscous: plant.friction: "ideal" … plant.friction… servo, torque, model',
         ),
         (("plant.stretch.link_9=2",), '--set plant.stretch.link_9: … body "link_9" … link_1, link_2'),
-        (("plant.stretch=2",), "--set plant.stretch: … mapping … 2; … {BODY: 2}"),
+        (("plant.stretch=2",), "--set plant.stretch: … mapping, got 2"),
         (("control.state=guessed",), '--set control.state: … "measured", "integrated", … "guessed"'),
         (("control.rate_filter=-1",), "--set control.rate_filter: … 0 … -1"),
         *(

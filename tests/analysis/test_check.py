@@ -10,8 +10,8 @@ import pytest
 import rmrc
 from project import ROOT
 from rmrc.analysis.check.findings import CODES, DIFFERENT
-from rmrc.analysis.inventory import actuators, contacts, other_joints
 from rmrc.arm import load
+from rmrc.arm.inventory import actuators, contacts, other_joints
 from rmrc.scenario.choices import PLANTS
 
 SHIPPED = sorted(path.stem for path in (ROOT / "models").glob("*.xml"))

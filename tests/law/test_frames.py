@@ -37,7 +37,7 @@ def site_axes(arm, q):
     site = arm.model.site(arm.site).id
     mujoco.mj_jacSite(arm.model, data, J[:3], J[3:], site)
     dof = [int(arm.model.joint(name).dofadr[0]) for name in arm.joints]
-    base = data.xmat[arm.base].reshape(3, 3).copy()
+    base = data.xmat[arm.wiring.base].reshape(3, 3).copy()
     return data.site_xpos[site].copy(), data.site_xmat[site].reshape(3, 3).copy(), J[:, dof], base
 
 

@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 
 from project import mostly_long
 from rmrc.show.asked import ASKED, Asked, sized
-from rmrc.tuning.figure import draw_front
-from rmrc.tuning.tables import Row
+from rmrc.show.figures import save
+from rmrc.tuning.figure import front_figure
+from rmrc.tuning.space import METHOD
 
 METHODS = ("damped", "filtered", "inverse", "jparse", "pseudoinverse", "selective", "truncated")
 
@@ -24,9 +25,14 @@ def sizes(path):
 
 
 def front(path):
-    points = [Row("", name, "", error, 1.9, 1.0) for name in METHODS for error in (1e-3, 5e-3)]
-    marks = [Row("recommended", "damped", "", 1e-3, 1.9, 1.0)]
-    draw_front("x", points, points[:2], marks, [3.0], path)
+    points = [
+        {METHOD: name, "error": error, "peak_rate": 1.9, "feasible": True}
+        for name in METHODS
+        for error in (1e-3, 5e-3)
+    ]
+    best = {"role": "recommended", "words": "damped", "error": 1e-3, "peak_rate": 1.9}
+    answer = {"name": "x", "front": points[:2], "named": [best], "limits": [3.0]}
+    save(front_figure(answer, points), [path])
 
 
 @pytest.mark.parametrize(

@@ -167,6 +167,6 @@ def test_an_address_that_is_silent_is_given_up(path):
         begun = time.monotonic()
         process = started(path, f"tcp://127.0.0.1:{one.getsockname()[1]}")
         code, out, err = ended(process)
-    assert time.monotonic() - begun < 25
+    assert time.monotonic() - begun < 60
     assert (code, out) == (2, "")
     assert re.fullmatch(r"rmrc: error: --cluster tcp://\S+: no Dask scheduler responds there .*\n", err)

@@ -1,12 +1,16 @@
-"""Dominance and the ranks of fronts against their definitions."""
+"""Dominance and the front against their definitions; the dominated area against squares that are counted."""
 
+import math
+
+import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmrc.tuning.front import Point, dominates, front, ranks
+from rmrc.tuning.front import Point, area, dominates, front, gains
 
 # few values, so that ties are frequent
-numbers = st.sampled_from([0.0, 1.0, 1.5, 2.0, 3.0])
+numbers = st.sampled_from([1.0, 1.5, 2.0, 3.0])
 points = st.lists(st.builds(Point, numbers, numbers, numbers), max_size=14)
 
 
@@ -17,25 +21,25 @@ def beats(a, b):
     return no_worse and (better or a.time < b.time)
 
 
-def peeled(given_points):
-    """Ranks by their definition: the points that none of the rest beats, removed again and again."""
-    left, result, rank = set(range(len(given_points))), {}, 0
-    while left:
-        free = {i for i in left if not any(beats(given_points[j], given_points[i]) for j in left)}
-        result |= dict.fromkeys(free, rank)
-        left, rank = left - free, rank + 1
-    return [result[i] for i in range(len(given_points))]
-
-
 @given(points)
-def test_ranks_are_the_fronts_that_are_peeled_off_one_by_one(some):
-    assert ranks(some) == peeled(some)
-    on_front = [i for i, rank in enumerate(peeled(some)) if rank == 0]
-    assert front(some) == sorted(on_front, key=lambda i: (some[i], i))
+def test_the_front_is_what_nothing_beats(some):
+    nothing_beats = [i for i, b in enumerate(some) if not any(beats(a, b) for a in some)]
+    assert front(some) == sorted(nothing_beats, key=lambda i: (some[i], i))
     assert all(dominates(a, b) == beats(a, b) for a in some for b in some)
 
 
-def test_a_planted_fault_is_seen():
-    # a front that forgets the time of equals
-    some = [Point(1.0, 1.0, 2.0), Point(1.0, 1.0, 1.0)]
-    assert ranks(some) == [1, 0] != ranks([point._replace(time=0.0) for point in some])
+@given(points)
+def test_the_area_is_that_of_the_squares_that_a_point_dominates(some):
+    edge, cells = math.log(4.0), 40
+    middles = (np.arange(cells) + 0.5) * edge / cells
+    dominated = np.zeros((cells, cells), bool)
+    for point in some:
+        rate, error = point.logs
+        dominated |= (middles[:, None] > rate) & (middles > error)
+    counted = dominated.sum() * (edge / cells) ** 2
+    total = area(some, (edge, edge))
+    assert total == pytest.approx(counted, abs=2.5 * edge * edge / cells)
+    if some:
+        logs = np.array([point.logs for point in some])
+        (gained,) = gains(logs[:-1].reshape(-1, 2), logs[-1:], (edge, edge))
+        assert gained == pytest.approx(total - area(some[:-1], (edge, edge)), abs=1e-12)

@@ -5,10 +5,11 @@ limits are read from joints and actuators. `Arm.adapted` gives each joint of the
 plant needs. Nothing here steps the physics.
 """
 
-from rmrc.arm.actuators import DriveKind, OwnDrives
+from rmrc.arm.actuators import DriveKind
 from rmrc.arm.adapting import Drive, Own
 from rmrc.arm.arm import Arm, Positions
 from rmrc.arm.chain import Chain
+from rmrc.arm.drives import OwnDrives
 from rmrc.arm.equalities import Follower
 from rmrc.arm.loading import files, is_model, load, load_asked, load_model
 from rmrc.arm.wiring import Wiring

@@ -11,7 +11,7 @@ own actuators, where he wrote no softness.
 
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import mujoco
 import numpy as np
@@ -20,9 +20,6 @@ from numpy.typing import NDArray
 from rmrc.arm.compiling import compiled, in_our_words
 from rmrc.arm.differences import PAYLOAD
 from rmrc.arm.wiring import soft_bodies
-
-if TYPE_CHECKING:
-    from rmrc.arm.arm import Arm
 
 # Makes an actuator the one of a joint.
 Drive: TypeAlias = Callable[[mujoco.MjsActuator], None]
@@ -41,7 +38,7 @@ _IDENTITY = {
 
 
 def adapted(
-    arm: "Arm",
+    arm: Any,
     spec: mujoco.MjSpec,
     drive: Drive | Own | None,
     timestep: float,
@@ -51,7 +48,7 @@ def adapted(
     """Return a model for a plant.
 
     Args:
-        arm: The arm.
+        arm: The `rmrc.arm.Arm`.
         spec: Its specification, changed.
         drive: This and the other arguments are as in `Arm.adapted`.
         timestep: MuJoCo's step [s].
@@ -83,7 +80,7 @@ def adapted(
     return model
 
 
-def _set_options(arm: "Arm", spec: mujoco.MjSpec, drive: Drive | Own | None, timestep: float) -> None:
+def _set_options(arm: Any, spec: mujoco.MjSpec, drive: Drive | Own | None, timestep: float) -> None:
     """Set timestep, integrator and flags, and have followers stay with their leaders.
 
     Servos and dampers are taken implicitly. The other integrators add their inertia after the equalities
@@ -104,7 +101,7 @@ def _set_options(arm: "Arm", spec: mujoco.MjSpec, drive: Drive | Own | None, tim
             equality.solref, equality.solimp[:2] = [_STEPS * timestep, 1.0], _IMPEDANCE
 
 
-def _replace_actuators(arm: "Arm", spec: mujoco.MjSpec, drive: Drive | None) -> None:
+def _replace_actuators(arm: Any, spec: mujoco.MjSpec, drive: Drive | None) -> None:
     """Remove the actuators of the arm, and add those of a plant."""
     replaced = [actuator for actuator in spec.actuators if actuator.id in arm.others.replaced]
     for actuator in (actuator for actuator in spec.actuators if actuator.id not in arm.others.replaced):

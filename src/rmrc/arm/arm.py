@@ -11,11 +11,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.actuators import OwnDrives, Servo
 from rmrc.arm.adapting import Drive, Own, adapted, without_textures
 from rmrc.arm.chain import Chain, kinds_of
 from rmrc.arm.compiling import compiled
 from rmrc.arm.differences import check_stretch, set_fields, stretched_fields
+from rmrc.arm.drives import OwnDrives, Servo
 from rmrc.arm.equalities import Follower, motion
 from rmrc.arm.location import Location, locate, moved
 from rmrc.arm.masses import find_masses
@@ -400,10 +400,11 @@ class Arm:
     # Kinematics ---------------------------------------------------------------------------------
 
     def data_at(self, qpos: Array) -> mujoco.MjData:
-        """Return new data of the author's model at a configuration, (nq,), as far as positions determine."""
+        """Return new data of the author's model at a configuration, (nq,): kinematics and transmissions."""
         data = mujoco.MjData(self.model)
         data.qpos[:], data.mocap_pos[:], data.mocap_quat[:] = qpos, self.mocap[:, :3], self.mocap[:, 3:]
-        mujoco.mj_fwdPosition(self.model, data)
+        mujoco.mj_fwdKinematics(self.model, data)
+        mujoco.mj_transmission(self.model, data)
         return data
 
     @cached_property

@@ -1,9 +1,8 @@
 """Equalities of a model: which joints follow others, and which constraints tie an arm."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -11,9 +10,6 @@ from numpy.typing import NDArray
 
 from rmrc.arm.wiring import HINGE, SLIDE, joint_name
 from rmrc.support.errors import ModelError
-
-if TYPE_CHECKING:
-    from rmrc.arm.others import Others
 
 Array = NDArray[np.float64]
 
@@ -138,7 +134,7 @@ def motion(model: mujoco.MjModel, joints: Sequence[str], following: Sequence[Fol
 # Ties -------------------------------------------------------------------------------------------
 
 
-def find_ties(model: mujoco.MjModel, qpos: Array, F: Array, others: "Others") -> tuple[str, ...]:
+def find_ties(model: mujoco.MjModel, qpos: Array, F: Array, still: Collection[int]) -> tuple[str, ...]:
     """Return the equalities that remove freedom from the joints of an arm, in words.
 
     With the rows G of all equalities, motions of the arm are free if other joints can make up for them. The
@@ -150,12 +146,11 @@ def find_ties(model: mujoco.MjModel, qpos: Array, F: Array, others: "Others") ->
         model: The author's model.
         qpos: Start configuration, (nq,).
         F: Motion of all joints for each of the arm's, (nv, n).
-        others: The parts that are not the arm.
+        still: Joints that are locked or held.
     """
     if not active_equalities(model):
         return ()
-    is_held = np.isin(model.dof_jntid, list(others.locked | others.held))
-    free = np.flatnonzero(~F.any(axis=1) & ~is_held)
+    free = np.flatnonzero(~F.any(axis=1) & ~np.isin(model.dof_jntid, list(still)))
     data, rng, ties = mujoco.MjData(model), np.random.default_rng(0), set(range(model.neq))
     for sample in range(1 + _SAMPLES):
         data.qpos[:] = qpos

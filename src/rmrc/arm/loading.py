@@ -136,7 +136,7 @@ def _found(
         notes=tuple(notes),
         home=home,
     )
-    ties = find_ties(model, arm.configuration("home"), arm.motion, arm.others)
+    ties = find_ties(model, arm.configuration("home"), arm.motion, arm.others.locked | arm.others.held)
     if not ties:
         return arm
     verbs = ("tie", "are") if len(ties) > 1 else ("ties", "is")

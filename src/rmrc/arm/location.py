@@ -1,7 +1,7 @@
 """An arm in a model that is not its own: a scene with other joints, or the arm mounted elsewhere."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -11,9 +11,6 @@ from rmrc.arm.actuators import forces
 from rmrc.arm.equalities import Follower, motion
 from rmrc.arm.wiring import base_of
 from rmrc.support.errors import ModelError
-
-if TYPE_CHECKING:
-    from rmrc.arm.arm import Arm
 
 Array = NDArray[np.float64]
 
@@ -73,11 +70,11 @@ class Location(NamedTuple):
         return np.asarray(J @ self.motion)
 
 
-def locate(arm: "Arm", model: mujoco.MjModel, sites: Sequence[str]) -> Location:
+def locate(arm: Any, model: mujoco.MjModel, sites: Sequence[str]) -> Location:
     """Resolve the names of an arm in a model; a site that it lacks is on the body of its name there.
 
     Args:
-        arm: The arm.
+        arm: The `rmrc.arm.Arm`.
         model: The model.
         sites: Names of sites of the arm.
 

@@ -26,7 +26,6 @@ Only = Annotated[
     typer.Option(metavar="KEY=V1,V2,...", help="Restrict a tunable key to these values; repeatable."),
 ]
 Perturbed = Annotated[int, typer.Option(help="Number of perturbed scenarios; 0: none.")]
-Copies = Annotated[int | None, typer.Option(help="The old name of --perturbed.", hidden=True)]
 Start = Annotated[
     str,
     typer.Option(help="Largest start offset of a joint in a perturbed scenario; slides: times task.length."),
@@ -61,10 +60,7 @@ GainMargin = Annotated[
     ),
 ]
 Slower = Annotated[float, typer.Option(help="Largest allowed duration, relative to the scenario as written.")]
-Runs = Annotated[
-    int,
-    typer.Option(help="Number of runs, without the final checks; shortened first runs count by their ticks."),
-]
+Runs = Annotated[int, typer.Option(help="Largest number of runs, without the final checks.")]
 Seed = Annotated[int, typer.Option(help="Seed of the perturbed scenarios and of the search.")]
 Picture = Annotated[
     Path | None,
@@ -76,16 +72,11 @@ Picture = Annotated[
 ]
 
 
-# A search that may take longer triggers a notice [s].
-_LONG = 180.0
-
-
 @pictured
 def tune(
     scenario: ScenarioFile,
     only: Only = None,
     perturbed: Perturbed = 4,
-    copies: Copies = None,
     start: Start = "1 deg",
     offset: Offset = 0.002,
     payload: Payload = 0.0,
@@ -96,7 +87,7 @@ def tune(
     ideal: Ideal = False,
     gain_margin: GainMargin = None,
     slower: Slower = 1.1,
-    runs: Runs = 2000,
+    runs: Runs = 320,
     seed: Seed = 0,
     set_: Overrides = None,
     out: Out = Path("recordings"),
@@ -108,18 +99,16 @@ def tune(
 
     Rates each setting by its worst result on the scenario and its perturbed scenarios, over all robots that
     --delay, --lag, --noise and --calibration or the scenario describe; without them, on an assumed modest
-    robot. Prints the Pareto front of peak rate and error, the stability margins of each recommendation, and a
+    robot. Prints the Pareto front of peak rate and error, the gain margin of each recommendation, and a
     control section to paste. Writes NAME.tune.yaml, .png and .parquet. Exit code 1: no setting keeps the
     limits.
     """
+    from rmrc.results.leaving import refuse_unwritable
     from rmrc.scenario import angle
-    from rmrc.tuning.perturbed import Spread
     from rmrc.tuning.tune import Tuning
+    from rmrc.tuning.worlds import Spread
 
     drawable(picture)
-    if copies is not None:
-        complain("note: --copies is called --perturbed now")
-        perturbed = copies
     try:
         off = angle(start)
     except ValueError as error:
@@ -131,59 +120,30 @@ def tune(
             robot={"delay": delay, "lag": lag, "noise": noise, "calibration": calibration},
             ideal=ideal, gain_margin=gain_margin, slower=slower, runs=runs, threads=threads,
         )  # fmt: skip
-        found = _run(work, runs, work.files(out, picture), quiet)
-    if found.interrupted:  # printed first: the picture takes longer than a user waits after Ctrl-C
-        complain(f"interrupted after {found.runs} of {runs} runs")
-    _show(work, found, (out, picture), quiet)
-    if found.interrupted:
+        work.compile()
+        refuse_unwritable(work.files(out, picture))
+        with progress(f"{work.scenario.name}: {runs} runs", runs, quiet, unit="runs") as on_runs:
+            tuned = work.run(on_runs)
+    if tuned.interrupted:  # printed first: the picture takes longer than a user waits after Ctrl-C
+        complain(f"interrupted after {tuned.runs} of {runs} runs")
+    _show(work, tuned, (out, picture), quiet)
+    if tuned.interrupted:
         raise typer.Exit(EXIT_INTERRUPTED)
-    raise typer.Exit(0 if found.feasible else EXIT_MISSED)
+    raise typer.Exit(0 if tuned.feasible else EXIT_MISSED)
 
 
-def _run(work: "Tuning", runs: int, files: list[Path], quiet: bool) -> "Tuned":
-    from rmrc.results.leaving import refuse_unwritable
-
-    work.compile()
-    refuse_unwritable(files)
-    seconds = work.begin()
-    if not quiet and work.longest(seconds, runs) > _LONG:
-        complain(_estimate(work, seconds, runs))
-    with progress(f"{work.scenario.name}: {runs} runs", runs, quiet, unit="runs") as on_runs:
-        return work.run(on_runs)
-
-
-def _estimate(work: "Tuning", seconds: float, runs: int) -> str:
-    """Return how long a search may take, and how to shorten it."""
-
-    def told(count: int) -> str:
-        longest = work.longest(seconds, count)
-        return f"{longest / 60.0:.0f} minutes" if longest >= 90.0 else f"{longest:.0f} s"
-
-    fewer = max(work.least_runs, runs // 10)
-    shorter = f"; --runs {fewer} take at most {told(fewer)}" if fewer < runs else ""
-    return (
-        f"a run takes {seconds:.2g} s: {runs} runs take at most {told(runs)}, often a third of "
-        f"that{shorter}; Ctrl-C ends the search and keeps the best so far"
-    )
-
-
-def _show(work: "Tuning", found: "Tuned", places: tuple[Path, Path | None], quiet: bool) -> None:
+def _show(work: "Tuning", tuned: "Tuned", places: tuple[Path, Path | None], quiet: bool) -> None:
     from rmrc.show.terminal import render
-    from rmrc.tuning import report, tables
+    from rmrc.tuning.answer import answer_of, sheets
+    from rmrc.tuning.verb import write
 
-    console, nearest = output(quiet), found.verdict.nearest
-    title, facts = report.title(work, found), report.facts(work, found)
-    if nearest:
-        console.print(render([tables.heading(title, facts)]))
-    else:
-        sheets = tables.sheets(title, facts, report.front(found), report.named(found))
-        bears = [tables.margins(report.margins(found))] if found.margins else []
-        console.print(render([*sheets, *bears]))
-        lines = (report.as_written(found), *report.alike(found), *report.doubts(found))
-        for line in lines:
+    console, answer = output(quiet), answer_of(work, tuned)
+    console.print(render(sheets(answer)))
+    if tuned.feasible:
+        for line in answer["lines"]:
             console.print(line, highlight=False)
-        console.print(f"\n{found.block}", highlight=False, soft_wrap=True)
-    for path in work.write(found, *places, told=report.told(work, found)):
+        console.print(f"\n{answer['block']}", highlight=False, soft_wrap=True)
+    for path in write(work, tuned, *places):
         print_line(console, f"wrote {path}")
-    if nearest:
-        complain(report.nothing(found))
+    if not tuned.feasible:
+        complain(answer["lines"][0])

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rmrc import arm as arms
 from rmrc.arm import Arm, DriveKind
-from rmrc.arm.actuators import Servo
+from rmrc.arm.drives import Servo
 from rmrc.arm.freshness import Freshness
 from rmrc.law import fit
 from rmrc.law.active_set import give_way

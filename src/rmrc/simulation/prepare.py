@@ -183,7 +183,7 @@ def prepare_arm(scenario: Scenario, cache: Cache, problems: Problems) -> tuple[A
         arm.require_open()
     except ModelError as error:
         raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
-    tell_assumed(arm.notes)
+    tell_assumed(note for note in arm.notes if not getattr(note, "is_obvious", False))
     assumed = assumed_configuration(scenario, arm, problems)
     qpos = true_configuration(scenario, arm, assumed, problems)
     return _with_others(arm, section, assumed, cache), assumed[arm.wiring.qpos], qpos

@@ -4,6 +4,7 @@ import copy
 import ctypes
 import threading
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import mujoco
@@ -33,8 +34,8 @@ _ELSEWHERE = {"sigma": "first", "gain": "first", "damping": "first"}
 _Watch = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 
 
-# A model, the fields in which its copy differs, and data of the copy.
-_Spare: TypeAlias = tuple[mujoco.MjModel, tuple[str, ...], mujoco.MjData]
+# A model, the fields in which its copy differs, data of the copy, and the addresses of its arrays.
+_Spare: TypeAlias = tuple[mujoco.MjModel, tuple[str, ...], mujoco.MjData, dict[str, int]]
 _MOST_SPARES = 4
 
 
@@ -50,7 +51,7 @@ _spares = _Spares()
 def _take(base: mujoco.MjModel, fields: Mapping[str, Array]) -> _Spare:
     """Return a copy of a model with other values in some fields, and data as if new."""
     fitting = [spare for spare in _spares.free if spare[0] is base and spare[1] == tuple(fields)]
-    spare = fitting[0] if fitting else (base, tuple(fields), mujoco.MjData(copy.copy(base)))
+    spare = fitting[0] if fitting else (base, tuple(fields), mujoco.MjData(copy.copy(base)), dict[str, int]())
     _spares.free = tuple(other for other in _spares.free if other is not spare)
     set_fields(spare[2].model, fields)
     mujoco.mj_resetData(spare[2].model, spare[2])
@@ -79,6 +80,17 @@ def _methods(prepared: Prepared) -> Mapping[str, Method]:
     """Return all methods that a world calls, by their fields in its record."""
     misled = {"believe": believe} if prepared.hardware.is_misled else {}
     return {"ticks": ticks, **prepared.law.methods, **prepared.hardware.methods, **misled}
+
+
+@lru_cache(16)  # variants share it
+def _words_of_columns(record: np.dtype[np.void], n: int, k: int) -> dict[str, NDArray[np.int64]]:
+    """Return the words of a record that hold each column except qpos."""
+    empty, words = np.zeros(1, record), {}
+    for name, size in widths(n, k, 0).items():
+        if name != "qpos":
+            field = empty[_ELSEWHERE.get(name, "tick")][name]
+            words[name] = (field.ctypes.data - empty.ctypes.data) // 8 + np.arange(size)
+    return words
 
 
 class World:
@@ -113,7 +125,7 @@ class World:
         mujoco.mj_step1(self._data.model, self._data)  # for tables that need the kinematics of the start
         # Compiled code has addresses of these.
         self._referenced: list[Any] = [*plant.wire(world, base, wiring, self._data)]
-        self._words = self._words_of_columns()
+        self._words = _words_of_columns(self._records.dtype, arm.n, int(world["k"]))
         self._sources = np.concatenate([*self._words.values()])
         self.rows = np.empty((prepared.most_ticks, len(self._sources)), np.int64)
         self.positions = np.empty((prepared.most_ticks, base.nq)) if has_others(wiring, base.nq) else None
@@ -157,8 +169,11 @@ class World:
             group[name] = engine.address(function)
         group["substeps"] = plant.substeps
         for name in ENGINE_FIELDS.split():
-            source = known if name.startswith("known_") else data
-            group[name] = getattr(source, name.removeprefix("known_")).ctypes.data
+            number, field = -1 if name.startswith("known_") else 0, name.removeprefix("known_")
+            _, _, source, addresses = self._spares[number]
+            if field not in addresses:
+                addresses[field] = getattr(source, field).ctypes.data
+            group[name] = addresses[field]
         group["warning_count"] = data.warning.number.ctypes.data
         group["warning_info"] = data.warning.lastinfo.ctypes.data
         look_at(self._record, data, arm, self.prepared.law.second)
@@ -186,15 +201,6 @@ class World:
         group["positions"] = 0 if self.positions is None else self.positions.ctypes.data
         group["past"], group["past_rows"] = past.ctypes.data, len(past)
         self._referenced.append(past)
-
-    def _words_of_columns(self) -> dict[str, NDArray[np.int64]]:
-        """Return the words of the record that hold each column except qpos."""
-        words, n = {}, self.prepared.arm.n
-        for name, size in widths(n, int(self._record["k"]), 0).items():
-            if name != "qpos":
-                field = self._records[_ELSEWHERE.get(name, "tick")][name]
-                words[name] = (field.ctypes.data - self._records.ctypes.data) // 8 + np.arange(size)
-        return words
 
     # Its run ---------------------------------------------------------------------------------------
 

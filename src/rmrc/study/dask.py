@@ -4,6 +4,7 @@ Each worker gets the parcel once, and returns rows. Dask distributes the runs, a
 worker.
 """
 
+import asyncio
 import logging
 import re
 import signal
@@ -118,9 +119,20 @@ def _client(address: str) -> Iterator[Any]:
                     silence_logs=logging.CRITICAL, memory_limit=None,
                 )  # fmt: skip
             stack.callback(_close, place)
+        else:
+            asyncio.run(_greet(address))
         client = Client(place, timeout=_ANSWER, set_as_default=False)
         stack.callback(_close, client)
         yield client
+
+
+async def _greet(address: str) -> None:
+    """Connect to a scheduler with a timeout: the client itself would wait forever for a silent one."""
+    from distributed import Security
+    from distributed.comm.core import connect
+
+    opened = connect(address, timeout=_ANSWER, **Security().get_connection_args("client"))
+    await (await asyncio.wait_for(opened, _ANSWER)).close()
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from pathlib import Path
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Source, draft_of
 from rmrc.scenario.expect import PROFILE
+from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.study import dask
 from rmrc.study.dataset import Contents, Dataset
@@ -102,7 +103,7 @@ class Sweep:
         """
         if self.dataset.contents is not None:
             return self.dataset.contents
-        problems, kinds = dict[Problem, list[int]](), dict[object, Prepared]()
+        problems, kinds, longest = dict[Problem, list[int]](), dict[object, Prepared](), None
         for index in range(len(self)):
             try:
                 world = self._runs.check(index)
@@ -112,9 +113,13 @@ class Sweep:
             else:
                 arm = world.arm
                 kinds.setdefault((arm.joints, *arm.is_slide.tolist(), world.scenario.task.axes), world)
+                longest = max(longest or world, world, key=lambda one: one.most_ticks)
             if on_runs is not None:
                 on_runs(1)
         self._raise_any(problems)
+        if longest and not self._cluster:
+            at_once = min(self._threads, len(self))
+            refuse_excess([longest] * at_once, keep_columns=False, threads=at_once)
         expected = (f"{PROFILE}.refused" if name == PROFILE else name for name in self.scenario.expect)
         columns = columns_of(self.plan, kinds.values())
         metrics = [name for name in dict.fromkeys((*METRICS, *expected)) if name in {c.name for c in columns}]

@@ -1,7 +1,16 @@
-"""The Pareto front of peak rate and error, and nondominated sorting."""
+"""The Pareto front of peak rate and error, and the area that it dominates."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Array = NDArray[np.float64]
+
+# Smaller rates and errors count as this one.
+_NOTHING = 1e-12
 
 
 class Point(NamedTuple):
@@ -17,6 +26,11 @@ class Point(NamedTuple):
     error: float
     time: float
 
+    @property
+    def logs(self) -> tuple[float, float]:
+        """The logarithms of peak rate and error."""
+        return math.log(max(self.peak_rate, _NOTHING)), math.log(max(self.error, _NOTHING))
+
 
 def dominates(a: Point, b: Point) -> bool:
     """Return whether a is better than b in one and worse in none; of equals, the shorter is better.
@@ -30,25 +44,54 @@ def dominates(a: Point, b: Point) -> bool:
     return a.peak_rate <= b.peak_rate and a.error <= b.error
 
 
-def ranks(points: Sequence[Point]) -> list[int]:
-    """Return how many fronts are before each point: 0 on the front, 1 on that of the rest, and so on [Deb02].
-
-    With two objectives one pass over the points in order is enough: of each front, only the last point so far
-    can dominate the next one, because none before it has a smaller error.
+def front(points: Sequence[Point]) -> list[int]:
+    """Return the indices of the nondominated points, by rising peak rate; equal points are all included.
 
     Example:
-        >>> ranks([Point(1, 5, 0), Point(2, 2, 0), Point(3, 3, 0), Point(4, 1, 0)])
-        [0, 0, 1, 0]
+        >>> front([Point(1, 5, 0), Point(2, 2, 0), Point(3, 3, 0), Point(4, 1, 0)])
+        [0, 1, 3]
     """
-    result, last = [0] * len(points), list[Point]()
-    for i in sorted(range(len(points)), key=points.__getitem__):
-        rank = next((r for r, end in enumerate(last) if not dominates(end, points[i])), len(last))
-        last[rank : rank + 1] = [points[i]]
-        result[i] = rank
-    return result
+    chosen = list[int]()
+    for i in sorted(range(len(points)), key=lambda i: (points[i], i)):
+        # of those before it, the last has the smallest error
+        if not chosen or not dominates(points[chosen[-1]], points[i]):
+            chosen.append(i)
+    return chosen
 
 
-def front(points: Sequence[Point]) -> list[int]:
-    """Return the indices of the nondominated points, by rising peak rate; equal points are all included."""
-    found = [i for i, rank in enumerate(ranks(points)) if rank == 0]
-    return sorted(found, key=lambda i: (points[i], i))
+def area(points: Sequence[Point], reference: tuple[float, float]) -> float:
+    """Return the area that points dominate below a reference, in the plane of ln(peak rate) and ln(error).
+
+    Args:
+        points: In any order.
+        reference: Largest peak rate and error that count, as logarithms.
+
+    Example:
+        >>> round(area([Point(1.0, 1.0, 0.0), Point(math.e, 9.0, 0.0)], (2.0, 3.0)), 9)
+        6.0
+    """
+    total, (most, lowest) = 0.0, reference
+    for rate, error in sorted(point.logs for point in points):
+        if rate < most and error < lowest:
+            total += (lowest - error) * (most - rate)
+            lowest = error
+    return total
+
+
+def gains(front: _Array, points: _Array, reference: Sequence[float]) -> _Array:
+    """Return by how much more than a front each point dominates of a plane below a reference, (k,).
+
+    Args:
+        front: Its points, (m, 2).
+        points: To be added to it, one at a time, (k, 2).
+        reference: Beyond which nothing counts.
+
+    Example:
+        >>> gains(np.array([[1.0, 1.0]]), np.array([[0.0, 2.0], [2.0, 0.0], [2.0, 2.0]]), (3.0, 3.0))
+        array([1., 1., 0.])
+    """
+    known = front[np.argsort(front[:, 0])]
+    edges = np.minimum(np.concatenate([[-math.inf], known[:, 0], [math.inf]]), reference[0])
+    lowest = np.minimum(np.minimum.accumulate(np.concatenate([[math.inf], known[:, 1]])), reference[1])
+    widths = np.clip(edges[1:] - np.maximum(edges[:-1], points[:, :1]), 0.0, None)
+    return np.asarray((widths * np.clip(lowest - points[:, 1:], 0.0, None)).sum(axis=1))

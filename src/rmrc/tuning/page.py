@@ -1,14 +1,17 @@
-"""`rmrc.report`: the report page of a verb's output."""
+"""`rmrc.report`: the report page of a verb's output, and that of a search."""
 
+import json
 from os import PathLike
 from pathlib import Path
 
 from rmrc.show import run_page
 from rmrc.show.page import Page
+from rmrc.show.run_page import versions
 from rmrc.study import sweep_page
-from rmrc.study.dataset import read_left
+from rmrc.study.dataset import Left, read_left
 from rmrc.support.files import reading
-from rmrc.tuning import tune_page
+from rmrc.tuning.answer import sheets
+from rmrc.tuning.figure import front_figure
 
 
 def page(path: Path) -> Page:
@@ -25,7 +28,7 @@ def page(path: Path) -> Page:
         if path.suffix != ".parquet":
             return run_page.page(path)
         left = read_left(path)
-        return tune_page.page(path, left) if "on_front" in left.rows else sweep_page.page(path, left)
+        return _of_search(left) if "on_front" in left.rows else sweep_page.page(path, left)
 
 
 def report(result: str | PathLike[str], path: str | PathLike[str] | None = None) -> Path:
@@ -46,3 +49,32 @@ def report(result: str | PathLike[str], path: str | PathLike[str] | None = None)
     written = Path(result).with_suffix(".html") if path is None else Path(path)
     page(Path(result)).write(written)
     return written
+
+
+def _of_search(left: Left) -> Page:
+    answer = json.loads(left.about)
+    facts, *tables = sheets(answer)
+    verdict = "No tried setting keeps the limits."
+    if answer["named"]:
+        best = answer["named"][0]
+        verdict = (
+            f"Recommended: {best['words']} ({best['numbers']}), with an error of "
+            f"{1e3 * best['error']:.3g} mm at a peak rate of {best['peak_rate']:.3g} rad/s."
+        )
+    made = Page(f"Tuning of {answer['name']}", verdict)
+    if answer["block"]:
+        made.section("To paste", "The recommended control section.")
+        made.code(answer["block"], "Copy the block")
+    made.section("Trials")
+    made.table(facts)
+    if answer["named"]:
+        made.section("Error against peak rate")
+        rows = [dict(zip(left.rows, row, strict=True)) for row in zip(*left.rows.values(), strict=True)]
+        made.figure(front_figure(answer, rows), "Settings that keep the limits, and the Pareto front")
+    for table in tables:
+        made.table(table)
+    made.section("Notes")
+    made.items(answer["lines"])
+    made.section("Made with")
+    made.table(versions(answer["versions"]))
+    return made

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -28,57 +28,31 @@ GAIN_MARGIN = 2.0
 
 _UNITS = {"delay": "s", "lag": "s", "noise": "rad", "calibration": "1"}
 _KEYS = {"delay": "plant.delay", "lag": "plant.lag", "noise": "arm.encoder.noise"}
+_EXAMPLES = {"s": "8ms or 6ms..12ms", "rad": "1e-5 or 0..1e-5", "1": "0.002"}
 
 
 @dataclass(frozen=True)
 class Robot:
-    """The range of a robot's loop, from the fastest to the slowest; None: as in the scenario.
+    """The range of a robot's loop, from the fastest to the slowest.
 
     Attributes:
-        delay: Dead time of its commands [s].
-        lag: Time constant of its actuators [s].
-        noise: Standard deviation of its encoders' noise [rad]; of slides, times task.length [m].
+        ranges: `delay` of its commands [s], `lag` of its actuators [s], and `noise` of its encoders [rad; of
+            slides, times task.length, m]; those that are missing are as in the scenario.
         calibration: Errors of link lengths and joint zeros, to either side: share of a length, and angle
             [1, rad]; of slides, times task.length [m].
         is_assumed: Whether nothing of its loop was given.
         profile: Name of the profile with its published loop; "": none.
     """
 
-    delay: Range | None = None
-    lag: Range | None = None
-    noise: Range | None = None
+    ranges: Mapping[str, Range]
     calibration: float = 0.0
     is_assumed: bool = False
     profile: str = ""
-
-    @classmethod
-    def assumed(cls, period: float) -> "Robot":
-        """Return the modest robot that is assumed if nothing is known.
-
-        Args:
-            period: Period of control [s].
-        """
-        return cls((0.0, max(PERIODS * period, DELAY)), (0.0, LAG), (NOISE, NOISE), is_assumed=True)
-
-    @property
-    def ranges(self) -> dict[str, Range]:
-        """The given properties of the loop, by name."""
-        return {name: getattr(self, name) for name in _KEYS if getattr(self, name) is not None}
 
     @property
     def varied(self) -> tuple[str, ...]:
         """The varied properties."""
         return tuple(name for name, (low, high) in self.ranges.items() if low < high)
-
-    def only(self, name: str) -> "Robot":
-        """Return a robot with only one of the ranges."""
-        nothing: dict[str, Any] = dict.fromkeys(_KEYS.keys() - {name})
-        return replace(self, **nothing)
-
-    def without(self, name: str) -> "Robot":
-        """Return the robot with a range left to the scenario."""
-        nothing: dict[str, Any] = {name: None}
-        return replace(self, **nothing)
 
     def values(self, nominal: Prepared, shares: Mapping[str, float]) -> dict[str, object]:
         """Return the keys of a perturbed scenario, and their values.
@@ -87,11 +61,12 @@ class Robot:
             nominal: The scenario.
             shares: Position of each varied property between its smallest and largest value, 0 to 1.
         """
-        found: dict[str, object] = {}
+        values: dict[str, object] = {}
         for name, (low, high) in self.ranges.items():
             value = low + shares.get(name, 1.0) * (high - low)
-            found[_KEYS[name]] = self._of_joints(nominal, value) if name == "noise" else value
-        return found
+            slides = name == "noise" and nominal.arm.is_slide.any()
+            values[_KEYS[name]] = value * lengths_of(nominal) if slides else value
+        return values
 
     def misfit(self, nominal: Prepared, shares: NDArray[np.float64]) -> dict[str, object]:
         """Return the calibration keys of a perturbed scenario, and their values.
@@ -108,19 +83,13 @@ class Robot:
             name: plant.stretch.get(name, 1.0) * (1.0 + self.calibration * float(share))
             for name, share in zip(bodies, lengths, strict=True)
         }
-        off = np.where(arm.is_slide, nominal.task.length, 1.0) * self.calibration * zeros
+        off = lengths_of(nominal) * self.calibration * zeros
         return {"plant.stretch": plant.stretch | factors, "plant.joint_offset": plant.joint_offset + off}
-
-    @staticmethod
-    def _of_joints(nominal: Prepared, value: float) -> float | NDArray[np.float64]:
-        """Return an angle, or the values of all joints where some slide."""
-        slides, length = nominal.arm.is_slide, nominal.task.length
-        return np.where(slides, value * length, value) if slides.any() else value
 
     def slowest(self, scenario: Scenario) -> Range:
         """Return the largest delay and the largest lag [s]; those of the scenario if the robot has none."""
-        delay = self.delay[1] if self.delay else scenario.plant.delay
-        lag = self.lag[1] if self.lag else float(np.max(scenario.plant.lag))
+        own = {"delay": scenario.plant.delay, "lag": float(np.max(scenario.plant.lag))}
+        delay, lag = (self.ranges[name][1] if name in self.ranges else own[name] for name in own)
         return delay, lag
 
     @property
@@ -136,6 +105,11 @@ class Robot:
         return ", ".join(parts)
 
 
+def lengths_of(nominal: Prepared) -> NDArray[np.float64]:
+    """Return 1, and task.length for a joint that slides, (n,)."""
+    return np.where(nominal.arm.is_slide, nominal.task.length, 1.0)
+
+
 def robot_of(scenario: Scenario, given: Mapping[str, Given], *, ideal: bool) -> Robot:
     """Return the uncertainty about a scenario's robot, assumed if neither options nor scenario describe it.
 
@@ -148,15 +122,15 @@ def robot_of(scenario: Scenario, given: Mapping[str, Given], *, ideal: bool) -> 
     Raises:
         ScenarioError: Lists the problems of the ranges.
     """
-    told, problems = {name: value for name, value in given.items() if value is not None}, list[Problem]()
-    if ideal and told:
-        names = " and ".join(f"--{name}" for name in told)
-        raise ScenarioError.about("--ideal", f"uses the loop of the scenario, got {names} as well")
+    options = {name: value for name, value in given.items() if value is not None}
     if ideal:
-        return Robot()
-    ranges = dict[str, Any]()
+        if options:
+            names = " and ".join(f"--{name}" for name in options)
+            raise ScenarioError.about("--ideal", f"uses the loop of the scenario, got {names} as well")
+        return Robot({})
+    ranges, problems = dict[str, Range](), list[Problem]()
     for name, unit in _UNITS.items():
-        value = told.get(name, getattr(scenario.tune, name))
+        value = options.get(name, getattr(scenario.tune, name))
         try:
             ranges |= {} if value is None else {name: read_range(value, unit)}
         except ValueError as error:
@@ -165,26 +139,28 @@ def robot_of(scenario: Scenario, given: Mapping[str, Given], *, ideal: bool) -> 
         raise ScenarioError(problems)
     calibration = ranges.pop("calibration", (0.0, 0.0))[1]
     if ranges or _has_loop(scenario):
-        return Robot(**ranges, calibration=calibration)
+        return Robot(ranges, calibration)
     profile, published = _published(scenario)
     if published:
-        return Robot(**published, calibration=calibration, profile=profile)
-    return replace(Robot.assumed(scenario.control.period), calibration=calibration)
+        return Robot(published, calibration, profile=profile)
+    late = max(PERIODS * scenario.control.period, DELAY)
+    assumed = {"delay": (0.0, late), "lag": (0.0, LAG), "noise": (NOISE, NOISE)}
+    return Robot(assumed, calibration, is_assumed=True)
 
 
-def _published(scenario: Scenario) -> tuple[str, dict[str, Any]]:
+def _published(scenario: Scenario) -> tuple[str, dict[str, Range]]:
     """Return the profile that a scenario names, and its properties of the loop."""
     name = scenario.control.limits.profile or scenario.expect.get(PROFILE)
     if not isinstance(name, str):
         return "", {}
-    profile, found = load_profile(name), dict[str, Any]()
-    if profile.loop.delay:
-        found["delay"] = read_range(profile.loop.delay.value, "s")
-    if profile.loop.lag:
-        found["lag"] = read_range(profile.loop.lag.value, "s")
-    if profile.loop.encoder_resolution:  # rounding acts like noise that is uniform within a step
-        found["noise"] = read_range(profile.loop.encoder_resolution.value / math.sqrt(12.0), "rad")
-    return profile.name, found
+    profile = load_profile(name)
+    loop, rounding = profile.loop, profile.loop.encoder_resolution
+    ranges = {
+        name: read_range(it.value, "s") for name, it in (("delay", loop.delay), ("lag", loop.lag)) if it
+    }
+    if rounding:  # acts like noise that is uniform within a step
+        ranges["noise"] = read_range(rounding.value / math.sqrt(12.0), "rad")
+    return profile.name, ranges
 
 
 def read_range(given: str | float | Sequence[float], unit: str) -> Range:
@@ -211,15 +187,13 @@ def read_range(given: str | float | Sequence[float], unit: str) -> Range:
 
 def _read(text: str, unit: str) -> Range:
     low, dots, high = text.partition("..")
-    example = {"s": "8ms or 6ms..12ms", "rad": "1e-5 or 0..1e-5"}.get(unit, "0.002")
     try:
         most, has_unit = quantity(high if dots else low, unit)
-        least, has_own = quantity(low, unit)
-        if has_unit and dots and not has_own:  # `6..12ms`
-            own = high.strip().lstrip("+-0123456789.eE")
-            least, _ = quantity(f"{low.strip()} {own}", unit)
+        least, is_whole = quantity(low, unit)
+        if has_unit and not is_whole:  # `6..12ms`
+            least, _ = quantity(f"{low.strip()} {high.strip().lstrip('+-0123456789.eE')}", unit)
     except ValueError as error:
-        raise ValueError(f"must be a range such as {example}, got {text}, which {error}") from None
+        raise ValueError(f"must be a range such as {_EXAMPLES[unit]}, got {text}, which {error}") from None
     if unit == "s" and most >= 1.0 and not has_unit:  # the unit must be explicit
         raise ValueError(f"must be less than 1 s without a unit, got {text}: write {text}ms or {text}s")
     return least, most
@@ -228,13 +202,6 @@ def _read(text: str, unit: str) -> Range:
 def _has_loop(scenario: Scenario) -> bool:
     """Return whether a scenario describes its loop."""
     plant, encoder = scenario.plant, scenario.arm.encoder
-    numbers = (
-        plant.delay,
-        plant.lag,
-        plant.jitter,
-        plant.loss,
-        encoder.noise,
-        encoder.resolution,
-        encoder.delay,
-    )
+    numbers: list[Any] = [plant.delay, plant.lag, plant.jitter, plant.loss]
+    numbers += [encoder.noise, encoder.resolution, encoder.delay]
     return plant.resonance.frequency is not None or any(np.any(number) for number in numbers)

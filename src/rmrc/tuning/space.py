@@ -1,27 +1,26 @@
-"""The tunable keys of a control law, and their bounds."""
+"""What a search may change: the choices and numbers of a control law, their bounds, and `--only`."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from operator import attrgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.results.run import Run
 from rmrc.scenario import Change, Scenario, changes_of
-from rmrc.scenario.choices import INVERSES, LIMITS, POLICIES, SCHEDULES, Choice, Parameter, Scales, Status
+from rmrc.scenario.choices import INVERSES, LIMITS, POLICIES, SCHEDULES, Parameter, Scales, Status
 from rmrc.simulation.prepare import Prepared
-from rmrc.textbook.stability import edge_gain
-from rmrc.tuning.robot import Robot
+from rmrc.support.errors import ScenarioError
+from rmrc.support.problems import Origin, Problem
+from rmrc.tuning.robot import lengths_of
 
 METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS = (
-    f"control.{one.key}" for one in (INVERSES, SCHEDULES, POLICIES, LIMITS)
+    f"control.{choices.key}" for choices in (INVERSES, SCHEDULES, POLICIES, LIMITS)
 )
 FEEDBACK = "control.feedback"
-
 WORDS: Mapping[str, tuple[str, ...]] = {
     METHOD: INVERSES.names, SCHEDULE: SCHEDULES.names, AT_SINGULARITY: POLICIES.names,
     ON_EXCESS: LIMITS.names,
@@ -30,14 +29,16 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 
 def _searched(parameters: Iterable[Parameter]) -> dict[str, Parameter]:
     """Return by their keys the parameters that a search changes."""
-    return {f"control.{one.key}": one for one in parameters if one.range is not None}
+    return {f"control.{parameter.key}": parameter for parameter in parameters if parameter.range is not None}
 
 
-_SEARCHED = _searched((*SCHEDULES.parameters, *INVERSES.parameters, *POLICIES.parameters))
-_OF_INVERSES = tuple(_searched((*SCHEDULES.parameters, *INVERSES.parameters)))
-NUMBERS = (*_OF_INVERSES, FEEDBACK, *(key for key in _SEARCHED if key not in _OF_INVERSES))
+_OF_INVERSES = _searched((*SCHEDULES.parameters, *INVERSES.parameters))
+_SEARCHED = _OF_INVERSES | _searched(POLICIES.parameters)
+NUMBERS = tuple(dict.fromkeys((*_OF_INVERSES, FEEDBACK, *_SEARCHED)))
 
-Values = tuple[float, ...]
+Point: TypeAlias = NDArray[np.float64]
+Only: TypeAlias = Sequence[str] | Mapping[str, Iterable[str | float]]
+"""Values by key, or a text `KEY=V1,V2,...` for each key."""
 
 
 class Structure(NamedTuple):
@@ -62,8 +63,10 @@ class Structure(NamedTuple):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The numbers that it reads."""
-        return _keys(self)
+        """The numbers that it reads: those of the inverse, the feedback, those of the policy."""
+        schedule = SCHEDULES[self.schedule].parameters if self.schedule else ()
+        inverse = _searched((*INVERSES[self.method].parameters, *schedule))
+        return (*inverse, FEEDBACK, *_searched(POLICIES[self.at_singularity].parameters))
 
     @property
     def words(self) -> dict[str, str]:
@@ -71,45 +74,19 @@ class Structure(NamedTuple):
         parts = dict(zip((METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS), self, strict=True))
         return {key: value for key, value in parts.items() if value}
 
-    @property
-    def unread(self) -> tuple[str, ...]:
-        """The keys of `WORDS` and `NUMBERS` that it does not read; rates are limited whatever it is."""
-        read = (*self.words, *self.keys, ON_EXCESS)
-        return tuple(key for key in (*WORDS, *NUMBERS) if key not in read)
 
-
-@cache  # a search asks for those of each setting again and again
-def _keys(structure: Structure) -> tuple[str, ...]:
-    """Return the numbers that a structure reads."""
-    inverse: list[Choice] = [
-        INVERSES[structure.method],
-        *([SCHEDULES[structure.schedule]] if structure.schedule else ()),
-    ]
-    read = _searched(parameter for one in inverse for parameter in one.parameters)
-    return tuple(dict.fromkeys((*read, FEEDBACK, *_searched(POLICIES[structure.at_singularity].parameters))))
-
-
-TRIED = tuple(one.name for one in POLICIES.options if one.is_tried)
-
-
-def all_structures(policies: Iterable[str] = TRIED) -> Iterator[Structure]:
-    """Iterate over all structures, the simplest policies first.
+def all_structures(policies: Iterable[str]) -> Iterator[Structure]:
+    """Iterate over all structures, those of the first policy first.
 
     Args:
-        policies: At a singularity, in the order of their declaration.
+        policies: Values of `control.at_singularity`.
     """
     for policy in policies:
-        for method in WORDS[METHOD]:
-            for schedule in WORDS[SCHEDULE] if INVERSES[method].is_scheduled else ("",):
-                yield Structure(method, schedule, policy)
-    for schedule in WORDS[SCHEDULE]:
+        for method in INVERSES.options:
+            for schedule in SCHEDULES.names if method.is_scheduled else ("",):
+                yield Structure(method.name, schedule, policy)
+    for schedule in SCHEDULES.names:
         yield Structure("damped", schedule, "damp", "optimal")
-
-
-def meets_limits(run: Run) -> bool:
-    """Return whether a limit acts in a run: only then the treatment of excessive rates matters."""
-    limits = Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED
-    return bool(np.any(run["status"].astype(np.int64) & int(limits)))
 
 
 class Setting(NamedTuple):
@@ -122,18 +99,23 @@ class Setting(NamedTuple):
     """
 
     structure: Structure
-    numbers: Values
+    numbers: tuple[float, ...]
     is_written: bool = False
+
+    @property
+    def by_key(self) -> dict[str, float]:
+        """Its numbers, by key."""
+        return dict(zip(self.structure.keys, self.numbers, strict=True))
 
     @property
     def feedback(self) -> float:
         """Its feedback [1/s]."""
-        return self.numbers[self.structure.keys.index(FEEDBACK)]
+        return self.by_key[FEEDBACK]
 
     @property
     def values(self) -> dict[str, str | float]:
         """Value of each key."""
-        return {**self.structure.words, **dict(zip(self.structure.keys, self.numbers, strict=True))}
+        return {**self.structure.words, **self.by_key}
 
     @property
     def changes(self) -> tuple[Change, ...]:
@@ -154,46 +136,50 @@ def scales(nominal: Prepared, run: Run) -> Scales:
 
     Args:
         nominal: The scenario of the run.
-        run: The run so far.
+        run: The run.
     """
     task, reference = nominal.task, nominal.reference
-    wanted: NDArray[np.float64] = task.turned(reference.twist, reference.pose)[:, task.rows] * task.row_scale
+    wanted: Point = task.turned(reference.twist, reference.pose)[:, task.rows] * task.row_scale
     sigma = _largest(run["sigma"]) or 1.0
-    # Below speed/σ₁ no joint rates can follow; 300 times that bounds no actuator's rates, and the limits are
-    # sufficient.
+    # Below speed/σ₁ no joint rates can follow. A bound above the limits, or far above the rates as written,
+    # bounds nothing.
     slowest = float(np.linalg.norm(wanted, axis=1).max()) / sigma or 0.01
-    lengths = np.where(nominal.arm.is_slide, nominal.task.length, 1.0)
-    allowed = float(np.linalg.norm(nominal.law.rate_limit / lengths))
+    allowed = float(np.linalg.norm(nominal.law.rate_limit / lengths_of(nominal)))
+    reached = _largest(np.linalg.norm(run["qdot"] / lengths_of(nominal), axis=1))
     return Scales(
         sigma=sigma,
         manipulability=_largest(run["manipulability"]) or 1.0,
         start=_largest(run["sigma"][:1, nominal.task.rank - 1]) or sigma,
         slowest=slowest,
-        fastest=max(2.0 * slowest, min(300.0 * slowest, allowed)),
+        fastest=max(2.0 * slowest, min(1.5 * reached, allowed)),
     )
 
 
-def _largest(values: NDArray[np.float64]) -> float:
+def _largest(values: Point) -> float:
     """Return the largest finite value, 0 where there is none."""
     return float(values[np.isfinite(values)].max(initial=0.0))
 
 
-def bounds(nominal: Prepared, run: Run, robot: Robot, margin: float) -> dict[str, tuple[float, float]]:
+def bounds(nominal: Prepared, run: Run, edge: float) -> dict[str, tuple[float, float]]:
     """Return the smallest and the largest value of each number to try.
 
     Args:
         nominal: The scenario.
-        run: Its own run so far.
-        robot: Robot whose loop must tolerate the feedback.
-        margin: Factor on the feedback.
+        run: Its own run.
+        edge: The largest feedback that its loop may tolerate with its margin [1/s].
     """
-    seen, period = scales(nominal, run), nominal.scenario.control.period
     # An error that falls to 1/e in 5 periods is slow beside the servos, which take one or two. With more than
-    # 1 s there is hardly any feedback. Beyond the stability limit of its loop, an ideal plant is unstable.
-    edge = edge_gain(period, *robot.slowest(nominal.scenario)) / margin
-    largest = min(0.2 / period, edge)
-    limits = {FEEDBACK: (min(1.0, 0.1 * largest), largest)}
-    return limits | {key: one.range(seen) for key, one in _SEARCHED.items() if one.range is not None}
+    # 1 s there is hardly any feedback.
+    largest = min(0.2 / nominal.scenario.control.period, edge)
+    seen = scales(nominal, run)
+    ranges = {key: parameter.range(seen) for key, parameter in _SEARCHED.items() if parameter.range}
+    return {FEEDBACK: (min(1.0, 0.1 * largest), largest), **ranges}
+
+
+def meets_limits(run: Run) -> bool:
+    """Return whether a limit acts in a run: only then the treatment of excessive rates matters."""
+    limits = Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED
+    return bool(np.any(run["status"].astype(np.int64) & int(limits)))
 
 
 def rounded(value: float) -> float:
@@ -213,32 +199,30 @@ class Space:
     """
 
     structures: tuple[Structure, ...]
-    limits: Mapping[str, tuple[float, float]]
-    only: Mapping[str, Values]
+    limits: dict[str, tuple[float, float]]
+    only: Mapping[str, tuple[Any, ...]]
     own: Mapping[str, float]
 
-    def at(self, structure: Structure, point: NDArray[np.float64]) -> Setting:
+    def at(self, structure: Structure, point: Point) -> Setting:
         """Return the setting at a point of a structure's cube, to 3 digits.
 
         Args:
             structure: Its structure.
-            point: In [0, 1], one per key.
+            point: One number per key; outside of [0, 1] it is the nearest within.
         """
-        numbers = zip(structure.keys, point, strict=True)
-        return Setting(structure, tuple(self._value(key, float(u)) for key, u in numbers))
+        numbers = zip(structure.keys, np.clip(point, 0.0, 1.0).tolist(), strict=True)
+        return Setting(structure, tuple(self._value(key, share) for key, share in numbers))
 
-    def _value(self, key: str, u: float) -> float:
+    def _value(self, key: str, share: float) -> float:
         if key in self.only:
             values = self.only[key]
-            return values[min(int(u * len(values)), len(values) - 1)]
+            return float(values[min(int(share * len(values)), len(values) - 1)])
         low, high = self.limits[key]
-        return rounded(low * (high / low) ** u)
+        return rounded(low * (high / low) ** share)
 
-    def point(self, setting: Setting) -> NDArray[np.float64]:
+    def point(self, setting: Setting) -> Point:
         """Return the position of a setting in its cube; outside of the bounds, at the nearest."""
-        return np.array(
-            [self._share(*pair) for pair in zip(setting.structure.keys, setting.numbers, strict=True)]
-        )
+        return np.array([self._share(key, value) for key, value in setting.by_key.items()])
 
     def _share(self, key: str, value: float) -> float:
         if key in self.only:
@@ -247,17 +231,57 @@ class Space:
         low, high = self.limits[key]
         return min(max(math.log(value / low) / math.log(high / low), 0.0), 1.0) if value > 0.0 else 0.0
 
-    def usual(self, structure: Structure) -> Setting:
-        """Return a structure with the scenario's own numbers, which are the defaults where it has none."""
-        numbers = [
-            self.own[key] if self.own[key] in self.only.get(key, (self.own[key],)) else self.only[key][0]
-            for key in structure.keys
-        ]
-        return Setting(structure, tuple(numbers))
+    def usual(self, structure: Structure, numbers: Mapping[str, float] | None = None) -> Setting:
+        """Return a structure with given numbers, and otherwise those of the scenario or its defaults."""
+        known = {**self.own, **(numbers or {})}
+        values = [known[key] for key in structure.keys]
+        allowed = [self.only.get(key, (value,)) for key, value in zip(structure.keys, values, strict=True)]
+        fitting = [value if value in some else some[0] for value, some in zip(values, allowed, strict=True)]
+        return Setting(structure, tuple(fitting))
+
+    def with_feedback(self, setting: Setting, feedback: float) -> Setting:
+        """Return a setting with another feedback."""
+        return Setting(setting.structure, tuple((setting.by_key | {FEEDBACK: rounded(feedback)}).values()))
 
     def allows(self, setting: Setting) -> bool:
         """Return whether a setting keeps to the restrictions."""
-        if setting.structure not in self.structures:
-            return False
-        numbers = dict(zip(setting.structure.keys, setting.numbers, strict=True)) if self.only else {}
-        return all(value in self.only.get(key, (value,)) for key, value in numbers.items())
+        numbers = setting.by_key.items()
+        is_within = all(value in self.only.get(key, (value,)) for key, value in numbers)
+        return setting.structure in self.structures and is_within
+
+
+def read_only(only: Only) -> dict[str, tuple[Any, ...]]:
+    """Return the values that keys are restricted to, which may be no values of their keys.
+
+    Args:
+        only: The values of some keys.
+
+    Raises:
+        ScenarioError: Lists the texts and keys that restrict nothing.
+    """
+    restricted, problems = dict[str, tuple[Any, ...]](), list[Problem]()
+    for item in only.items() if isinstance(only, Mapping) else only:
+        key, values = item if isinstance(item, tuple) else _split(item)
+        if key in (*WORDS, *NUMBERS) and key not in restricted and "" not in values:
+            restricted[key] = tuple(values)
+            continue
+        why = f"is not a tunable key; choose from {', '.join((*WORDS, *NUMBERS))}"
+        why = "is given twice" if key in restricted else why
+        why = f"must be KEY=V1,V2,..., for example {METHOD}=damped,filtered" if "" in values else why
+        problems.append(Problem((), why, Origin(f"--only {key}")))
+    if problems:
+        raise ScenarioError(problems)
+    return restricted
+
+
+def _split(text: str) -> tuple[str, list[object]]:
+    key, _, values = text.partition("=")
+    each = [value.strip() for value in values.split(",")]
+    return key.strip(), [_number(value) if key.strip() in NUMBERS else value for value in each]
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text

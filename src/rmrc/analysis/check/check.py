@@ -10,10 +10,10 @@ from rmrc.analysis.check.findings import Finding, found
 from rmrc.analysis.check.motion import motions
 from rmrc.analysis.inspect.directions import examine
 from rmrc.analysis.inspect.routes import ROUTES, jacobians
-from rmrc.analysis.inventory import actuators, contacts, other_joints
 from rmrc.analysis.new.nearest import nearest_singularity
 from rmrc.analysis.new.scaling import scales
 from rmrc.analysis.subject import Model, Packages, read_arm
+from rmrc.arm.inventory import actuators, contacts, other_joints
 from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import quoted

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rmrc.analysis.check.motion import Motion
-from rmrc.analysis.inventory import Actuator, Contact, OtherJoint
 from rmrc.analysis.new.nearest import Nearest
 from rmrc.analysis.new.scaling import Scales
 from rmrc.arm import Arm
+from rmrc.arm.inventory import Actuator, Contact, OtherJoint
 from rmrc.law.task import Array
 
 

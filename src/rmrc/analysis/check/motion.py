@@ -8,10 +8,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from rmrc.analysis.inventory import Contact, contacts
 from rmrc.analysis.new.scaling import Scales
 from rmrc.analysis.new.text import identity
 from rmrc.arm import Arm
+from rmrc.arm.inventory import Contact, contacts
 from rmrc.law.task import Array
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard, scorecard

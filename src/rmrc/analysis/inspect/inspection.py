@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 
 from rmrc.analysis.factors import Factor, factors
 from rmrc.analysis.inspect.directions import LOST, SLOW, Lost, Motion, Slow, examine, rank_of
-from rmrc.analysis.inspect.mechanism import Mechanism, find_mechanism
 from rmrc.analysis.inspect.routes import Array, jacobians
 from rmrc.analysis.inspect.words import amount, direction, listed
 from rmrc.analysis.statics.balance import Balance, balance
 from rmrc.analysis.subject import FRAMES, Model, Packages, numbers, subject
 from rmrc.arm import Arm
+from rmrc.arm.loops import Mechanism, find_mechanism
 from rmrc.law.task import SAMPLES, Task
 from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError, did_you_mean

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from rmrc.analysis.inventory import contacts
 from rmrc.analysis.new.move import Move, moves
 from rmrc.analysis.new.scaling import Scales, scales
 from rmrc.analysis.new.text import PERIOD, comment
 from rmrc.analysis.new.text import text as written
 from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.arm import Arm
+from rmrc.arm.inventory import contacts
 from rmrc.arm.proportions import tidy
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.results.run import Run

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from rmrc.analysis.inventory import contacts
 from rmrc.analysis.statics.hold import LAST, HoldResult
+from rmrc.arm.inventory import contacts
 from rmrc.show.sheets import number
 
 # A joint beside the arm that is faster moves [rad/s or m/s]; slower ones creep below their friction.

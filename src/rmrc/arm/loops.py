@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm import Arm
+from rmrc.arm.arm import Arm
 from rmrc.arm.equalities import active_equalities, equality_rows
 from rmrc.support.spatial import AXES
 

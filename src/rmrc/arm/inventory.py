@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm import Arm
 from rmrc.arm.actuators import kind_word
+from rmrc.arm.arm import Arm
 from rmrc.arm.wiring import joint_name, joints_above, soft_bodies
 
 
@@ -99,7 +99,9 @@ def contacts(arm: Arm, qpos: NDArray[np.float64]) -> tuple[Contact, ...]:
     model, own = arm.model, set(arm.wiring.joint.tolist())
     depths: dict[tuple[int, int], float] = {}
     for configuration in qpos:
-        for contact in (data := arm.data_at(configuration)).contact[: data.ncon]:
+        data = arm.data_at(configuration)
+        mujoco.mj_collision(model, data)
+        for contact in data.contact[: data.ncon]:
             pair = int(contact.geom[0]), int(contact.geom[1])
             if contact.dist < 0.0 and min(pair) >= 0:
                 depths[pair] = max(depths.get(pair, 0.0), -float(contact.dist))
