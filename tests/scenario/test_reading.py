@@ -113,7 +113,7 @@ def test_a_value_on_one_line_is_read_back(value):
     assert "\n" not in line
     try:
         back = parse(line).value
-    except reading.TextError:
+    except ScenarioError:
         assert isinstance(value, str)  # a text may hold what no file may
     else:
         assert (type(back), repr(back)) == (type(value), repr(value))

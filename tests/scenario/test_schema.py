@@ -84,6 +84,7 @@ def valid(value, schema, root):
         "const": lambda c: value == c,
         "enum": lambda options: value in options,
         "anyOf": lambda options: any(valid(value, o, root) for o in options),
+        "allOf": lambda options: all(valid(value, o, root) for o in options),
         "oneOf": lambda options: sum(valid(value, o, root) for o in options) == 1,
         "not": lambda s: not valid(value, s, root),
         "properties": lambda p: all(valid(v, p[k], root) for k, v in keys.items() if k in p),

@@ -18,7 +18,7 @@ a file, a text or a change never does.
 """
 
 from rmrc.scenario.arm import ArmSection, StartPose
-from rmrc.scenario.changes import Change, Variant, changes_of
+from rmrc.scenario.changes import Change, Variant, changes_of, grid, variants
 from rmrc.scenario.control import ControlSection, LimitsSection, NullspaceSection, SecondarySection
 from rmrc.scenario.draft import Draft, Problems, Scenario, Source, draft_of, load, loads
 from rmrc.scenario.expect import Check
@@ -28,7 +28,6 @@ from rmrc.scenario.schema import SchemaRow, json_schema, schema_rows
 from rmrc.scenario.target import Segment, TargetLimitsSection, TargetSection
 from rmrc.scenario.task import TaskSection
 from rmrc.scenario.values import Frame, angle
-from rmrc.scenario.variation import grid, variants
 from rmrc.scenario.wording import block, inline
 
 __all__ = [

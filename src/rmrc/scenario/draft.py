@@ -10,24 +10,21 @@ from typing import Any, Self, TypeAlias
 
 from pydantic import PrivateAttr
 
-from rmrc.scenario.changes import Change, applied, changes_of, read_change, read_setting
+from rmrc.scenario.changes import Change, applied, changes_of, deeper_last, read_change, read_setting
 from rmrc.scenario.control import ControlSection
-from rmrc.scenario.document import checked, read_document
 from rmrc.scenario.expect import PROFILE
-from rmrc.scenario.keys import SourceMap, split
+from rmrc.scenario.messages import checked
 from rmrc.scenario.profile import SHIPPED
-from rmrc.scenario.reading import Document
+from rmrc.scenario.reading import Document, read_document, split
 from rmrc.scenario.sections import Sections, parse_key
 from rmrc.scenario.wording import block
 from rmrc.support import shipped
 from rmrc.support.brief import cut
 from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Origin, Problem
+from rmrc.support.problems import Origin, Problem, join
 
-# Keys whose values are names of files or folders.
-_FILES = re.compile(
-    r"arm\.(tool\.)?model|arm\.packages\.[^.]+|target\..*file\.path|(control\.limits|expect)\.profile"
-)
+# Keys of files and folders, at the end of dotted keys, which may begin with `sweep.vary` or `baseline`.
+_FILES = re.compile(r"\.(arm\.model|tool\.model|packages\.[^.]+|file\.path|profile)$")
 
 
 class Scenario(Sections):
@@ -38,7 +35,13 @@ class Scenario(Sections):
     [0.5, 2.0]
     """
 
-    _draft: "Draft" = PrivateAttr(default_factory=lambda: Draft(Document({}, SourceMap())))
+    _draft: "Draft | None" = PrivateAttr(None)
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the values are equal; their source is no part of them."""
+        return isinstance(other, Scenario) and vars(self) == vars(other)
+
+    __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
         """Return its keys and values, as many as fit on a screen."""
@@ -47,15 +50,12 @@ class Scenario(Sections):
     @property
     def draft(self) -> "Draft":
         """Its source; for one made in Python, its own values."""
-        if not self._draft.document.value:
-            self._draft = Draft(Document(self.model_dump(mode="json"), SourceMap()))
-        return self._draft
+        return self._draft or Draft(Document(self.model_dump(mode="json")))
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy as pydantic makes it; a copy with other values counts as made in Python."""
         copied = super().model_copy(update=update, deep=deep)
-        if update:
-            copied._draft = Draft(Document({}, SourceMap()))
+        copied._draft = None if update else self._draft
         return copied
 
     def locate(self, key: str) -> str:
@@ -70,7 +70,7 @@ class Scenario(Sections):
             `scenarios/x.yaml:7:13: control.inverse.damping.maximum`; `--set KEY` if it was set
             so; the key alone if the scenario was made in Python.
         """
-        return self._draft.document.sources.locate(parse_key(key))
+        return self.draft.document.origin(parse_key(key)).of(join(parse_key(key)))
 
     def problem(self, key: str, text: str) -> Problem:
         """Return the problem of a value, with the place where it was given.
@@ -79,7 +79,7 @@ class Scenario(Sections):
             key: Of the value, dotted.
             text: The problem in words.
         """
-        return self._draft.document.sources.problem(parse_key(key), text)
+        return self.draft.document.problem(parse_key(key), text)
 
     def changed(self, *changes: Change) -> "Scenario":
         """Return the scenario with other values; later changes win.
@@ -116,7 +116,7 @@ class Scenario(Sections):
         origins = {name: Origin(self.locate(f"baseline.{name}"), key=name) for name in self.baseline}
         changes = [Change(split(name), value, origins[name]) for name, value in self.baseline.items()]
         accepted = {name: check for name, check in self.expect.items() if name == PROFILE}
-        return (*changes, Change(("expect",), accepted), Change(("baseline",), {}))
+        return (*deeper_last(changes), Change(("expect",), accepted), Change(("baseline",), {}))
 
     def to_yaml(self) -> str:
         """Return the complete scenario as it runs: all defaults, SI numbers, an absolute path.
@@ -128,8 +128,6 @@ class Scenario(Sections):
 
 class Draft:
     """Values of a scenario and their origins; they may be invalid, and changes may correct them.
-
-    Any two compare equal: the source of a scenario does not affect its meaning.
 
     Attributes:
         document: The values.
@@ -146,16 +144,10 @@ class Draft:
         """
         self.document, self._folder, self._root = document, folder, root
 
-    def __eq__(self, other: object) -> bool:
-        """Return whether the other is a draft as well."""
-        return isinstance(other, Draft)
-
-    __hash__ = None  # type: ignore[assignment]
-
     @property
     def source(self) -> str:
         """Name of the file in messages; "" without one."""
-        return self.document.sources.source
+        return self.document.source
 
     @property
     def folder(self) -> Path:
@@ -164,22 +156,9 @@ class Draft:
 
     def files(self) -> tuple[Path, ...]:
         """Return the models, packages, recorded motions and profiles that it and its sweep name."""
-        places = [self.folder / str(name) for key, name in self._leaves() if _FILES.fullmatch(key)]
-        return tuple(dict.fromkeys(Path(os.path.abspath(place)) for place in places))
-
-    def _leaves(self) -> Iterator[tuple[str, Any]]:
-        """Yield each value that is no mapping or list, with its dotted key: a varied value is of its key."""
-        data = self.document.value
-        varied = (data.get("sweep") or {}).get("vary") or {}
-        waiting = [*data.items(), *(data.get("baseline") or {}).items(), *varied.items()]
-        while waiting:
-            key, value = waiting.pop(0)
-            if isinstance(value, dict):
-                waiting += [(f"{key}.{name}", inner) for name, inner in value.items()]
-            elif isinstance(value, list):
-                waiting += [(key, item) for item in value]
-            elif value is not None and not (key.endswith(".profile") and value in SHIPPED):
-                yield re.sub(r"\[\d+\]", "", key), value
+        texts = _texts("", self.document.value)
+        named = (text for key, text in texts if _FILES.search(key) and text not in SHIPPED)
+        return tuple(map(Path, dict.fromkeys(os.path.abspath(self.folder / name) for name in named)))
 
     def moved(self, root: Path) -> "Draft":
         """Return the draft for a machine where all its files are below a folder, by their absolute paths."""
@@ -228,6 +207,18 @@ class Draft:
         scenario = checked(Scenario, self.document, context)
         scenario._draft = self
         return scenario
+
+
+def _texts(key: str, value: object) -> Iterator[tuple[str, str]]:
+    """Yield every text of plain values, with its dotted key, without places in lists."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _texts(f"{key}.{name}", inner)
+    elif isinstance(value, list):
+        for item in value:
+            yield from _texts(key, item)
+    elif isinstance(value, str):
+        yield key, value
 
 
 class Problems:

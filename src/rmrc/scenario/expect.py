@@ -1,8 +1,8 @@
 """The expectations of a scenario: bounds of metrics, and a vendor's limits of commands."""
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, ConfigDict, model_validator
+from pydantic import AfterValidator
 
 from rmrc.scenario.profile import ProfileName
 from rmrc.scenario.values import Choice, NotNegative, Number, TextOr, key, rule
@@ -21,21 +21,12 @@ class Check(Choice):
         within: tolerance: largest deviation from `equals`
     """
 
-    model_config = ConfigDict(
-        json_schema_extra={"dependentRequired": {"equals": ["within"], "within": ["equals"]}}
-    )
+    counts = ((("below", "above", "equals"), 1, 3),)
+    needs = (("equals", "within"), ("within", "equals"))
     below: Number | None = key(None, "as the metric")
     above: Number | None = key(None, "as the metric")
     equals: Number | None = key(None, "as the metric")
     within: NotNegative | None = key(None, "as the metric")
-
-    @model_validator(mode="after")
-    def _something(self) -> Self:
-        if (self.equals is None) != (self.within is None):
-            raise rule("equals needs within, its tolerance" if self.within is None else "within needs equals")
-        if not self.given("below", "above", "equals"):
-            raise rule("must have at least one of below, above, equals, got none")
-        return self
 
 
 def _profile_apart(expect: dict[str, Any]) -> dict[str, Any]:

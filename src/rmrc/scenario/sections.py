@@ -9,8 +9,8 @@ from rmrc.scenario.arm import ArmSection
 from rmrc.scenario.choices import PLANTS
 from rmrc.scenario.control import ControlSection
 from rmrc.scenario.expect import PROFILE, Check, Expectations
-from rmrc.scenario.keys import split
 from rmrc.scenario.plant import PlantSection
+from rmrc.scenario.reading import split
 from rmrc.scenario.sweep import Baseline, SweepSection, TuneSection
 from rmrc.scenario.target import TargetSection
 from rmrc.scenario.task import TaskSection

@@ -5,7 +5,7 @@ import math
 import os
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -20,6 +20,7 @@ from pydantic import (
     ValidationInfo,
     WithJsonSchema,
     model_serializer,
+    model_validator,
 )
 from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
@@ -56,6 +57,10 @@ class Section(BaseModel):
         for name, text in re.findall(r"^    (\w+): (.+(?:\n {6}.+)*)", attributes, re.M):
             cls.model_fields[name].description = " ".join(text.split())
 
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
+        """Return the section itself, which is frozen; pydantic copies each default."""
+        return self
+
     @classmethod
     def __get_pydantic_json_schema__(
         cls, core: core_schema.CoreSchema, handler: GetJsonSchemaHandler
@@ -70,16 +75,49 @@ class Section(BaseModel):
         return schema
 
 
-class Choice(Section):
-    """A mapping in which some keys exclude others: those that are absent are not written."""
+class Exclusive(Section):
+    """A mapping in which some keys exclude or need others."""
+
+    # Least and most number of the keys that have a value, and the key that another needs.
+    counts: ClassVar[tuple[tuple[tuple[str, ...], int, int], ...]] = ()
+    needs: ClassVar[tuple[tuple[str, str], ...]] = ()
+
+    @model_validator(mode="after")
+    def _fitting(self) -> Self:
+        values = self.__dict__
+        for names, least, most in self.counts:
+            present = [name for name in names if values[name] is not None]
+            if not least <= len(present) <= most:
+                number = "exactly one" if least == most else "at least one" if least else "at most one"
+                listed = " and ".join(present) or "none"
+                raise rule(f"must have {number} of {', '.join(names)}, got {listed}")
+        for name, other in self.needs:
+            if values[name] is not None and values[other] is None:
+                raise rule(f"{name} needs {other}")
+        return self
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Return the JSON Schema, with what the keys need."""
+        schema = super().__get_pydantic_json_schema__(core, handler)
+        needed = [
+            {"oneOf" if most == 1 else "anyOf": [{"required": [name]} for name in names]}
+            for names, least, most in cls.counts
+            if least
+        ]
+        more = {"allOf": needed, "dependentRequired": {name: [other] for name, other in cls.needs}}
+        handler.resolve_ref_schema(schema).update({name: rules for name, rules in more.items() if rules})
+        return schema
+
+
+class Choice(Exclusive):
+    """A mapping in which keys exclude others: those that are absent are not written."""
 
     @model_serializer(mode="wrap")
     def _present(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         return {name: value for name, value in handler(self).items() if value is not None}
-
-    def given(self, *names: str) -> list[str]:
-        """Return the keys that have a value."""
-        return [name for name in names if getattr(self, name) is not None]
 
 
 def key(default: Any = ..., unit: str | None = None, **more: Any) -> Any:
@@ -173,12 +211,12 @@ def checked_file(path: Path, info: ValidationInfo, *suffixes: str, is_folder: bo
         is_folder: Whether it is the path of a folder.
     """
     context = info.context or {}
-    full = Path(os.path.abspath(context.get("folder", Path()) / path))
-    if root := context.get("root"):
-        full = root / full.relative_to(full.anchor)
+    full = os.path.abspath(os.path.join(context.get("folder", ""), path))
+    full = f"{context.get('root') or ''}{full}"
     if context and not (os.path.isdir(full) if is_folder else os.path.isfile(full)):
-        raise rule(f'no such {"folder" if is_folder else "file"} "{full}"{nearby(full, *suffixes)}')
-    return full if is_folder else Path(os.path.realpath(full))
+        near = nearby(Path(full), *suffixes)
+        raise rule(f'no such {"folder" if is_folder else "file"} "{full}"{near}')
+    return Path(full if is_folder else os.path.realpath(full))
 
 
 def _motion(path: Path, info: ValidationInfo) -> Path:
