@@ -87,8 +87,14 @@ def card_of(commands, q=None, period=PERIOD, **more):
     }
     columns |= {"time": np.arange(len(commands)) * period, "qdot_cmd": commands}
     columns |= {"q": np.zeros_like(commands) if q is None else q, "status": np.zeros(len(commands), np.int64)}
-    slides = (False,) * len(joints)
-    return scorecard(Run("stream", joints, slides, ("x",), 1.0, period, columns, len(commands), **more))
+    facts = {
+        "name": "stream",
+        "joints": joints,
+        "is_slide": (False,) * len(joints),
+        "axes": ("x",),
+        "length": 1.0,
+    }
+    return scorecard(Run(**facts, period=period, columns=columns, planned=len(commands), **more))
 
 
 def first_of(card):
