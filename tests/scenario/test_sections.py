@@ -118,7 +118,7 @@ def test_a_period_may_be_written_as_a_rate(text, period):
         ("tool: {center: [0, 0, 1]}", "center needs mass"),
         ("tool: {site: tip}", "site needs model"),
         ("tool: {mass: -1}", "arm.tool.mass: must be >= 0, got -1"),
-        ("tool: {orientation: [0, 0, 0, 0]}", "arm.tool.orientation: must not be a zero quaternion"),
+        ("tool: {orientation: [0, 0, 0, 0]}", "arm.tool.orientation: must not be zero"),
         ("pose: {}", "arm.pose: must have at least one of position, orientation, got none"),
     ],
 )

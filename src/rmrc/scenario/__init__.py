@@ -19,20 +19,19 @@ a file, a text or a change never does.
 
 from rmrc.scenario.arm import ArmSection, StartPose
 from rmrc.scenario.changes import Change, Variant, changes_of, grid, variants
-from rmrc.scenario.control import ControlSection, LimitsSection, NullspaceSection, SecondarySection
+from rmrc.scenario.control import ControlSection, LimitsSection, SecondarySection, TaskSection
 from rmrc.scenario.draft import Draft, Problems, Scenario, Source, draft_of, load, loads
 from rmrc.scenario.expect import Check
 from rmrc.scenario.law import ControlSource, read_controls, read_task
 from rmrc.scenario.plant import PlantSection
 from rmrc.scenario.schema import SchemaRow, json_schema, schema_rows
 from rmrc.scenario.target import Segment, TargetLimitsSection, TargetSection
-from rmrc.scenario.task import TaskSection
 from rmrc.scenario.values import Frame, angle
 from rmrc.scenario.wording import block, inline
 
 __all__ = [
     "ArmSection", "Change", "Check", "ControlSection", "ControlSource", "Draft", "Frame", "LimitsSection",
-    "NullspaceSection", "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Segment",
+    "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Segment",
     "Source", "StartPose", "TargetLimitsSection", "TargetSection", "TaskSection", "Variant", "angle", "block",
     "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "read_controls",
     "read_task", "schema_rows", "variants",

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator
 
 from rmrc.scenario import values as types
-from rmrc.scenario.values import Choice, Exclusive, Section, key, rule
+from rmrc.scenario.values import Choice, Exclusive, Section, key
 from rmrc.support.spatial import quat_from_rpy
 
 
@@ -31,13 +31,11 @@ class EncoderSection(Section):
     seed: types.Seed = 0
 
 
-def _is_turn(values: tuple[float, ...]) -> tuple[float, ...]:
-    if len(values) == 4 and not any(values):
-        raise rule("must not be a zero quaternion")
-    return values
-
-
-Orientation = Annotated[tuple[types.Angle, ...], types.count(3, 4), AfterValidator(_is_turn)]
+Orientation = Annotated[
+    tuple[types.Angle, ...],
+    types.count(3, 4),
+    AfterValidator(lambda values: values if len(values) == 3 else types.directed(values)),
+]
 """Roll, pitch and yaw about fixed x, y and z, or a quaternion w x y z."""
 
 

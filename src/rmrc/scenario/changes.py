@@ -6,7 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from rmrc.scenario.reading import Document, parse
 from rmrc.scenario.sections import Sections, parse_key
@@ -14,6 +14,8 @@ from rmrc.scenario.values import Section, fields_at
 from rmrc.scenario.wording import brief, inline, show
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Key, Origin, Problem, join
+
+D = TypeVar("D", bound=Document)
 
 # Up to a dozen curves can be told apart; for more variants than this, use a sweep.
 MOST_VARIANTS = 50
@@ -98,7 +100,7 @@ def read_change(key: Key, text: str, option: str) -> Change:
     """
     origin = Origin(option, key=join(key))
     try:
-        return Change(key, parse(text if text.strip() else "null", key=key).value, origin)
+        return Change(key, parse(text if text.strip() else "null", key=key)[0], origin)
     except ScenarioError as error:
         raise ScenarioError(
             each._replace(key=each.key or key, origin=origin) for each in error.problems
@@ -127,7 +129,7 @@ def _parted(text: str, option: str, wanted: str) -> tuple[Key, str]:
         raise ScenarioError.about(f"{option} {brief(text)}", f"must be {wanted}") from None
 
 
-def applied(document: Document, change: Change) -> Document:
+def applied(document: D, change: Change) -> D:
     """Return a document with one change; the parts beside the way to its value are shared.
 
     Raises:
@@ -214,8 +216,6 @@ def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
     axes = list[list[Change]]()
     for name, listed in values.items():
         try:
-            if isinstance(listed, str):
-                raise ValueError(f"must be a list of values, got {listed!r}")
             axes.append([changes_of({name: value})[0] for value in listed])
         except ValueError as error:
             raise ScenarioError.about(f"vary {brief(name)}", str(error)) from None

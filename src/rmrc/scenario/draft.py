@@ -4,6 +4,7 @@ import copy
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 from typing import Any, Self, TypeAlias
@@ -15,11 +16,10 @@ from rmrc.scenario.control import ControlSection
 from rmrc.scenario.expect import PROFILE
 from rmrc.scenario.messages import checked
 from rmrc.scenario.profile import SHIPPED
-from rmrc.scenario.reading import Document, read_document, split
+from rmrc.scenario.reading import Document, split
 from rmrc.scenario.sections import Sections, parse_key
 from rmrc.scenario.wording import block
 from rmrc.support import shipped
-from rmrc.support.brief import cut
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin, Problem, join
 
@@ -43,14 +43,10 @@ class Scenario(Sections):
 
     __hash__ = None  # type: ignore[assignment]
 
-    def __repr__(self) -> str:
-        """Return its keys and values, as many as fit on a screen."""
-        return cut(super().__repr__())
-
     @property
     def draft(self) -> "Draft":
         """Its source; for one made in Python, its own values."""
-        return self._draft or Draft(Document(self.model_dump(mode="json")))
+        return self._draft or Draft(self.model_dump(mode="json"))
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy as pydantic makes it; a copy with other values counts as made in Python."""
@@ -70,7 +66,7 @@ class Scenario(Sections):
             `scenarios/x.yaml:7:13: control.inverse.damping.maximum`; `--set KEY` if it was set
             so; the key alone if the scenario was made in Python.
         """
-        return self.draft.document.origin(parse_key(key)).of(join(parse_key(key)))
+        return self.draft.origin(parse_key(key)).of(join(parse_key(key)))
 
     def problem(self, key: str, text: str) -> Problem:
         """Return the problem of a value, with the place where it was given.
@@ -79,7 +75,7 @@ class Scenario(Sections):
             key: Of the value, dotted.
             text: The problem in words.
         """
-        return self.draft.document.problem(parse_key(key), text)
+        return self.draft.problem(parse_key(key), text)
 
     def changed(self, *changes: Change) -> "Scenario":
         """Return the scenario with other values; later changes win.
@@ -126,43 +122,19 @@ class Scenario(Sections):
         return block(self.model_dump(mode="json"), width=80)
 
 
-class Draft:
-    """Values of a scenario and their origins; they may be invalid, and changes may correct them.
-
-    Attributes:
-        document: The values.
-    """
-
-    def __init__(self, document: Document, folder: Path | None = None, root: Path | None = None) -> None:
-        """Keep the values.
-
-        Args:
-            document: The values.
-            folder: Where relative paths start; None: at the working directory, and files are not checked
-                until they are used.
-            root: Below it are all files, by their absolute paths; None: they are where they are.
-        """
-        self.document, self._folder, self._root = document, folder, root
-
-    @property
-    def source(self) -> str:
-        """Name of the file in messages; "" without one."""
-        return self.document.source
-
-    @property
-    def folder(self) -> Path:
-        """Where relative paths start."""
-        return self._folder or Path()
+@dataclass(frozen=True)
+class Draft(Document):
+    """Values of a scenario and their origins; they may be invalid, and changes may correct them."""
 
     def files(self) -> tuple[Path, ...]:
         """Return the models, packages, recorded motions and profiles that it and its sweep name."""
-        texts = _texts("", self.document.value)
+        texts = _texts("", self.value)
         named = (text for key, text in texts if _FILES.search(key) and text not in SHIPPED)
         return tuple(map(Path, dict.fromkeys(os.path.abspath(self.folder / name) for name in named)))
 
     def moved(self, root: Path) -> "Draft":
         """Return the draft for a machine where all its files are below a folder, by their absolute paths."""
-        return Draft(self.document, self.folder.absolute(), root)
+        return replace(self, folder=self.folder.absolute(), root=root)
 
     def changed(self, *changes: Change) -> "Draft":
         """Return the draft with other values; later changes win.
@@ -170,7 +142,7 @@ class Draft:
         Raises:
             ScenarioError: There is no place for a value.
         """
-        return Draft(reduce(applied, changes, self.document), self._folder, self._root)
+        return reduce(applied, changes, self)
 
     def overridden(self, texts: Iterable[str]) -> "Draft":
         """Return the draft with `KEY=VALUE` texts of `--set`.
@@ -195,7 +167,7 @@ class Draft:
 
     def values(self) -> dict[str, Any]:
         """Return a copy of the values: plain data, unchecked."""
-        return dict(copy.deepcopy(self.document.value))
+        return dict(copy.deepcopy(self.value))
 
     def scenario(self) -> Scenario:
         """Return the scenario.
@@ -203,8 +175,7 @@ class Draft:
         Raises:
             ScenarioError: Lists all problems at once.
         """
-        context = {"folder": self._folder, "root": self._root} if self._folder else None
-        scenario = checked(Scenario, self.document, context)
+        scenario = checked(Scenario, self)
         scenario._draft = self
         return scenario
 
@@ -267,7 +238,7 @@ def draft_of(source: Source, overrides: Iterable[str] = ()) -> Draft:
     if isinstance(source, Scenario):
         return source.draft.overridden(overrides)
     name = os.fspath(shipped.found(source, "scenarios"))
-    return Draft(read_document(name), Path(name).parent.resolve()).overridden(overrides)
+    return Draft.read(name).overridden(overrides)
 
 
 def load(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scenario:
@@ -300,4 +271,4 @@ def loads(text: str, source: str = "<text>", overrides: Iterable[str] = ()) -> S
     Raises:
         ScenarioError: With all mistakes at once.
     """
-    return Draft(read_document(source, text), Path().resolve()).overridden(overrides).scenario()
+    return Draft.read(source, text).overridden(overrides).scenario()

@@ -3,14 +3,14 @@
 import math
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 from rmrc.scenario.arm import ArmSection
-from rmrc.scenario.control import ControlSection
+from rmrc.scenario.control import ControlSection, TaskSection
 from rmrc.scenario.draft import Scenario, load
 from rmrc.scenario.messages import checked
-from rmrc.scenario.reading import Document, read_document
-from rmrc.scenario.task import TaskSection
+from rmrc.scenario.reading import Document
 from rmrc.scenario.values import Section
 from rmrc.support import shipped
 from rmrc.support.errors import QuestionError
@@ -63,7 +63,7 @@ def _controls(source: ControlSource) -> Controls:
         return Controls(control=source.control, task=source.task, arm=source.arm)
     elif isinstance(source, str | os.PathLike):
         name = os.fspath(shipped.found(source, "scenarios"))
-        document = read_document(name)
+        document = Document.read(name)
         if "arm" in document.value:
             return _controls(load(name))
     else:
@@ -71,7 +71,7 @@ def _controls(source: ControlSource) -> Controls:
         raise QuestionError(f"control must be {wanted}, got {type(source).__name__}")
     if not document.value.keys() & {"control", "task"}:  # the keys of the section control itself
         places = {("control", *key): place for key, place in document.places.items()}
-        document = Document({"control": document.value}, document.source, places)
+        document = replace(document, value={"control": document.value}, places=places)
     return checked(Controls, document)
 
 

@@ -1,16 +1,13 @@
 """Pydantic's errors as problems: the key, the requirement, the value, and the way out."""
 
 import re
-from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from rmrc.scenario.choices import CHOICES, PLANTS
 from rmrc.scenario.reading import Document
-from rmrc.scenario.units import instead
 from rmrc.scenario.values import Section, fields_at
 from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError, did_you_mean
@@ -37,26 +34,27 @@ _WANTS = {
 }
 
 
-# Other names that people use for a choice.
+# Other names of choices: no file may use them, but a message then gives ours.
 _ALIASES = {
-    alias: option.name
-    for choices in (PLANTS, *CHOICES)
-    for option in choices.options
-    for alias in option.others.split()
-}
+    "inv": "inverse", "pinv": "pseudoinverse", "tsvd": "truncated", "jt": "transpose", "dls": "damped",
+    "sdls": "selectively_damped", "adaptive": "smallest_singular_value", "rest": "posture", "home": "posture",
+    "second_task": "secondary", "proportional": "scale", "saturate": "clamp", "qp": "optimal", "off": "none",
+    "time_scaling": "slow", "halt": "stop", "barrier": "keep_out", "kinematic": "ideal", "velocity": "servo",
+    "computed_torque": "torque",
+}  # fmt: skip
 
 
-def checked(section: type[S], document: Document, context: Mapping[str, Any] | None = None) -> S:
+def checked(section: type[S], document: Document) -> S:
     """Return the section that a document has.
 
     Args:
         section: Its class.
         document: The values.
-        context: Where the files are; None: they are not checked.
 
     Raises:
         ScenarioError: Lists all problems at once: those of the file by line, then those of options.
     """
+    context = {"folder": document.folder, "root": document.root}
     try:
         return section.model_validate(document.value, context=context, by_alias=True, by_name=False)
     except ValidationError as error:
@@ -116,7 +114,8 @@ def _way(name: str, value: object, key: Key, section: type[Section]) -> str:
         return "; put it in quotes"
     if name == "float_type" and isinstance(value, str):
         extra = _field(key, section).json_schema_extra
-        return instead(value, str(extra.get("unit", "")) if isinstance(extra, dict) else "")
+        unit = extra.get("unit", "") if isinstance(extra, dict) else ""
+        return f"; write one such as 1.0e-3{unit and f', in {unit}'}"
     return f"; its keys are {', '.join(fields_at(section, key))}" if name == "model_type" else ""
 
 

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from rmrc.scenario import values as types
 from rmrc.scenario.messages import checked
-from rmrc.scenario.reading import read_document
+from rmrc.scenario.reading import Document
 from rmrc.scenario.values import Section, checked_file, key, rule
 from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError, did_you_mean
@@ -185,4 +185,4 @@ def load_profile(name: str) -> Profile:
 
 @lru_cache(maxsize=64)
 def _loaded(path: Path, mtime: int) -> Profile:  # noqa: ARG001 - read anew where it differs
-    return checked(Profile, read_document(str(path))).model_copy(update={"name": path.stem})
+    return checked(Profile, Document.read(str(path))).model_copy(update={"name": path.stem})

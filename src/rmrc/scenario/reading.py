@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import yaml
 
@@ -44,12 +44,34 @@ class Document:
         source: Their file; "" without one.
         places: Those of the values in the file, by key.
         changes: Values that were given elsewhere, by key and origin, later ones on top.
+        folder: Where relative paths start.
+        root: Below it are all files, by their absolute paths; None: they are where they are.
     """
 
     value: Any = field(default_factory=dict)
     source: str = ""
     places: Mapping[Key, Place] = field(default_factory=dict)
     changes: tuple[tuple[Key, Origin], ...] = ()
+    folder: Path = Path()
+    root: Path | None = None
+
+    @classmethod
+    def read(cls, source: str, text: str | None = None) -> Self:
+        """Return the values of a YAML text, which is a mapping.
+
+        Args:
+            source: Its file, or its name in messages.
+            text: The text, whose relative paths start at the working directory; None: that of the file.
+
+        Raises:
+            ScenarioError: It cannot be read, or is not a mapping.
+        """
+        value, places = parse(_read(source) if text is None else text, source)
+        if not isinstance(value, dict):
+            place = places[()].value
+            raise ScenarioError([Problem((), f"must be a mapping, got {show(value)}", place)])
+        folder = Path() if text else Path(source).parent
+        return cls(value, source, places, folder=folder.resolve())
 
     def origin(self, key: Key) -> Origin:
         """Return where a value was given, or else a part of it, or else its nearest parent."""
@@ -82,30 +104,14 @@ def split(text: str) -> Key:
     return tuple(int(i) if i else name for i, name in re.findall(r"\[([0-9]+)\]|([^.\[\]]+)", text))
 
 
-def read_document(source: str, text: str | None = None) -> Document:
-    """Return the values of a YAML text, which is a mapping.
-
-    Args:
-        source: Its file, or its name in messages.
-        text: The text; None: that of the file.
-
-    Raises:
-        ScenarioError: It cannot be read, or is not a mapping.
-    """
-    document = parse(_read(source) if text is None else text, source)
-    if not isinstance(document.value, dict):
-        raise ScenarioError([document.problem((), f"must be a mapping, got {show(document.value)}")])
-    return document
-
-
-def parse(text: str, source: str = "", key: Key = ()) -> Document:
-    """Parse one YAML document; `key` is where its value will stand.
+def parse(text: str, source: str = "", key: Key = ()) -> tuple[Any, dict[Key, Place]]:
+    """Return the value of one YAML document, and its places; `key` is where it will stand.
 
     Raises:
         ScenarioError: The text cannot be used.
     """
     builder = _Builder(*_composed(text, source), source)
-    return Document(builder.value(builder.root, key), source, builder.places)
+    return builder.value(builder.root, key), builder.places
 
 
 def _error(text: str, source: str, mark: yaml.Mark | None = None, key: Key = ()) -> ScenarioError:
@@ -149,9 +155,8 @@ def _composed(text: str, source: str) -> tuple[yaml.SafeLoader, yaml.Node]:
         root = loader.get_single_node()
     except yaml.reader.ReaderError as error:
         *above, line = text[: error.position].split("\n")
-        what = f"is not a text file: it holds the character U+{ord(text[error.position]):04X}"
-        place = Origin(source, len(above) + 1, len(line) + 1)
-        raise ScenarioError([Problem((), what, place)]) from None
+        what = f"is not a text file: it holds the character U+{error.character:04X}"
+        raise ScenarioError([Problem((), what, Origin(source, len(above) + 1, len(line) + 1))]) from None
     except yaml.MarkedYAMLError as error:
         text = f"is not valid YAML: {', '.join(filter(None, (error.context, error.problem)))}"
         raise _error(text, source, error.problem_mark or error.context_mark) from None

@@ -7,13 +7,12 @@ from pydantic import ConfigDict, model_validator
 
 from rmrc.scenario.arm import ArmSection
 from rmrc.scenario.choices import PLANTS
-from rmrc.scenario.control import ControlSection
+from rmrc.scenario.control import ControlSection, TaskSection
 from rmrc.scenario.expect import PROFILE, Check, Expectations
 from rmrc.scenario.plant import PlantSection
 from rmrc.scenario.reading import split
 from rmrc.scenario.sweep import Baseline, SweepSection, TuneSection
 from rmrc.scenario.target import TargetSection
-from rmrc.scenario.task import TaskSection
 from rmrc.scenario.values import Name, NotNegative, Section, key, rule
 from rmrc.scenario.wording import show
 from rmrc.support.problems import Key
@@ -88,13 +87,11 @@ def parse_key(text: str) -> Key:
     Raises:
         ValueError: If the text is no key.
     """
+    for section in ("baseline", "sweep.vary", "sweep.draw"):
+        if text.startswith(f"{section}.") and text != f"{section}.":
+            return (*section.split("."), text.removeprefix(f"{section}."))
     section, _, below = text.partition(".")
-    name, _, varied = below.partition(".")
-    if section == "baseline" and below:
-        return (section, below)
-    if section == "sweep" and varied and name in ("vary", "draw"):
-        return (section, name, varied)
-    if section != "expect" or "." not in text:
+    if section != "expect" or not below:
         return split(text)
     metric, _, last = below.rpartition(".")  # a metric may lack a name, and is then refused
     return (section, metric, last) if metric and last in Check.model_fields else (section, below)

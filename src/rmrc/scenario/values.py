@@ -7,26 +7,13 @@ import re
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    GetJsonSchemaHandler,
-    SerializerFunctionWrapHandler,
-    Tag,
-    ValidationInfo,
-    WithJsonSchema,
-    model_serializer,
-    model_validator,
-)
+import pydantic
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
 from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic_core import PydanticCustomError
 
-from rmrc.scenario.units import DECIMAL, UNSIGNED
+from rmrc.scenario.units import DECIMAL, UNSIGNED, quantity
 from rmrc.scenario.wording import nearby, show
 from rmrc.support.problems import Key
 
@@ -46,33 +33,22 @@ class Section(BaseModel):
     The meaning of each key stands in the docstring of its class, under `Attributes`.
     """
 
+    # its schema waits for the meanings
     model_config = ConfigDict(
-        frozen=True, extra="forbid", validate_by_name=True, validate_by_alias=True, serialize_by_alias=True
+        frozen=True, extra="forbid", validate_by_name=True, serialize_by_alias=True, defer_build=True
     )
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
         """Take the meanings from the docstring."""
-        attributes = inspect.cleandoc(cls.__doc__ or "").partition("Attributes:\n")[2]
-        for name, text in re.findall(r"^    (\w+): (.+(?:\n {6}.+)*)", attributes, re.M):
+        title, *attributes = inspect.cleandoc(cls.__doc__ or "").split("\n\nAttributes:\n")
+        cls.model_config["json_schema_extra"] = {"description": title}
+        for name, text in re.findall(r"^    (\w+): (.+(?:\n {6}.+)*)", "".join(attributes), re.M):
             cls.model_fields[name].description = " ".join(text.split())
 
     def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
         """Return the section itself, which is frozen; pydantic copies each default."""
         return self
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, core: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        """Return the JSON Schema, with the meanings."""
-        schema = handler(core)
-        section = handler.resolve_ref_schema(schema)
-        section["description"] = inspect.cleandoc(cls.__doc__ or "").partition("\n\nAttributes:")[0]
-        for name, field in cls.model_fields.items():
-            if field.description:
-                section["properties"][field.alias or name]["description"] = field.description
-        return schema
 
 
 class Exclusive(Section):
@@ -82,7 +58,7 @@ class Exclusive(Section):
     counts: ClassVar[tuple[tuple[tuple[str, ...], int, int], ...]] = ()
     needs: ClassVar[tuple[tuple[str, str], ...]] = ()
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _fitting(self) -> Self:
         values = self.__dict__
         for names, least, most in self.counts:
@@ -96,27 +72,12 @@ class Exclusive(Section):
                 raise rule(f"{name} needs {other}")
         return self
 
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, core: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        """Return the JSON Schema, with what the keys need."""
-        schema = super().__get_pydantic_json_schema__(core, handler)
-        needed = [
-            {"oneOf" if most == 1 else "anyOf": [{"required": [name]} for name in names]}
-            for names, least, most in cls.counts
-            if least
-        ]
-        more = {"allOf": needed, "dependentRequired": {name: [other] for name, other in cls.needs}}
-        handler.resolve_ref_schema(schema).update({name: rules for name, rules in more.items() if rules})
-        return schema
-
 
 class Choice(Exclusive):
     """A mapping in which keys exclude others: those that are absent are not written."""
 
-    @model_serializer(mode="wrap")
-    def _present(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    @pydantic.model_serializer(mode="wrap")
+    def _present(self, handler: pydantic.SerializerFunctionWrapHandler) -> dict[str, Any]:
         return {name: value for name, value in handler(self).items() if value is not None}
 
 
@@ -164,11 +125,10 @@ def angle(text: str) -> float:
     Raises:
         ValueError: The text is neither, or not finite.
     """
-    match = re.fullmatch(rf"{_ANGLE}|\s*({DECIMAL})\s*", text)
-    value = float(match[1] or match[3]) if match else math.nan
-    if match is None or not math.isfinite(value):
-        raise ValueError(f'must be a number or an angle such as "60 deg", got {show(text)}')
-    return math.radians(value) if match[2] == "deg" else value
+    try:
+        return quantity(text, "rad")[0]
+    except ValueError:
+        raise ValueError(f'must be a number or an angle such as "60 deg", got {show(text)}') from None
 
 
 def _radians(value: object) -> object:
@@ -189,7 +149,8 @@ def _distinct(values: tuple[str, ...]) -> tuple[str, ...]:
     return values
 
 
-def _directed(values: tuple[float, ...]) -> tuple[float, ...]:
+def directed(values: tuple[float, ...]) -> tuple[float, ...]:
+    """Refuse a vector of zeros."""
     if math.hypot(*values) < 1e-9:  # its squares would vanish or be noise
         raise rule(f"must not be zero, got {show(list(values))}")
     return values
@@ -201,7 +162,7 @@ def _ordered(bounds: tuple[float, ...]) -> tuple[float, ...]:
     return bounds
 
 
-def checked_file(path: Path, info: ValidationInfo, *suffixes: str, is_folder: bool = False) -> Path:
+def checked_file(path: Path, info: pydantic.ValidationInfo, *suffixes: str, is_folder: bool = False) -> Path:
     """Make a path absolute; where a scenario is read (context), the file must be there.
 
     Args:
@@ -210,7 +171,7 @@ def checked_file(path: Path, info: ValidationInfo, *suffixes: str, is_folder: bo
         suffixes: Of files to suggest if there is none.
         is_folder: Whether it is the path of a folder.
     """
-    context = info.context or {}
+    context: dict[str, Any] = info.context or {}
     full = os.path.abspath(os.path.join(context.get("folder", ""), path))
     full = f"{context.get('root') or ''}{full}"
     if context and not (os.path.isdir(full) if is_folder else os.path.isfile(full)):
@@ -219,16 +180,16 @@ def checked_file(path: Path, info: ValidationInfo, *suffixes: str, is_folder: bo
     return Path(full if is_folder else os.path.realpath(full))
 
 
-def _motion(path: Path, info: ValidationInfo) -> Path:
+def _motion(path: Path, info: pydantic.ValidationInfo) -> Path:
     if path.suffix not in MOTIONS:
         raise rule(f"must end in one of {', '.join(MOTIONS)}, got {show(str(path))}")
     return checked_file(path, info, path.suffix)
 
 
-def _or_text(title: str, pattern: str, **bounds: int) -> WithJsonSchema:
+def _or_text(title: str, pattern: str, **bounds: int) -> pydantic.WithJsonSchema:
     """Return the JSON Schema of a number that may be written as a text."""
     options = [{"type": "number", **bounds}, {"type": "string", "pattern": f"^{pattern}$"}]
-    return WithJsonSchema({"title": title, "anyOf": options})
+    return pydantic.WithJsonSchema({"title": title, "anyOf": options})
 
 
 def _one_or_list(value: object) -> str:
@@ -265,8 +226,14 @@ _Items = Annotated[tuple[T, ...], count(1)]
 _Two = Annotated[tuple[T, ...], count(2, 2), AfterValidator(_ordered)]
 _Three = Annotated[tuple[T, ...], count(3, 3)]
 # Only the option that fits reports errors.
-_OneOr = Annotated[Annotated[T, Tag("<one>")] | Annotated[U, Tag("<list>")], Discriminator(_one_or_list)]
-TextOr = Annotated[Annotated[T, Tag("<text>")] | Annotated[U, Tag("<other>")], Discriminator(_text_or_other)]
+_OneOr = Annotated[
+    Annotated[T, Tag("<one>")] | Annotated[U, Tag("<list>")],
+    Discriminator(_one_or_list),
+]
+TextOr = Annotated[
+    Annotated[T, Tag("<text>")] | Annotated[U, Tag("<other>")],
+    Discriminator(_text_or_other),
+]
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 Frame = Literal["world", "base", "site"]
@@ -281,7 +248,7 @@ Gravity = _Three[Number]
 Angles = _Three[Angle]
 Moments = _Three[Positive]
 Wrench = Annotated[tuple[Number, ...], count(6, 6)]
-Quaternion = Annotated[tuple[Number, ...], count(4, 4), AfterValidator(_directed)]
+Quaternion = Annotated[tuple[Number, ...], count(4, 4), AfterValidator(directed)]
 OneOrEach = _OneOr[Positive, _Items[Positive]]
 NotNegativeOrEach = _OneOr[NotNegative, _Items[NotNegative]]
 AngleOrEach = _OneOr[Angle, _Items[Angle]]
@@ -289,7 +256,7 @@ NotNegativeAngleOrEach = _OneOr[NotNegativeAngle, _Items[NotNegativeAngle]]
 Range = _OneOr[NotNegative, _Two[NotNegative]]
 AngleRange = _OneOr[NotNegativeAngle, _Two[NotNegativeAngle]]
 NameOrPositions = TextOr[Text, Positions]
-Direction = TextOr[Literal["x", "y", "z"], Annotated[_Three[Number], AfterValidator(_directed)]]
+Direction = TextOr[Literal["x", "y", "z"], Annotated[_Three[Number], AfterValidator(directed)]]
 PositiveOrAuto = TextOr[Literal["auto"], Positive]
 Bounds = Annotated[
     _Two[Angle],

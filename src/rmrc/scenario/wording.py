@@ -16,11 +16,10 @@ def show(value: object) -> str:
         return "nothing"
     if isinstance(value, float):
         return repr(value).removesuffix(".0")
-    if isinstance(value, list):
-        return brief(f"[{', '.join(show(item) for item in value[:20])}]")
-    if isinstance(value, int) and abs(value) >= 10**80:  # Python writes 4300 digits at most
+    try:
+        return brief(json.dumps(value, ensure_ascii=False, default=repr))
+    except ValueError:  # Python writes 4300 digits at most
         return "a huge integer"
-    return brief(json.dumps(value, ensure_ascii=False, default=repr))
 
 
 def inline(value: object) -> str:
