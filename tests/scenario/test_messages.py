@@ -15,10 +15,10 @@ from wording import says
     [
         ("control.feedbak=1", '… key; … "feedback"?'),
         ("task.size=1", "… key; … axes, frame, length, weights"),
-        ("arm.model=null", "… text, got nothing"),
+        ("arm.model=null", "… text, … got nothing"),
         ("arm={site: tip}", "--set arm: arm.model: … required: MJCF or URDF file…"),
         ("control.inverse.method=dampd", '… one of "inverse", … "damped"?'),
-        ("arm.site=2024", "… text, got 2024; … quotes"),
+        ("arm.site=2024", "… text, … quotes … got 2024"),
         ("plant=servo", '… mapping, got "servo"; … keys … kind, …'),
         ("arm.encoder=3", "… mapping, got 3; … keys … offset, deviation, …"),
         ("task.axes=x", '… list … "x"'),

@@ -8,9 +8,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
+from rmrc.scenario.messages import fields_at
 from rmrc.scenario.reading import Document, parse
 from rmrc.scenario.sections import Sections, parse_key
-from rmrc.scenario.values import Section, fields_at
+from rmrc.scenario.values import Section
 from rmrc.scenario.wording import brief, inline, show
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Key, Origin, Problem, join
@@ -135,39 +136,35 @@ def applied(document: D, change: Change) -> D:
     Raises:
         ScenarioError: There is no such place.
     """
-    key, origin = change.key, change.origin or Origin()
-    try:
-        value = _put(document.value, key, change.value)
-    except ValueError as error:
-        raise ScenarioError([Problem(key, str(error), origin)]) from None
-    return replace(document, value=value, changes=(*document.changes, (key, origin)))
+    changes = (*document.changes, (change.key, change.origin or Origin()))
+    return replace(document, value=_put(document.value, change), changes=changes)
 
 
-def _put(node: Any, key: Key, value: object, depth: int = 0) -> Any:
+def _put(node: Any, change: Change, depth: int = 0) -> Any:
     """Return plain data with one value set deep in it, and the mappings on the way there.
 
     Args:
         node: The data at the first steps of the key.
-        key: Key of the value.
-        value: The value to set.
-        depth: Number of steps of the key that lead to the node.
+        change: The change.
+        depth: Number of steps of its key that lead to the node.
 
     Raises:
-        ValueError: There is no such place.
+        ScenarioError: There is no such place.
     """
-    if depth == len(key):
-        return value
-    step = key[depth]
+    if depth == len(change.key):
+        return change.value
+    step, above, problem = change.key[depth], change.key[:depth], ""
     if node is None:
-        node = {} if isinstance(step, str) else _default(key[:depth])
+        node = {} if isinstance(step, str) else _default(above)
     if not isinstance(node, dict if isinstance(step, str) else list):
-        wanted = "mapping" if isinstance(step, str) else "list"
-        raise ValueError(f"{join(key[:depth])} is {show(node)}, not a {wanted}")
-    if isinstance(step, int) and step >= len(node):
-        raise ValueError(f"{join(key[:depth])} has {len(node)} item(s), counted from 0")
+        problem = f"is {show(node)}, not a {'mapping' if isinstance(step, str) else 'list'}"
+    elif isinstance(step, int) and step >= len(node):
+        problem = f"has {len(node)} item(s), counted from 0"
+    if problem:
+        raise ScenarioError([Problem(change.key, f"{join(above)} {problem}", change.origin)])
     changed: Any = node.copy()
     below = changed.get(step) if isinstance(step, str) else changed[step]
-    changed[step] = _put(below, key, value, depth + 1)
+    changed[step] = _put(below, change, depth + 1)
     return changed
 
 

@@ -261,8 +261,7 @@ INVERSES = Choices("inverse.method", "damped", (
 
 METRICS = Choices("inverse.metric", "joints", (
     Choice("joints", "‖W_q^½ qdot‖, sliding joints over task.length", "Whitney69", acts=False),
-    Choice("inertia", "√(qdotᵀ M qdot), with the inertia M(q) of the arm: dynamically consistent", "Khatib87",
-        acts=False),
+    Choice("inertia", "√(qdotᵀ M qdot), by the inertia M(q): dynamically consistent", "Khatib87", acts=False),
 ))  # fmt: skip
 
 SCHEDULES = Choices("inverse.damping.schedule", "smallest_singular_value", (
@@ -283,8 +282,7 @@ OBJECTIVES = Choices("nullspace.objective", "none", (
     Choice("joint_limits", "towards the middle of the joints' ranges", "Liegeois77", (GAIN,)),
     Choice("manipulability", "towards a larger w, by the derivative of J", "Yoshikawa85", (GAIN,)),
     Choice("rates", "constant, as given", "", (RATES,)),
-    Choice("secondary", "the rates of a second task: another site, or other rows; `classical` or `robust` "
-        "priority"),
+    Choice("secondary", "the rates of a second task: another site, or other rows, of lower priority"),
 ))  # fmt: skip
 
 PRIORITIES = Choices("nullspace.secondary.priority", "robust", (
@@ -293,8 +291,7 @@ PRIORITIES = Choices("nullspace.secondary.priority", "robust", (
 ))  # fmt: skip
 
 LIMITS = Choices("limits.on_excess", "scale", (
-    Choice("scale", "all are scaled by one factor: the tip keeps its direction while no joint is at its "
-        "position limit"),
+    Choice("scale", "all by one factor: the tip keeps its direction unless a joint is at its position limit"),
     Choice("clamp", "each is clamped by itself: the tip does not keep its direction"),
     Choice("redistribute", "the other joints take over the part of a saturated joint", "Flacco15"),
     Choice("optimal", "the rates within the bounds that are best for the task, by the measure of the damped "

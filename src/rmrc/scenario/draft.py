@@ -13,11 +13,10 @@ from pydantic import PrivateAttr
 
 from rmrc.scenario.changes import Change, applied, changes_of, deeper_last, read_change, read_setting
 from rmrc.scenario.control import ControlSection
-from rmrc.scenario.expect import PROFILE
 from rmrc.scenario.messages import checked
 from rmrc.scenario.profile import SHIPPED
 from rmrc.scenario.reading import Document, split
-from rmrc.scenario.sections import Sections, parse_key
+from rmrc.scenario.sections import PROFILE, Sections, parse_key
 from rmrc.scenario.wording import block
 from rmrc.support import shipped
 from rmrc.support.errors import ScenarioError

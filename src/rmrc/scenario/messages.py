@@ -1,14 +1,14 @@
 """Pydantic's errors as problems: the key, the requirement, the value, and the way out."""
 
 import re
-from typing import TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from rmrc.scenario.reading import Document
-from rmrc.scenario.values import Section, fields_at
+from rmrc.scenario.values import Section
 from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.problems import Key, Origin, Problem
@@ -17,7 +17,7 @@ S = TypeVar("S", bound=Section)
 
 # The requirement behind each of pydantic's errors; others have it in pydantic's words.
 _WANTS = {
-    "string_type": "must be text",
+    "string_type": "must be text, in quotes if it looks like a number",
     "path_type": "must be text",
     "bool_type": "must be true or false",
     "int_type": "must be a whole number without a dot",
@@ -59,11 +59,11 @@ def checked(section: type[S], document: Document) -> S:
         return section.model_validate(document.value, context=context, by_alias=True, by_name=False)
     except ValidationError as error:
         details = error.errors(include_url=False)
-    problems = [_problem(each, document, section) for each in details if not _is_short_of_valid_items(each)]
+    problems = [_problem(each, document, section) for each in details if not _counts_valid_items(each)]
     raise ScenarioError(sorted(problems, key=_line))
 
 
-def _is_short_of_valid_items(detail: ErrorDetails) -> bool:
+def _counts_valid_items(detail: ErrorDetails) -> bool:
     """Return whether a list is too short only because pydantic counts its valid items alone."""
     return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
 
@@ -110,8 +110,6 @@ def _message(detail: ErrorDetails, key: Key, section: type[Section]) -> str:
 
 def _way(name: str, value: object, key: Key, section: type[Section]) -> str:
     """Return the correct spelling, if it follows from the value and its key."""
-    if name in ("string_type", "path_type") and isinstance(value, bool | int | float):
-        return "; put it in quotes"
     if name == "float_type" and isinstance(value, str):
         extra = _field(key, section).json_schema_extra
         unit = extra.get("unit", "") if isinstance(extra, dict) else ""
@@ -124,3 +122,18 @@ def _field(key: Key, section: type[Section]) -> FieldInfo:
     while str(key[-1]) not in fields_at(section, key[:-1]):
         key = key[:-1]
     return fields_at(section, key[:-1])[str(key[-1])]
+
+
+def fields(kind: Any) -> dict[str, FieldInfo]:
+    """Return the keys of a section, or of all the sections in a type."""
+    if isinstance(kind, type) and issubclass(kind, Section):
+        return {field.alias or name: field for name, field in kind.model_fields.items()}
+    return {name: field for inner in get_args(kind) for name, field in fields(inner).items()}
+
+
+def fields_at(kind: Any, key: Key) -> dict[str, FieldInfo]:
+    """Return the keys below a key of a section."""
+    known = fields(kind)
+    for step in key:  # the index of an item and the name of a metric lead nowhere else
+        known = fields(known[step].annotation) if step in known else known
+    return known

@@ -67,8 +67,7 @@ def _resolve(schema: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any]:
     """Follow a reference, also through "or null" and "or a text"."""
     for option in (schema, *schema.get("anyOf", ()), *schema.get("oneOf", ())):
         if "$ref" in option:
-            resolved: dict[str, Any] = defs[option["$ref"].rpartition("/")[2]]
-            return resolved
+            return dict(defs[option["$ref"].rpartition("/")[2]])
     return schema
 
 

@@ -5,15 +5,13 @@ import math
 import os
 import re
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
 from pydantic.config import JsonDict
-from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
-from rmrc.scenario.units import DECIMAL, UNSIGNED, quantity
 from rmrc.scenario.wording import nearby, show
 from rmrc.support.problems import Key
 
@@ -23,8 +21,16 @@ U = TypeVar("U")
 # Formats of a recorded motion.
 MOTIONS = (".csv", ".parquet", ".npz")
 
-_ANGLE = rf"\s*({DECIMAL})\s*(deg|rad)\s*"
-_RATE = rf"\s*(?:({UNSIGNED})\s*Hz|1\s*/\s*({UNSIGNED})\s*s?)\s*"
+# Each digit matches in one way only; otherwise a long invalid text would take time quadratic in its length.
+_UNSIGNED = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_DECIMAL = rf"[-+]?{_UNSIGNED}"
+_ANGLE = rf"\s*({_DECIMAL})\s*(deg|rad)\s*"
+_RATE = rf"\s*(?:({_UNSIGNED})\s*Hz|1\s*/\s*({_UNSIGNED})\s*s?)\s*"
+
+
+# Factor to the unit of scenarios, and that unit.
+_DEGREE = math.radians(1.0)
+_UNITS = {"s": (1.0, "s"), "ms": (1e-3, "s"), "rad": (1.0, "rad"), "deg": (_DEGREE, "rad"), "%": (1e-2, "1")}
 
 
 class Section(BaseModel):
@@ -98,25 +104,24 @@ def rule(text: str, key: Key = ()) -> PydanticCustomError:
     return PydanticCustomError("rule", "{text}", {"text": text, "key": key})
 
 
-# Keys of sections --------------------------------------------------------------------------------
-
-
-def fields(kind: Any) -> dict[str, FieldInfo]:
-    """Return the keys of a section, or of all the sections in a type."""
-    if isinstance(kind, type) and issubclass(kind, Section):
-        return {field.alias or name: field for name, field in kind.model_fields.items()}
-    return {name: field for inner in get_args(kind) for name, field in fields(inner).items()}
-
-
-def fields_at(kind: Any, key: Key) -> dict[str, FieldInfo]:
-    """Return the keys below a key of a section."""
-    known = fields(kind)
-    for step in key:  # the index of an item and the name of a metric lead nowhere else
-        known = fields(known[step].annotation) if step in known else known
-    return known
-
-
 # Readers and checks of values --------------------------------------------------------------------
+
+
+def quantity(text: str, unit: str) -> tuple[float, bool]:
+    """Return the value of a text in a unit, and whether the text has one itself.
+
+    Raises:
+        ValueError: It is no number with that unit, or one that converts to it, or with none.
+
+    >>> quantity("6 ms", "s"), quantity("0.5", "rad")
+    ((0.006, True), (0.5, False))
+    """
+    match = re.fullmatch(rf"\s*({_DECIMAL})\s*([a-z%]*)\s*", text)
+    factor, own = _UNITS.get(match[2], (1.0, match[2] or unit)) if match else (1.0, "")
+    value = float(match[1]) * factor if match else math.nan
+    if match is None or own != unit or not math.isfinite(value):
+        raise ValueError(f"is not a number in {unit}" if unit != "1" else "is not a number")
+    return value, bool(match[2])
 
 
 def angle(text: str) -> float:
@@ -216,7 +221,7 @@ Folder = Annotated[Path, AfterValidator(lambda path, info: checked_file(path, in
 Angle = Annotated[Number, BeforeValidator(_radians), _or_text("angle", _ANGLE)]
 NotNegativeAngle = Annotated[
     NotNegative, BeforeValidator(_radians),
-    _or_text("angle >= 0", rf"\s*\+?{UNSIGNED}\s*(deg|rad)\s*", minimum=0),
+    _or_text("angle >= 0", rf"\s*\+?{_UNSIGNED}\s*(deg|rad)\s*", minimum=0),
 ]  # fmt: skip
 Period = Annotated[
     Positive, BeforeValidator(_seconds), _or_text("number > 0 or rate", _RATE, exclusiveMinimum=0)
@@ -244,8 +249,6 @@ Weights = _Items[Positive]
 Rates = _Items[Number]
 Vector = Annotated[tuple[Number, ...], count(2, 3)]
 Point = _Three[Number]
-Gravity = _Three[Number]
-Angles = _Three[Angle]
 Moments = _Three[Positive]
 Wrench = Annotated[tuple[Number, ...], count(6, 6)]
 Quaternion = Annotated[tuple[Number, ...], count(4, 4), AfterValidator(directed)]
