@@ -148,3 +148,11 @@ def test_of_changes_that_are_given_together_the_deeper_one_wins(order):
     assert beside.changed(*beside.baseline_changes).control.limits.rate == 3.0
     first, *_ = grid({key: [value, None] for key, value in values.items() if "limits" in key})
     assert loads(MINIMAL).changed(*first.changes).control.limits.rate == 3.0
+
+
+def test_a_variant_is_made_fast_as_it_shares_all_that_its_changes_leave_alone():
+    one = loads(FULL, "x.yaml")
+    other = one.set({"control.feedback": 9, "plant.payload": 2})
+    assert other.draft.places is one.draft.places
+    assert other.draft.value["target"] is one.draft.value["target"]
+    assert other.locate("plant.payload") == "plant.payload" and other.locate("plant.kv").startswith("x.yaml:")

@@ -4,7 +4,7 @@ import copy
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 from pathlib import Path
 from typing import Any, Self, TypeAlias
@@ -121,7 +121,6 @@ class Scenario(Sections):
         return block(self.model_dump(mode="json"), width=80)
 
 
-@dataclass(frozen=True)
 class Draft(Document):
     """Values of a scenario and their origins; they may be invalid, and changes may correct them."""
 

@@ -53,8 +53,8 @@ class Section(BaseModel):
             cls.model_fields[name].description = " ".join(text.split())
 
     def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
-        """Return the section itself, which is frozen; pydantic copies each default."""
-        return self
+        """Return a copy that shares its values, which are frozen: pydantic copies each default."""
+        return self.__copy__()
 
 
 class Exclusive(Section):
