@@ -235,8 +235,7 @@ def draft_of(source: Source, overrides: Iterable[str] = ()) -> Draft:
         return source.overridden(overrides)
     if isinstance(source, Scenario):
         return source.draft.overridden(overrides)
-    name = os.fspath(shipped.found(source, "scenarios"))
-    return Draft.read(name).overridden(overrides)
+    return Draft.read(os.fspath(shipped.found(source, "scenarios"))).overridden(overrides)
 
 
 def load(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scenario:

@@ -33,7 +33,6 @@ _WANTS = {
     "too_long": "must have {max_length} or fewer items",
 }
 
-
 # Other names of choices: no file may use them, but a message then gives ours.
 _ALIASES = {
     "inv": "inverse", "pinv": "pseudoinverse", "tsvd": "truncated", "jt": "transpose", "dls": "damped",
@@ -113,7 +112,8 @@ def _way(name: str, value: object, key: Key, section: type[Section]) -> str:
     if name == "float_type" and isinstance(value, str):
         extra = _field(key, section).json_schema_extra
         unit = extra.get("unit", "") if isinstance(extra, dict) else ""
-        return f"; write one such as 1.0e-3{unit and f', in {unit}'}"
+        example = "60 deg" if "rad" in str(unit).split() else "1.0e-3"
+        return f"; write one such as {example}{unit and f', in {unit}'}"
     return f"; its keys are {', '.join(fields_at(section, key))}" if name == "model_type" else ""
 
 

@@ -125,7 +125,7 @@ def parse_key(text: str) -> Key:
         if text.startswith(f"{section}.") and text != f"{section}.":
             return (*section.split("."), text.removeprefix(f"{section}."))
     section, _, below = text.partition(".")
-    if section != "expect" or not below:
+    if section != "expect" or "." not in text:
         return split(text)
     metric, _, last = below.rpartition(".")  # a metric may lack a name, and is then refused
     return (section, metric, last) if metric and last in Check.model_fields else (section, below)

@@ -25,7 +25,8 @@ def _key_but(*fixed: str) -> AfterValidator:
         except ValueError as error:
             raise rule(str(error).removeprefix(f"{name!r} ")) from None
         if section in fixed or name in fixed:
-            raise rule("is of the whole and cannot be changed here; sweep.repeat and sweep.seed vary seeds")
+            way = "; use sweep.repeat and sweep.seed" if name.endswith("seed") else ""
+            raise rule(f"cannot be changed here, as it is of the whole{way}")
         return name
 
     return AfterValidator(check)
