@@ -6,6 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any, NamedTuple, TypeVar
 
 from rmrc.scenario.messages import fields_at
@@ -130,14 +131,14 @@ def _parted(text: str, option: str, wanted: str) -> tuple[Key, str]:
         raise ScenarioError.about(f"{option} {brief(text)}", f"must be {wanted}") from None
 
 
-def applied(document: D, change: Change) -> D:
-    """Return a document with one change; the parts beside the way to its value are shared.
+def applied(document: D, changes: Sequence[Change]) -> D:
+    """Return a document with changes, later ones on top; the parts beside their values are shared.
 
     Raises:
         ScenarioError: There is no such place.
     """
-    changes = (*document.changes, (change.key, change.origin or Origin()))
-    return replace(document, value=_put(document.value, change), changes=changes)
+    places = *document.changes, *((change.key, change.origin or Origin()) for change in changes)
+    return replace(document, value=reduce(_put, changes, document.value), changes=places)
 
 
 def _put(node: Any, change: Change, depth: int = 0) -> Any:

@@ -5,7 +5,6 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import reduce
 from pathlib import Path
 from typing import Any, Self, TypeAlias
 
@@ -140,7 +139,7 @@ class Draft(Document):
         Raises:
             ScenarioError: There is no place for a value.
         """
-        return reduce(applied, changes, self)
+        return applied(self, changes)
 
     def overridden(self, texts: Iterable[str]) -> "Draft":
         """Return the draft with `KEY=VALUE` texts of `--set`.
