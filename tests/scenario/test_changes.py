@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scenario_texts import EXAMPLE, FULL, MINIMAL, problems
 
 from project import examples
-from rmrc.scenario import Change, Scenario, inline, loads
+from rmrc.scenario import Change, Scenario, grid, inline, loads
 from rmrc.scenario.changes import changes_of
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin
@@ -70,7 +70,7 @@ def test_typed_changes_are_what_texts_are(values):
     typed = outcome(lambda: loads(EXAMPLE).changed(*changes_of(values, "--set")))
     assert typed == by_text
     if isinstance(typed, Scenario):
-        assert typed.draft.values() == by_text.draft.values()
+        assert typed.draft.value == by_text.draft.value
         assert all(typed.locate(key) == by_text.locate(key) for key in VALUES)
 
 
@@ -136,3 +136,23 @@ def test_a_scenario_made_in_python_can_be_changed_and_named_in_messages():
         one.set({"arm.start": 3})
     other = loads(FULL, "x.yaml").model_copy(update={"name": "other"})
     assert other.set({"control.feedback": 1}).name == "other"
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_changes_that_are_given_together_the_deeper_one_wins(order):
+    values = dict([("control.limits", {"rate": 2}), ("control.limits.rate", 3), ("arm.start[1]", 0.7),
+                   ("arm.start", [0.1, 0.2])][::order])  # fmt: skip
+    both = loads(MINIMAL).set(values)
+    assert (both.control.limits.rate, both.arm.start) == (3.0, (0.1, 0.7))
+    beside = loads(MINIMAL).set({"baseline": values})
+    assert beside.changed(*beside.baseline_changes).control.limits.rate == 3.0
+    first, *_ = grid({key: [value, None] for key, value in values.items() if "limits" in key})
+    assert loads(MINIMAL).changed(*first.changes).control.limits.rate == 3.0
+
+
+def test_a_variant_is_made_fast_as_it_shares_all_that_its_changes_leave_alone():
+    one = loads(FULL, "x.yaml")
+    other = one.set({"control.feedback": 9, "plant.payload": 2})
+    assert other.draft.places is one.draft.places
+    assert other.draft.value["target"] is one.draft.value["target"]
+    assert other.locate("plant.payload") == "plant.payload" and other.locate("plant.kv").startswith("x.yaml:")

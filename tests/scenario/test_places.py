@@ -23,6 +23,7 @@ def test_locate_says_where_a_value_is(key, place):
 def test_locate_finds_a_figure_whatever_its_name_is_made_of():
     scenario = loads(f'{MINIMAL}expect:\n  "a[0]..b = c": {{below: 3}}\n', "x.yaml")
     assert scenario.locate("expect.a[0]..b = c.below") == "x.yaml:7:26: expect.a[0]..b = c.below"
+    assert scenario.locate("expect.") == "x.yaml:7:3: expect."  # an empty name is refused as a figure
     with pytest.raises(ValueError, match=r"^'a\.\.b' .* control\.feedback or arm\.start\[1\]$"):
         scenario.locate("a..b")
 

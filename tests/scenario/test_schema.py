@@ -93,7 +93,6 @@ def valid(value, schema, root):
             if k not in schema.get("properties", {})
         ),
         "required": lambda names: all(name in keys for name in names),
-        "dependentRequired": lambda d: all(n in keys for k in d if k in keys for n in d[k]),
         "maxProperties": lambda n: len(keys) <= n,
         "items": lambda s: all(valid(item, s, root) for item in items),
         "minItems": lambda n: not isinstance(value, list) or len(value) >= n,
@@ -131,9 +130,7 @@ def test_the_json_schema_accepts_what_is_read(text):
         ("deviation: 0.1 deg", "deviation: [-0.1 deg, 0.1]"),
         ("feedback: 3.0", "feedback: -3.0"),
         ("angle: 30 deg", "angle: 30 degrees"),
-        ("line: {to: [1.0, 0.0],", "line: {to: [1.0, 0.0], by: [1.0, 0.0],"),
         ("wrench: [1, 2, 3, 4, 5, 6]", "wrench: [1, 2, 3, 4, 5]"),
-        ("equals: 0.0, within: 0.001", "equals: 0.0"),
         ("feedforward: false", "feedforward: 0"),
     ],
 )

@@ -113,13 +113,13 @@ def test_a_period_may_be_written_as_a_rate(text, period):
 @pytest.mark.parametrize(
     ("arm", "wanted"),
     [
-        ("site: tip, body: b", "must have at most one of site, body and tool, got site and body"),
-        ("tool: {model: arm.xml, mass: 1}", "must have mass or model, which has a mass of its own; got both"),
+        ("site: tip, body: b", "must have at most one of site, body, tool, got site and body"),
+        ("tool: {model: arm.xml, mass: 1}", "must have at most one of mass, model, got mass and model"),
         ("tool: {center: [0, 0, 1]}", "center needs mass"),
-        ("tool: {site: tip}", "site needs model, which contains it; remove site, or use arm.site"),
+        ("tool: {site: tip}", "site needs model"),
         ("tool: {mass: -1}", "arm.tool.mass: must be >= 0, got -1"),
-        ("tool: {orientation: [0, 0, 0, 0]}", "arm.tool.orientation: must not be a zero quaternion"),
-        ("pose: {}", "arm.pose: must have position or orientation, got neither"),
+        ("tool: {orientation: [0, 0, 0, 0]}", "arm.tool.orientation: must not be zero"),
+        ("pose: {}", "arm.pose: must have at least one of position, orientation, got none"),
     ],
 )
 def test_a_frame_is_named_once_and_a_tool_fits_together(arm, wanted):
@@ -137,12 +137,15 @@ def test_a_tool_turns_as_urdf_does():
     ("override", "line"),
     [
         ("expect.joint_rate.peak={}", "… must have at least one of below, above, equals, got none"),
-        ("expect.joint_rate.peak={equals: 1}", "… equals needs within, its tolerance"),
+        ("expect.joint_rate.peak={equals: 1}", "… equals needs within"),
         ("expect.joint_rate.peak=ur5e", "… must be a mapping …"),
         ("expect.profile={below: 1}", "… must be the name of a profile or a file"),
-        ("sweep.vary.look=[1, 2]", "… cannot be changed here: look …"),
-        ("baseline.expect={}", "… cannot be changed here: expect …"),
-        ("sweep.draw.plant.seed=[0, 9]", "… cannot be varied … sweep.repeat and sweep.seed"),
+        ("sweep.vary.look=[1, 2]", "--set sweep.vary.look: cannot be changed here…"),
+        ("baseline.expect={}", "--set baseline.expect: cannot be changed here…"),
+        (
+            "sweep.draw.plant.seed=[0, 9]",
+            "… cannot be changed here… sweep.repeat and sweep.seed…",
+        ),
         (
             "sweep={vary: {control.feedback: [1, 2]}, draw: {control.feedback: [1, 2]}}",
             "… in vary or in draw, got both",

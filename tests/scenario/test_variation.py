@@ -23,8 +23,8 @@ def test_several_keys_give_every_combination_and_the_last_changes_fastest():
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (f"{MAXIMUM}=0.05,1.0e-1", ["maximum=0.05", "maximum=1.0e-1"]),  # as they are written
-        ("control.nullspace.posture=[1,2], [3 ,4]", ["posture=[1,2]", "posture=[3 ,4]"]),
+        (f"{MAXIMUM}=0.05,1.0e-1", ["maximum=0.05", "maximum=0.1"]),
+        ("control.nullspace.posture=[1,2], [3 ,4]", ["posture=[1, 2]", "posture=[3, 4]"]),
         ("control.limits={rate: 1, on_excess: clamp},{rate: 2}",
          ["limits={rate: 1, on_excess: clamp}", "limits={rate: 2}"]),
         ("arm.start[1]=60 deg,-0.5", ["start[1]=60 deg", "start[1]=-0.5"]),

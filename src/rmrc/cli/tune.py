@@ -87,7 +87,7 @@ def tune(
     ideal: Ideal = False,
     gain_margin: GainMargin = None,
     slower: Slower = 1.1,
-    runs: Runs = 320,
+    runs: Runs = 560,
     seed: Seed = 0,
     set_: Overrides = None,
     out: Out = Path("recordings"),

@@ -10,7 +10,7 @@ from rmrc.results.columns import no_ticks
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, json_value
 from rmrc.scenario import Check, Scenario
-from rmrc.scenario.expect import PROFILE
+from rmrc.scenario.sections import PROFILE
 from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.spatial import AXES
 

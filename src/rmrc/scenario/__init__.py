@@ -3,9 +3,9 @@
     file --reading--> plain values --changes--> plain values --sections--> Scenario
                       + their places            (a Draft)                  + schema (rows, JSON Schema)
 
-Every problem on the way has its key, its text and its origin; `messages` rewords pydantic's errors, and
-`keys` knows the origin of each value. `load` and `loads` either return a `Scenario` or raise one
-`ScenarioError` with every problem, one per line, sorted by place:
+A document has the plain values and knows where each was given, so every problem on the way has its key, its
+text and its origin; `messages` rewords pydantic's errors. `load` and `loads` either return a `Scenario` or
+raise one `ScenarioError` with every problem, one per line, sorted by place:
 
     scenarios/x.yaml:7:13: control.inverse.damping.maximum: must be > 0, got -1
 
@@ -18,22 +18,20 @@ a file, a text or a change never does.
 """
 
 from rmrc.scenario.arm import ArmSection, StartPose
-from rmrc.scenario.changes import Change, Variant, changes_of
-from rmrc.scenario.control import ControlSection, LimitsSection, NullspaceSection, SecondarySection
+from rmrc.scenario.changes import Change, Variant, changes_of, grid, variants
+from rmrc.scenario.control import ControlSection, LimitsSection, SecondarySection, TaskSection
 from rmrc.scenario.draft import Draft, Problems, Scenario, Source, draft_of, load, loads
-from rmrc.scenario.expect import Check
 from rmrc.scenario.law import ControlSource, read_controls, read_task
 from rmrc.scenario.plant import PlantSection
 from rmrc.scenario.schema import SchemaRow, json_schema, schema_rows
+from rmrc.scenario.sections import Check
 from rmrc.scenario.target import Segment, TargetLimitsSection, TargetSection
-from rmrc.scenario.task import TaskSection
 from rmrc.scenario.values import Frame, angle
-from rmrc.scenario.variation import grid, variants
 from rmrc.scenario.wording import block, inline
 
 __all__ = [
     "ArmSection", "Change", "Check", "ControlSection", "ControlSource", "Draft", "Frame", "LimitsSection",
-    "NullspaceSection", "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Segment",
+    "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Segment",
     "Source", "StartPose", "TargetLimitsSection", "TargetSection", "TaskSection", "Variant", "angle", "block",
     "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "read_controls",
     "read_task", "schema_rows", "variants",

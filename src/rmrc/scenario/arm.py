@@ -1,11 +1,11 @@
 """The arm of a scenario: its model, the controlled frame, the start and the encoders."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, ConfigDict, model_validator
+from pydantic import AfterValidator
 
 from rmrc.scenario import values as types
-from rmrc.scenario.values import Choice, Section, key, rule
+from rmrc.scenario.values import Choice, Exclusive, Section, key
 from rmrc.support.spatial import quat_from_rpy
 
 
@@ -31,13 +31,11 @@ class EncoderSection(Section):
     seed: types.Seed = 0
 
 
-def _is_turn(values: tuple[float, ...]) -> tuple[float, ...]:
-    if len(values) == 4 and not any(values):
-        raise rule("must not be a zero quaternion")
-    return values
-
-
-Orientation = Annotated[tuple[types.Angle, ...], types.count(3, 4), AfterValidator(_is_turn)]
+Orientation = Annotated[
+    tuple[types.Angle, ...],
+    types.count(3, 4),
+    AfterValidator(lambda values: values if len(values) == 3 else types.directed(values)),
+]
 """Roll, pitch and yaw about fixed x, y and z, or a quaternion w x y z."""
 
 
@@ -51,18 +49,10 @@ class StartPose(Choice):
         frame: reference frame: world; base, the body that carries the first joint
     """
 
-    model_config = ConfigDict(
-        json_schema_extra={"anyOf": [{"required": ["position"]}, {"required": ["orientation"]}]}
-    )
+    counts = ((("position", "orientation"), 1, 2),)
     position: types.Vector | None = key(None, "m")
     orientation: Orientation | None = key(None, "rad or 1")
     frame: Literal["world", "base"] = "world"
-
-    @model_validator(mode="after")
-    def _some_pose(self) -> Self:
-        if not self.given("position", "orientation"):
-            raise rule("must have position or orientation, got neither")
-        return self
 
 
 class ToolSection(Choice):
@@ -80,6 +70,8 @@ class ToolSection(Choice):
         site: end effector (TCP) site in that model; null: chosen as for an arm
     """
 
+    counts = ((("mass", "model"), 0, 1),)
+    needs = (("center", "mass"), ("inertia", "mass"), ("site", "model"))
     body: types.Text | None = None
     position: types.Point = key((0.0, 0.0, 0.0), "m")
     orientation: Orientation | None = key(None, "rad or 1")
@@ -95,19 +87,8 @@ class ToolSection(Choice):
         values = self.orientation or (1.0, 0.0, 0.0, 0.0)
         return values if len(values) == 4 else tuple(quat_from_rpy(values).tolist())
 
-    @model_validator(mode="after")
-    def _fitting(self) -> Self:
-        weighing = " and ".join(self.given("mass", "center", "inertia"))
-        if self.model is not None and weighing:
-            raise rule(f"must have {weighing} or model, which has a mass of its own; got both")
-        if weighing and self.mass is None:
-            raise rule(f"{weighing} needs mass")
-        if self.site is not None and self.model is None:
-            raise rule("site needs model, which contains it; remove site, or use arm.site")
-        return self
 
-
-class ArmSection(Section):
+class ArmSection(Exclusive):
     """The arm: model, end effector and start configuration.
 
     Attributes:
@@ -130,6 +111,7 @@ class ArmSection(Section):
             factor; the controller knows it, unlike `plant.stretch`
     """
 
+    counts = ((("site", "body", "tool"), 0, 1),)
     model: types.ModelFile
     site: types.Text | None = None
     body: types.Text | None = None
@@ -141,10 +123,3 @@ class ArmSection(Section):
     others: Literal["hold", "free"] = "hold"
     encoder: EncoderSection = EncoderSection()
     stretch: dict[str, types.Positive] = key({}, "1")
-
-    @model_validator(mode="after")
-    def _one_frame(self) -> Self:
-        names = [name for name in ("site", "body", "tool") if getattr(self, name) is not None]
-        if len(names) > 1:
-            raise rule(f"must have at most one of site, body and tool, got {' and '.join(names)}")
-        return self

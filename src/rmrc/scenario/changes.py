@@ -1,16 +1,28 @@
-"""Changes of a scenario: a value for a key, and the texts of the command line for them."""
+"""Changes of a scenario, variants of it, and the texts of the command line for both."""
 
+import itertools
+import math
 import os
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from functools import reduce
+from typing import Any, NamedTuple, TypeVar
 
-from rmrc.scenario.reading import Document, TextError, parse
+from rmrc.scenario.messages import fields_at
+from rmrc.scenario.reading import Document, parse
 from rmrc.scenario.sections import Sections, parse_key
 from rmrc.scenario.values import Section
 from rmrc.scenario.wording import brief, inline, show
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Key, Origin, Problem, join
+
+D = TypeVar("D", bound=Document)
+
+# Up to a dozen curves can be told apart; for more variants than this, use a sweep.
+MOST_VARIANTS = 50
+
+EXAMPLE = "control.inverse.method=inverse,damped"
 
 
 class Change(NamedTuple):
@@ -20,17 +32,15 @@ class Change(NamedTuple):
         key: Key of the value.
         value: The value as in a file: a number, a text, a switch, null, or a list or mapping of these.
         origin: The place where it was given; None: in Python.
-        written: The value as it was written; "" if it was not.
     """
 
     key: Key
     value: Any
     origin: Origin | None = None
-    written: str = ""
 
     def __str__(self) -> str:
         """Return the change as `KEY=VALUE`, which the command line takes."""
-        return f"{join(self.key)}={self.written or inline(self.value)}"
+        return f"{join(self.key)}={inline(self.value)}"
 
 
 class Variant(NamedTuple):
@@ -55,10 +65,15 @@ def changes_of(values: Mapping[str, object], option: str = "") -> tuple[Change, 
     Raises:
         ValueError: A key is not valid.
     """
-    return tuple(
+    return deeper_last(
         Change(parse_key(name), _plain(value), Origin(f"{option} {name}", key=name) if option else None)
         for name, value in values.items()
     )
+
+
+def deeper_last(changes: Iterable[Change]) -> tuple[Change, ...]:
+    """Return changes that are given together, deeper keys later: they win over those above them."""
+    return tuple(sorted(changes, key=lambda change: len(change.key)))
 
 
 def _plain(value: Any) -> Any:
@@ -87,10 +102,11 @@ def read_change(key: Key, text: str, option: str) -> Change:
     """
     origin = Origin(option, key=join(key))
     try:
-        inner = parse(text if text.strip() else "null", key=key)
-    except TextError as error:
-        raise ScenarioError([Problem(error.key or key, str(error), origin)]) from None
-    return Change(key, inner.value, origin, text)
+        return Change(key, parse(text if text.strip() else "null", key=key)[0], origin)
+    except ScenarioError as error:
+        raise ScenarioError(
+            each._replace(key=each.key or key, origin=origin) for each in error.problems
+        ) from None
 
 
 def read_setting(text: str) -> Change:
@@ -102,62 +118,125 @@ def read_setting(text: str) -> Change:
     Raises:
         ScenarioError: It is no such text.
     """
-    name, equals, value = text.partition("=")
-    try:
-        key = parse_key(name.strip() if equals else "")
-    except ValueError:
-        wrong = "must be KEY=VALUE, for example control.feedback=10"
-        raise ScenarioError([Problem((), wrong, Origin(f"--set {brief(text)}"))]) from None
+    key, value = _parted(text, "--set", "KEY=VALUE, for example control.feedback=10")
     return read_change(key, value, f"--set {join(key)}")
 
 
-def applied(document: Document, change: Change) -> Document:
-    """Return a document with one change; the parts beside the way to its value are shared.
+def _parted(text: str, option: str, wanted: str) -> tuple[Key, str]:
+    """Return the key of an option's text, and what is after its `=`."""
+    name, equals, value = text.partition("=")
+    try:
+        return parse_key(name.strip() if equals else ""), value
+    except ValueError:
+        raise ScenarioError.about(f"{option} {brief(text)}", f"must be {wanted}") from None
+
+
+def applied(document: D, changes: Sequence[Change]) -> D:
+    """Return a document with changes, later ones on top; the parts beside their values are shared.
 
     Raises:
         ScenarioError: There is no such place.
     """
-    key, origin = change.key, change.origin or Origin()
-    try:
-        value = _put(document.value, key, change.value)
-    except TextError as error:
-        raise ScenarioError([Problem(key, str(error), origin)]) from None
-    return replace(document, value=value, sources=document.sources.changed(key, origin))
+    places = *document.changes, *((change.key, change.origin or Origin()) for change in changes)
+    return replace(document, value=reduce(_put, changes, document.value), changes=places)
 
 
-def _put(node: Any, key: tuple[Any, ...], value: object, depth: int = 0) -> Any:
+def _put(node: Any, change: Change, depth: int = 0) -> Any:
     """Return plain data with one value set deep in it, and the mappings on the way there.
 
     Args:
         node: The data at the first steps of the key.
-        key: Key of the value.
-        value: The value to set.
-        depth: Number of steps of the key that lead to the node.
+        change: The change.
+        depth: Number of steps of its key that lead to the node.
 
     Raises:
-        TextError: There is no such place.
+        ScenarioError: There is no such place.
     """
-    if depth == len(key):
-        return value
-    step, above = key[depth], join(key[:depth])
+    if depth == len(change.key):
+        return change.value
+    step, above, problem = change.key[depth], change.key[:depth], ""
     if node is None:
-        node = {} if isinstance(step, str) else _listed_default(key[:depth])
+        node = {} if isinstance(step, str) else _default(above)
     if not isinstance(node, dict if isinstance(step, str) else list):
-        wanted = "mapping" if isinstance(step, str) else "list"
-        raise TextError(f"{above} is {show(node)}, not a {wanted}")
-    if isinstance(step, int) and step >= len(node):
-        raise TextError(f"{above} has {len(node)} item{'s' * (len(node) != 1)}, counted from 0")
-    below = node.get(step) if isinstance(node, dict) else node[step]
+        problem = f"is {show(node)}, not a {'mapping' if isinstance(step, str) else 'list'}"
+    elif isinstance(step, int) and step >= len(node):
+        problem = f"has {len(node)} item(s), counted from 0"
+    if problem:
+        raise ScenarioError([Problem(change.key, f"{join(above)} {problem}", change.origin)])
     changed: Any = node.copy()
-    changed[step] = _put(below, key, value, depth + 1)
+    below = changed.get(step) if isinstance(step, str) else changed[step]
+    changed[step] = _put(below, change, depth + 1)
     return changed
 
 
-def _listed_default(key: Key) -> list[object] | None:
-    """Return the default of a key that is not written, if it is a list."""
-    fields = Sections.model_fields
-    for step in key[:-1]:
-        section = fields[str(step)].annotation if step in fields else None
-        fields = getattr(section, "model_fields", {})
-    default = fields[str(key[-1])].default if key[-1] in fields else None
-    return list(default) if isinstance(default, tuple) else None
+def _default(key: Key) -> Any:
+    """Return the default of a key, if it is a list."""
+    field = fields_at(Sections, key[:-1]).get(str(key[-1]))
+    return list(field.default) if field and isinstance(field.default, tuple) else None
+
+
+# Variants ----------------------------------------------------------------------------------------
+
+
+def variants(texts: Sequence[str]) -> tuple[Variant, ...]:
+    """Return all combinations of the values of some keys, the last key changing fastest.
+
+    Args:
+        texts: One `KEY=V1,V2,...` per key; a value is YAML, so a comma within brackets or quotes is its own.
+
+    Raises:
+        ScenarioError: A text cannot be read; they are too few or too many, or two are the same.
+    """
+    axes = dict[Key, list[Change]]()
+    for text in texts:
+        key, values = _parted(text, "--vary", f"KEY=V1,V2,..., for example {EXAMPLE}")
+        option = f"--vary {join(key)}"
+        if key in axes:
+            raise ScenarioError.about(option, "is varied twice")
+        whole = read_change(key, f"[{values}\n]", option)  # a comment must not hide the bracket
+        axes[key] = [whole._replace(value=value) for value in whole.value]
+    return _combined(list(axes.values()), "--vary", f"--vary {EXAMPLE}")
+
+
+def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
+    """Return all combinations of the values of some keys, the last key changing fastest.
+
+    Args:
+        values: By dotted key, each as a file would have it.
+
+    Raises:
+        ScenarioError: A key is not valid; they are too few or too many, or two are the same.
+
+    Example:
+        >>> [each.label for each in grid({"control.feedback": [5, 10], "control.inverse.method": ["damped"]})]
+        ['5, damped', '10, damped']
+    """
+    axes = list[list[Change]]()
+    for name, listed in values.items():
+        try:
+            axes.append([changes_of({name: value})[0] for value in listed])
+        except ValueError as error:
+            raise ScenarioError.about(f"vary {brief(name)}", str(error)) from None
+    return _combined(axes, "vary", '{"control.inverse.method": ["inverse", "damped"]}')
+
+
+def _combined(axes: Sequence[Sequence[Change]], option: str, example: str) -> tuple[Variant, ...]:
+    """Return all combinations of changes."""
+    count = math.prod(map(len, axes)) if axes else 0
+    if not 2 <= count <= MOST_VARIANTS:
+        text = f"must give 2 variants to {MOST_VARIANTS}, got {count}; for example {example}"
+        raise ScenarioError.about(option, text)
+    combined = tuple(Variant(_label(each), deeper_last(each)) for each in itertools.product(*axes))
+    (label, times), *_ = Counter(variant.label for variant in combined).most_common(1)
+    if times > 1:
+        raise ScenarioError.about(option, f"two variants have the same values: {label}")
+    return combined
+
+
+def _label(changes: Sequence[Change]) -> str:
+    values = [change.value for change in changes]
+    label = ", ".join(value if isinstance(value, str) else inline(value) for value in values)
+    is_word = isinstance(values[0], str) and label[:1].isalpha()
+    if len(values) == 1 and not is_word:  # a lone word explains itself, a lone number does not
+        label = f"{join(changes[0].key).rpartition('.')[2]}={label}"
+    return brief(label)

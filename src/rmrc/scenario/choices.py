@@ -132,7 +132,6 @@ class Choice:
         source: Keys of `docs/references.md`.
         parameters: The parameters that it reads.
         acts: Whether the law has a function for it; without one, it changes nothing.
-        others: Other names that people use: no file may use them, but a message then gives ours.
     """
 
     name: str
@@ -140,7 +139,6 @@ class Choice:
     source: str = ""
     parameters: tuple[Parameter, ...] = ()
     acts: bool = True
-    others: str = ""
 
 
 @dataclass(frozen=True)
@@ -248,47 +246,43 @@ class Choices(Keyed, Generic[C_co]):
 
 
 INVERSES = Choices("inverse.method", "damped", (
-    Inverse("inverse", "1/σ", needs_square=True, preference=7, others="inv exact"),
-    Inverse("pseudoinverse", "1/σ where σ > tolerance · σ₁, else 0", "Whitney69", (TOLERANCE,), preference=6,
-        others="pinv moore_penrose"),
-    Inverse("truncated", "1/σ where σ > cutoff, else 0", "Golub13, §5.5", (CUTOFF,), preference=4,
-        others="svd tsvd"),
-    Inverse("transpose", "α σ with the best α", "Wolovich84", preference=5, others="jt jacobian_transpose"),
-    Inverse("damped", "σ/(σ² + λ²)", "Nakamura86", is_scheduled=True, others="dls levenberg_marquardt"),
+    Inverse("inverse", "1/σ", needs_square=True, preference=7),
+    Inverse("pseudoinverse", "1/σ where σ > tolerance · σ₁, else 0", "Whitney69", (TOLERANCE,), preference=6),
+    Inverse("truncated", "1/σ where σ > cutoff, else 0", "Golub13, §5.5", (CUTOFF,), preference=4),
+    Inverse("transpose", "α σ with the best α", "Wolovich84", preference=5),
+    Inverse("damped", "σ/(σ² + λ²)", "Nakamura86", is_scheduled=True),
     Inverse("filtered", "σ/(σ² + λ(σ)²), each direction by its own λ", "Maciejewski88",
-        (DAMPING_MAXIMUM, DAMPING_BELOW), preference=1, others="numerical_filtering"),
+        (DAMPING_MAXIMUM, DAMPING_BELOW), preference=1),
     Inverse("selectively_damped", "1/σ, clamped to a bound on the joint rates of each direction", "Buss05",
-        (RATE_BOUND,), preference=2, others="sdls"),
+        (RATE_BOUND,), preference=2),
     Inverse("jparse", "1/σ where σ ≥ γ σ₁, else σ/(γ σ₁)²", "Guptasarma25",
-        (GAMMA, PUSH_POSITION, PUSH_ROTATION), preference=3, others="j_parse"),
+        (GAMMA, PUSH_POSITION, PUSH_ROTATION), preference=3),
 ))  # fmt: skip
 
 METRICS = Choices("inverse.metric", "joints", (
     Choice("joints", "‖W_q^½ qdot‖, sliding joints over task.length", "Whitney69", acts=False),
-    Choice("inertia", "√(qdotᵀ M qdot), with the inertia M(q) of the arm: dynamically consistent", "Khatib87",
-        acts=False, others="dynamically_consistent kinetic_energy"),
+    Choice("inertia", "√(qdotᵀ M qdot), by the inertia M(q): dynamically consistent", "Khatib87", acts=False),
 ))  # fmt: skip
 
 SCHEDULES = Choices("inverse.damping.schedule", "smallest_singular_value", (
-    Schedule("constant", "λ_max", "Wampler86", (DAMPING_MAXIMUM,), others="fixed"),
+    Schedule("constant", "λ_max", "Wampler86", (DAMPING_MAXIMUM,)),
     Schedule("manipulability", "λ_max (1 − w/w₀) where w < w₀, else 0", "Nakamura86",
-        (DAMPING_MAXIMUM, MANIPULABILITY_BELOW), follows="arm", others="nakamura"),
+        (DAMPING_MAXIMUM, MANIPULABILITY_BELOW), follows="arm"),
     Schedule("smallest_singular_value", "λ² = (1 − (σ_min/ε)²) λ_max² where σ_min < ε, else 0",
-        "Chiaverini94", (DAMPING_MAXIMUM, DAMPING_BELOW), follows="arm", others="sigma_min adaptive"),
+        "Chiaverini94", (DAMPING_MAXIMUM, DAMPING_BELOW), follows="arm"),
     Schedule("error", "error_gain · the task error, as a contrast: it vanishes while tracking is good",
-        "Levenberg44", (ERROR_GAIN,), others="sugihara chan"),
+        "Levenberg44", (ERROR_GAIN,)),
     Schedule("rate_bound", "the least that keeps the norm of the joint rates within a bound", "Deo92",
-        (RATE_BOUND,), follows="command", others="deo_walker trust_region"),
+        (RATE_BOUND,), follows="command"),
 ))  # fmt: skip
 
 OBJECTIVES = Choices("nullspace.objective", "none", (
-    Choice("none", "0", acts=False, others="off"),
-    Choice("posture", "gain · (posture − q)", "Liegeois77", (GAIN, POSTURE), others="rest home"),
+    Choice("none", "0", acts=False),
+    Choice("posture", "gain · (posture − q)", "Liegeois77", (GAIN, POSTURE)),
     Choice("joint_limits", "towards the middle of the joints' ranges", "Liegeois77", (GAIN,)),
     Choice("manipulability", "towards a larger w, by the derivative of J", "Yoshikawa85", (GAIN,)),
-    Choice("rates", "constant, as given", "", (RATES,), others="velocity qdot0"),
-    Choice("secondary", "the rates of a second task: another site, or other rows; `classical` or `robust` "
-        "priority", others="second_task task_priority"),
+    Choice("rates", "constant, as given", "", (RATES,)),
+    Choice("secondary", "the rates of a second task: another site, or other rows, of lower priority"),
 ))  # fmt: skip
 
 PRIORITIES = Choices("nullspace.secondary.priority", "robust", (
@@ -297,30 +291,29 @@ PRIORITIES = Choices("nullspace.secondary.priority", "robust", (
 ))  # fmt: skip
 
 LIMITS = Choices("limits.on_excess", "scale", (
-    Choice("scale", "all are scaled by one factor: the tip keeps its direction while no joint is at its "
-        "position limit", others="proportional"),
-    Choice("clamp", "each is clamped by itself: the tip does not keep its direction", others="clip saturate"),
+    Choice("scale", "all by one factor: the tip keeps its direction unless a joint is at its position limit"),
+    Choice("clamp", "each is clamped by itself: the tip does not keep its direction"),
     Choice("redistribute", "the other joints take over the part of a saturated joint", "Flacco15"),
     Choice("optimal", "the rates within the bounds that are best for the task, by the measure of the damped "
-        "inverse; for another inverse, those nearest to its own", "Stark95", others="qp best"),
-    Choice("none", "nothing", acts=False, others="off"),
+        "inverse; for another inverse, those nearest to its own", "Stark95"),
+    Choice("none", "nothing", acts=False),
     Choice("sns", "the largest share of the task that fits all bounds, by the smallest rates for it: the tip "
-        "keeps its direction, and waits where none fits", "Flacco15", others="optimal_sns"),
+        "keeps its direction, and waits where none fits", "Flacco15"),
     Choice("reverse_priority", "limits come first: joints that the task would take beyond their bounds stay "
-        "at them, and the others do the rest of the task", "Flacco14", others="rp limits_first"),
+        "at them, and the others do the rest of the task", "Flacco14"),
 ))  # fmt: skip
 
 POLICIES = Choices("at_singularity", "damp", (
-    Policy("damp", "the rates of the inverse, unchanged", acts=False, others="none"),
+    Policy("damp", "the rates of the inverse, unchanged", acts=False),
     Policy("slow", "the time along the path is slowed, so that rates stay within limits and the tip on its "
-        "path", "", (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST), slows=True, others="slow_down time_scaling"),
+        "path", "", (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST), slows=True),
     Policy("stop", "the arm holds where σ_min or κ passes its bound, and continues when the command leads "
-        "out", "", (STOP_SIGMA, STOP_CONDITION, STOP_CHANGE), others="halt wait"),
+        "out", "", (STOP_SIGMA, STOP_CONDITION, STOP_CHANGE)),
     Policy("singularity_consistent", "rates and the time along the path are chosen together, along the "
         "kernel of [J | −t]: the tip stays on the path's tangent", "Nenchev00",
-        (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST), is_tried=False, slows=True, others="sc natural_motion"),
+        (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST), is_tried=False, slows=True),
     Policy("keep_out", "the arm slides along the configurations with σ_min = `sigma` and does not go nearer",
-        "Ames19", (KEEP_OUT_SIGMA, KEEP_OUT_APPROACH), is_tried=False, others="barrier avoid"),
+        "Ames19", (KEEP_OUT_SIGMA, KEEP_OUT_APPROACH), is_tried=False),
 ))  # fmt: skip
 
 # Of the control law, by their keys below `control`.
@@ -329,14 +322,13 @@ CHOICES: tuple[Choices[Choice], ...] = (
 )  # fmt: skip
 
 PLANTS = Choices("plant.kind", "servo", (
-    Plant("ideal", "q⁺ = q + period · qdot_cmd, Whitney's own arm", "Whitney72", physics=False,
-        others="kinematic"),
+    Plant("ideal", "q⁺ = q + period · qdot_cmd, Whitney's own arm", "Whitney72", physics=False),
     Plant("servo", "torque = kv · (qdot_cmd − qdot), plus the joint's resistance at qdot_cmd and the load of "
-        "its springs, in MuJoCo's physics", others="velocity physics"),
+        "its springs, in MuJoCo's physics"),
     Plant("torque", "computed torque: M (Δqdot_cmd/period + bandwidth · (qdot_cmd − qdot)) + bias + friction",
-        "Luh80", others="computed_torque effort"),
+        "Luh80"),
     Plant("model", "the model's own actuators, in its own physics: position servos get the integral of "
-        "qdot_cmd, rate servos qdot_cmd, motors computed torque", own=True, others="own actuators"),
+        "qdot_cmd, rate servos qdot_cmd, motors computed torque", own=True),
 ))  # fmt: skip
 IDEAL, SERVO, *_ = PLANTS.options
 

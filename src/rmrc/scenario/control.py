@@ -1,16 +1,54 @@
-"""The control law of a scenario; `choices` declares what its words do."""
+"""The task and the control law of a scenario; `choices` declares what its words do."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
 from rmrc.scenario import values as types
 from rmrc.scenario.choices import INVERSES, LIMITS, METRICS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES
 from rmrc.scenario.profile import ProfileName, load_profile
-from rmrc.scenario.task import pair_with_axes
 from rmrc.scenario.values import Section, key, rule
+from rmrc.support.problems import Key
 
 _Fraction = Annotated[types.Number, Field(gt=0, lt=1)]
+
+
+class Paired(Section):
+    """A mapping with `axes`, sorted in the order of twist rows, and one value for each beside them."""
+
+    # The key of the values, which may be null.
+    paired: ClassVar[Key]
+
+    @model_validator(mode="after")
+    def _in_row_order(self) -> Self:
+        fields, name = self.__dict__, str(self.paired[-1])  # frozen is a promise to users
+        axes, values = fields["axes"], fields[name]
+        if values is not None and len(values) != len(axes):
+            counts = f"got {len(values)} for the {len(axes)} axes {', '.join(axes)}"
+            raise rule(f"must have one value for each of axes, {counts}", self.paired)
+        order = sorted(range(len(axes)), key=lambda i: get_args(types.Axis).index(axes[i]))
+        fields["axes"] = tuple(axes[i] for i in order)
+        fields[name] = values and tuple(values[i] for i in order)
+        return self
+
+
+class TaskSection(Paired):
+    """The task: controlled components of the site's motion, and their weights.
+
+    Attributes:
+        axes: controlled rows of the twist, along the axes of `frame`
+        frame: frame of the task rows: world; base, the body that carries the first joint; site, the
+            controlled site as it rotates
+        length: characteristic length: divides the linear rows, to make them comparable with angles; null: the
+            rms distance of the site from the hinges' axes, or 1 where it would only change the unit of σ
+        weights: task weights W_x, one per axis in the order of `axes`; null: all 1
+    """
+
+    paired = ("task", "weights")
+    axes: types.Axes = get_args(types.Axis)
+    frame: types.Frame = "world"
+    length: types.Positive | None = key(None, "m", schema={"derived": "from the arm"})
+    weights: types.Weights | None = key(None, "1")
 
 
 class DampingSection(Section):
@@ -72,7 +110,7 @@ class InverseSection(Section):
     push: PushSection = PushSection()
 
 
-class SecondarySection(Section):
+class SecondarySection(Paired):
     """A second task of lower priority: hold a site at a place.
 
     Attributes:
@@ -88,6 +126,7 @@ class SecondarySection(Section):
         damping: λ of the second task's inverse, constant
     """
 
+    paired = ("control", "nullspace", "secondary", "to")
     site: types.Text | None = None
     axes: types.Axes = ("x", "y", "z")
     frame: types.Frame = "world"
@@ -95,11 +134,6 @@ class SecondarySection(Section):
     feedback: types.NotNegative = key(5.0, "1/s")
     priority: Literal[PRIORITIES.names] = PRIORITIES.default  # type: ignore[name-defined]
     damping: types.NotNegative = key(0.05, "as σ")
-
-    @model_validator(mode="after")
-    def _in_row_order(self) -> Self:
-        pair_with_axes(self, "to", ("control", "nullspace", "secondary"))
-        return self
 
 
 class NullspaceSection(Section):
@@ -242,7 +276,6 @@ class ControlSection(Section):
             profile, limits = load_profile(self.limits.profile), self.limits
             if profile.period and "period" not in self.model_fields_set:
                 self.__dict__["period"] = profile.period.value
-            limits.__dict__.update(
-                {n: v for n, v in profile.limits.items() if n not in limits.model_fields_set}
-            )
+            given = limits.model_fields_set
+            limits.__dict__.update({n: v for n, v in profile.limits.items() if n not in given})
         return self

@@ -4,30 +4,25 @@ import copy
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from functools import reduce
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self, TypeAlias
 
 from pydantic import PrivateAttr
 
-from rmrc.scenario.changes import Change, applied, changes_of, read_change, read_setting
+from rmrc.scenario.changes import Change, applied, changes_of, deeper_last, read_change, read_setting
 from rmrc.scenario.control import ControlSection
-from rmrc.scenario.document import checked, read_document
-from rmrc.scenario.expect import PROFILE
-from rmrc.scenario.keys import SourceMap, split
+from rmrc.scenario.messages import checked
 from rmrc.scenario.profile import SHIPPED
-from rmrc.scenario.reading import Document
-from rmrc.scenario.sections import Sections, parse_key
+from rmrc.scenario.reading import Document, split
+from rmrc.scenario.sections import PROFILE, Sections, parse_key
 from rmrc.scenario.wording import block
 from rmrc.support import shipped
-from rmrc.support.brief import cut
 from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Origin, Problem
+from rmrc.support.problems import Origin, Problem, join
 
-# Keys whose values are names of files or folders.
-_FILES = re.compile(
-    r"arm\.(tool\.)?model|arm\.packages\.[^.]+|target\..*file\.path|(control\.limits|expect)\.profile"
-)
+# Keys of files and folders, at the end of dotted keys, which may begin with `sweep.vary` or `baseline`.
+_FILES = re.compile(r"\.(arm\.model|tool\.model|packages\.[^.]+|file\.path|profile)$")
 
 
 class Scenario(Sections):
@@ -38,24 +33,23 @@ class Scenario(Sections):
     [0.5, 2.0]
     """
 
-    _draft: "Draft" = PrivateAttr(default_factory=lambda: Draft(Document({}, SourceMap())))
+    _draft: "Draft | None" = PrivateAttr(None)
 
-    def __repr__(self) -> str:
-        """Return its keys and values, as many as fit on a screen."""
-        return cut(super().__repr__())
+    def __eq__(self, other: object) -> bool:
+        """Return whether the values are equal; their source is no part of them."""
+        return isinstance(other, Scenario) and vars(self) == vars(other)
+
+    __hash__ = None  # type: ignore[assignment]
 
     @property
     def draft(self) -> "Draft":
         """Its source; for one made in Python, its own values."""
-        if not self._draft.document.value:
-            self._draft = Draft(Document(self.model_dump(mode="json"), SourceMap()))
-        return self._draft
+        return self._draft or Draft(self.model_dump(mode="json"))
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy as pydantic makes it; a copy with other values counts as made in Python."""
         copied = super().model_copy(update=update, deep=deep)
-        if update:
-            copied._draft = Draft(Document({}, SourceMap()))
+        copied._draft = None if update else self._draft
         return copied
 
     def locate(self, key: str) -> str:
@@ -70,7 +64,7 @@ class Scenario(Sections):
             `scenarios/x.yaml:7:13: control.inverse.damping.maximum`; `--set KEY` if it was set
             so; the key alone if the scenario was made in Python.
         """
-        return self._draft.document.sources.locate(parse_key(key))
+        return self.draft.origin(parse_key(key)).of(join(parse_key(key)))
 
     def problem(self, key: str, text: str) -> Problem:
         """Return the problem of a value, with the place where it was given.
@@ -79,7 +73,7 @@ class Scenario(Sections):
             key: Of the value, dotted.
             text: The problem in words.
         """
-        return self._draft.document.sources.problem(parse_key(key), text)
+        return self.draft.problem(parse_key(key), text)
 
     def changed(self, *changes: Change) -> "Scenario":
         """Return the scenario with other values; later changes win.
@@ -116,7 +110,7 @@ class Scenario(Sections):
         origins = {name: Origin(self.locate(f"baseline.{name}"), key=name) for name in self.baseline}
         changes = [Change(split(name), value, origins[name]) for name, value in self.baseline.items()]
         accepted = {name: check for name, check in self.expect.items() if name == PROFILE}
-        return (*changes, Change(("expect",), accepted), Change(("baseline",), {}))
+        return (*deeper_last(changes), Change(("expect",), accepted), Change(("baseline",), {}))
 
     def to_yaml(self) -> str:
         """Return the complete scenario as it runs: all defaults, SI numbers, an absolute path.
@@ -126,64 +120,18 @@ class Scenario(Sections):
         return block(self.model_dump(mode="json"), width=80)
 
 
-class Draft:
-    """Values of a scenario and their origins; they may be invalid, and changes may correct them.
-
-    Any two compare equal: the source of a scenario does not affect its meaning.
-
-    Attributes:
-        document: The values.
-    """
-
-    def __init__(self, document: Document, folder: Path | None = None, root: Path | None = None) -> None:
-        """Keep the values.
-
-        Args:
-            document: The values.
-            folder: Where relative paths start; None: at the working directory, and files are not checked
-                until they are used.
-            root: Below it are all files, by their absolute paths; None: they are where they are.
-        """
-        self.document, self._folder, self._root = document, folder, root
-
-    def __eq__(self, other: object) -> bool:
-        """Return whether the other is a draft as well."""
-        return isinstance(other, Draft)
-
-    __hash__ = None  # type: ignore[assignment]
-
-    @property
-    def source(self) -> str:
-        """Name of the file in messages; "" without one."""
-        return self.document.sources.source
-
-    @property
-    def folder(self) -> Path:
-        """Where relative paths start."""
-        return self._folder or Path()
+class Draft(Document):
+    """Values of a scenario and their origins; they may be invalid, and changes may correct them."""
 
     def files(self) -> tuple[Path, ...]:
         """Return the models, packages, recorded motions and profiles that it and its sweep name."""
-        places = [self.folder / str(name) for key, name in self._leaves() if _FILES.fullmatch(key)]
-        return tuple(dict.fromkeys(Path(os.path.abspath(place)) for place in places))
-
-    def _leaves(self) -> Iterator[tuple[str, Any]]:
-        """Yield each value that is no mapping or list, with its dotted key: a varied value is of its key."""
-        data = self.document.value
-        varied = (data.get("sweep") or {}).get("vary") or {}
-        waiting = [*data.items(), *(data.get("baseline") or {}).items(), *varied.items()]
-        while waiting:
-            key, value = waiting.pop(0)
-            if isinstance(value, dict):
-                waiting += [(f"{key}.{name}", inner) for name, inner in value.items()]
-            elif isinstance(value, list):
-                waiting += [(key, item) for item in value]
-            elif value is not None and not (key.endswith(".profile") and value in SHIPPED):
-                yield re.sub(r"\[\d+\]", "", key), value
+        texts = _texts("", self.value)
+        named = (text for key, text in texts if _FILES.search(key) and text not in SHIPPED)
+        return tuple(map(Path, dict.fromkeys(os.path.abspath(self.folder / name) for name in named)))
 
     def moved(self, root: Path) -> "Draft":
         """Return the draft for a machine where all its files are below a folder, by their absolute paths."""
-        return Draft(self.document, self.folder.absolute(), root)
+        return replace(self, folder=self.folder.absolute(), root=root)
 
     def changed(self, *changes: Change) -> "Draft":
         """Return the draft with other values; later changes win.
@@ -191,7 +139,7 @@ class Draft:
         Raises:
             ScenarioError: There is no place for a value.
         """
-        return Draft(reduce(applied, changes, self.document), self._folder, self._root)
+        return applied(self, changes)
 
     def overridden(self, texts: Iterable[str]) -> "Draft":
         """Return the draft with `KEY=VALUE` texts of `--set`.
@@ -216,7 +164,7 @@ class Draft:
 
     def values(self) -> dict[str, Any]:
         """Return a copy of the values: plain data, unchecked."""
-        return dict(copy.deepcopy(self.document.value))
+        return dict(copy.deepcopy(self.value))
 
     def scenario(self) -> Scenario:
         """Return the scenario.
@@ -224,10 +172,21 @@ class Draft:
         Raises:
             ScenarioError: Lists all problems at once.
         """
-        context = {"folder": self._folder, "root": self._root} if self._folder else None
-        scenario = checked(Scenario, self.document, context)
+        scenario = checked(Scenario, self)
         scenario._draft = self
         return scenario
+
+
+def _texts(key: str, value: object) -> Iterator[tuple[str, str]]:
+    """Yield every text of plain values, with its dotted key, without places in lists."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _texts(f"{key}.{name}", inner)
+    elif isinstance(value, list):
+        for item in value:
+            yield from _texts(key, item)
+    elif isinstance(value, str):
+        yield key, value
 
 
 class Problems:
@@ -275,8 +234,7 @@ def draft_of(source: Source, overrides: Iterable[str] = ()) -> Draft:
         return source.overridden(overrides)
     if isinstance(source, Scenario):
         return source.draft.overridden(overrides)
-    name = os.fspath(shipped.found(source, "scenarios"))
-    return Draft(read_document(name), Path(name).parent.resolve()).overridden(overrides)
+    return Draft.read(os.fspath(shipped.found(source, "scenarios"))).overridden(overrides)
 
 
 def load(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scenario:
@@ -309,4 +267,4 @@ def loads(text: str, source: str = "<text>", overrides: Iterable[str] = ()) -> S
     Raises:
         ScenarioError: With all mistakes at once.
     """
-    return Draft(read_document(source, text), Path().resolve()).overridden(overrides).scenario()
+    return Draft.read(source, text).overridden(overrides).scenario()

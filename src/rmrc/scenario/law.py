@@ -3,16 +3,14 @@
 import math
 import os
 from collections.abc import Mapping
-from pathlib import Path
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 from rmrc.scenario.arm import ArmSection
-from rmrc.scenario.control import ControlSection
-from rmrc.scenario.document import checked, read_document
+from rmrc.scenario.control import ControlSection, TaskSection
 from rmrc.scenario.draft import Scenario, load
-from rmrc.scenario.keys import SourceMap
+from rmrc.scenario.messages import checked
 from rmrc.scenario.reading import Document
-from rmrc.scenario.task import TaskSection
 from rmrc.scenario.values import Section
 from rmrc.support import shipped
 from rmrc.support.errors import QuestionError
@@ -47,13 +45,34 @@ def read_controls(source: ControlSource, period: float | None = None) -> Control
         ScenarioError: Lists all problems at once.
         QuestionError: The period is not a positive time.
     """
-    controls = _read(source)
+    controls = _controls(source)
     if period is None:
         return controls
     if not (isinstance(period, int | float) and 0.0 < period < math.inf):
         raise QuestionError(f"period must be > 0 and finite [s], got {period}")
     control = controls.control.model_copy(update={"period": float(period)})
     return controls.model_copy(update={"control": control})
+
+
+def _controls(source: ControlSource) -> Controls:
+    if isinstance(source, ControlSection | None):
+        return Controls(control=source or ControlSection())
+    if isinstance(source, Mapping):
+        document = Document(dict(source))
+    elif isinstance(source, Scenario):
+        return Controls(control=source.control, task=source.task, arm=source.arm)
+    elif isinstance(source, str | os.PathLike):
+        name = os.fspath(shipped.found(source, "scenarios"))
+        document = Document.read(name)
+        if "arm" in document.value:
+            return _controls(load(name))
+    else:
+        wanted = "a mapping, a file, a ControlSection or a Scenario"
+        raise QuestionError(f"control must be {wanted}, got {type(source).__name__}")
+    if not document.value.keys() & {"control", "task"}:  # the keys of the section control itself
+        places = {("control", *key): place for key, place in document.places.items()}
+        document = replace(document, value={"control": document.value}, places=places)
+    return checked(Controls, document)
 
 
 def read_task(source: TaskSection | Mapping[str, Any]) -> TaskSection:
@@ -64,29 +83,4 @@ def read_task(source: TaskSection | Mapping[str, Any]) -> TaskSection:
     """
     if isinstance(source, TaskSection):
         return source
-    return checked(Controls, Document({"task": dict(source)}, SourceMap())).task or TaskSection()
-
-
-def _read(source: ControlSource) -> Controls:
-    if isinstance(source, ControlSection | None):
-        return Controls(control=source or ControlSection())
-    if isinstance(source, Mapping):
-        return _controls(Document(dict(source), SourceMap()))
-    if isinstance(source, str | os.PathLike):
-        name = os.fspath(shipped.found(source, "scenarios"))
-        document = read_document(name)
-        if "arm" not in document.value:
-            return _controls(document)
-        source = load(Path(name))
-    if not isinstance(source, Scenario):
-        raise QuestionError(
-            f"control must be a mapping, a file, a ControlSection or a Scenario, got {type(source).__name__}"
-        )
-    return Controls(control=source.control, task=source.task, arm=source.arm)
-
-
-def _controls(document: Document) -> Controls:
-    """Return the sections of a mapping that is no scenario: sections, or the keys of `control`."""
-    if not document.value.keys() & {"control", "task"}:
-        document = Document({"control": document.value}, document.sources.below("control"))
-    return checked(Controls, document)
+    return checked(Controls, Document({"task": dict(source)})).task or TaskSection()

@@ -1,23 +1,23 @@
 """Pydantic's errors as problems: the key, the requirement, the value, and the way out."""
 
 import re
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from rmrc.scenario.choices import CHOICES, PLANTS, Choice
-from rmrc.scenario.keys import SourceMap
-from rmrc.scenario.units import instead
-from rmrc.scenario.values import fields_at
+from rmrc.scenario.reading import Document
+from rmrc.scenario.values import Section
 from rmrc.scenario.wording import show
-from rmrc.support.errors import did_you_mean
-from rmrc.support.problems import Key, Problem
+from rmrc.support.errors import ScenarioError, did_you_mean
+from rmrc.support.problems import Key, Origin, Problem
+
+S = TypeVar("S", bound=Section)
 
 # The requirement behind each of pydantic's errors; others have it in pydantic's words.
 _WANTS = {
-    "string_type": "must be text",
+    "string_type": "must be text, in quotes if it looks like a number",
     "path_type": "must be text",
     "bool_type": "must be true or false",
     "int_type": "must be a whole number without a dot",
@@ -33,77 +33,107 @@ _WANTS = {
     "too_long": "must have {max_length} or fewer items",
 }
 
+# Other names of choices: no file may use them, but a message then gives ours.
+_ALIASES = {
+    "inv": "inverse", "pinv": "pseudoinverse", "tsvd": "truncated", "jt": "transpose", "dls": "damped",
+    "sdls": "selectively_damped", "adaptive": "smallest_singular_value", "rest": "posture", "home": "posture",
+    "second_task": "secondary", "proportional": "scale", "saturate": "clamp", "qp": "optimal", "off": "none",
+    "time_scaling": "slow", "halt": "stop", "barrier": "keep_out", "kinematic": "ideal", "velocity": "servo",
+    "computed_torque": "torque",
+}  # fmt: skip
 
-def translate(error: ValidationError, sources: SourceMap, kind: Any) -> list[Problem]:
-    """Return pydantic's errors as problems.
+
+def checked(section: type[S], document: Document) -> S:
+    """Return the section that a document has.
 
     Args:
-        error: Of the values.
-        sources: The places of the values.
-        kind: The section that refused them.
+        section: Its class.
+        document: The values.
+
+    Raises:
+        ScenarioError: Lists all problems at once: those of the file by line, then those of options.
     """
-    problems = []
-    for detail in error.errors(include_url=False):
-        name, context = detail["type"], detail.get("ctx", {})
-        if name == "too_short" and len(detail["input"]) >= context["min_length"]:
-            continue  # pydantic counts the valid items only
-        key = context.get("key") or _key(detail)
-        problem = sources.problem(key, _message(detail, key, kind))
-        if name == "extra_forbidden" and key in sources.places:
-            problem = problem._replace(origin=sources.places[key].key)
-        problems.append(problem)
-    return problems
+    context = {"folder": document.folder, "root": document.root}
+    try:
+        return section.model_validate(document.value, context=context, by_alias=True, by_name=False)
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+    problems = [_problem(each, document, section) for each in details if not _counts_valid_items(each)]
+    raise ScenarioError(sorted(problems, key=_line))
 
 
-def _key(detail: ErrorDetails) -> Key:
-    """Return the key; pydantic also names the option of a union, as `<list>`, which files do not."""
-    unknown = len(detail["loc"]) - 1 if detail["type"] == "extra_forbidden" else -1
+def _counts_valid_items(detail: ErrorDetails) -> bool:
+    """Return whether a list is too short only because pydantic counts its valid items alone."""
+    return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
+
+
+def _line(problem: Problem) -> tuple[bool, int, int]:
+    origin = problem.origin or Origin()
+    return not origin.line, origin.line, origin.column
+
+
+def _problem(detail: ErrorDetails, document: Document, section: type[Section]) -> Problem:
+    is_unknown = detail["type"] == "extra_forbidden"
+    key = detail.get("ctx", {}).get("key") or _key(detail, is_unknown)
+    problem, place = document.problem(key, _message(detail, key, section)), document.places.get(key)
+    if is_unknown and place and problem.origin == place.value:
+        return problem._replace(origin=place.key)
+    return problem
+
+
+def _key(detail: ErrorDetails, is_unknown: bool) -> Key:
+    """Return the key; pydantic also names options of a union, as `<list>`, and wrong keys, as `[key]`."""
+    last = len(detail["loc"]) - 1 if is_unknown else -1
     steps = enumerate(detail["loc"])
-    return tuple(step for i, step in steps if i == unknown or not re.fullmatch(r"<\w+>", str(step)))
+    return tuple(step for i, step in steps if i == last or not re.fullmatch(r"<\w+>|\[key\]", str(step)))
 
 
-def _message(detail: ErrorDetails, key: Key, kind: Any) -> str:
+def _message(detail: ErrorDetails, key: Key, section: type[Section]) -> str:
     name, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     if name == "rule":
         return str(context["text"])
     if name == "missing":
-        return f"is required: {_field(key, kind).description}"
+        return f"is required: {_field(key, section).description}"
     if name == "extra_forbidden":
-        names = list(fields_at(kind, key[:-1]))
+        names = list(fields_at(section, key[:-1]))
         return "unknown key" + (did_you_mean(str(key[-1]), names) or f"; the keys are {', '.join(names)}")
     if name == "literal_error":
         options = re.findall(r"'([^']*)'", context["expected"])
+        alias = _ALIASES.get(str(value).lower())
+        way = f"; write {alias}" if alias in options else did_you_mean(str(value), options)
         want = ", ".join(f'"{option}"' for option in options)
-        return f"must be {'one of ' * (len(options) > 1)}{want}, got {show(value)}{_option(value, options)}"
+        return f"must be {'one of ' * (len(options) > 1)}{want}, got {show(value)}{way}"
     want = _WANTS.get(name, re.sub(r"^\w+ should", "must", detail["msg"])).format(**context)
-    return f"{want}, got {show(value)}{_way(name, value, key, kind)}"
+    return f"{want}, got {show(value)}{_way(name, value, key, section)}"
 
 
-def _field(key: Key, kind: Any) -> FieldInfo:
-    """Return the field of a key, or of the list or mapping that it is an item of."""
-    while str(key[-1]) not in fields_at(kind, key[:-1]):
-        key = key[:-1]
-    return fields_at(kind, key[:-1])[str(key[-1])]
-
-
-def _option(value: object, options: list[str]) -> str:
-    """Return the choice that another text most likely means."""
-    choices: list[Choice] = [*PLANTS.options, *(choice for group in CHOICES for choice in group.options)]
-    for choice in choices:
-        if choice.name in options and str(value).lower() in choice.others.split():
-            return f"; write {choice.name}"
-    return did_you_mean(str(value), options)
-
-
-def _way(name: str, value: object, key: Key, kind: Any) -> str:
+def _way(name: str, value: object, key: Key, section: type[Section]) -> str:
     """Return the correct spelling, if it follows from the value and its key."""
-    if name in ("string_type", "path_type") and isinstance(value, bool | int | float):
-        return "; put it in quotes"
     if name == "float_type" and isinstance(value, str):
-        extra = _field(key, kind).json_schema_extra
-        return instead(value, str(extra.get("unit", "")) if isinstance(extra, dict) else "")
-    if name == "model_type":
-        names = fields_at(kind, key)
-        choice = next((name for name, field in names.items() if value in get_args(field.annotation)), "")
-        return f"; write {{{choice}: {value}}}" if choice else f"; its keys are {', '.join(names)}"
-    return ""
+        extra = _field(key, section).json_schema_extra
+        unit = extra.get("unit", "") if isinstance(extra, dict) else ""
+        example = "60 deg" if "rad" in str(unit).split() else "1.0e-3"
+        return f"; write one such as {example}{unit and f', in {unit}'}"
+    return f"; its keys are {', '.join(fields_at(section, key))}" if name == "model_type" else ""
+
+
+def _field(key: Key, section: type[Section]) -> FieldInfo:
+    """Return the field of a key, or of the list or mapping that it is an item of."""
+    while str(key[-1]) not in fields_at(section, key[:-1]):
+        key = key[:-1]
+    return fields_at(section, key[:-1])[str(key[-1])]
+
+
+def fields(kind: Any) -> dict[str, FieldInfo]:
+    """Return the keys of a section, or of all the sections in a type."""
+    if isinstance(kind, type) and issubclass(kind, Section):
+        return {field.alias or name: field for name, field in kind.model_fields.items()}
+    return {name: field for inner in get_args(kind) for name, field in fields(inner).items()}
+
+
+def fields_at(kind: Any, key: Key) -> dict[str, FieldInfo]:
+    """Return the keys below a key of a section."""
+    known = fields(kind)
+    for step in key:  # the index of an item and the name of a metric lead nowhere else
+        known = fields(known[step].annotation) if step in known else known
+    return known

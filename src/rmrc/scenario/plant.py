@@ -79,7 +79,7 @@ class PlantSection(Section):
     gravity_compensation: types.Switch | None = None
     friction_compensation: types.Switch = True
     payload: types.NotNegative = key(0.0, "kg")
-    gravity: types.Gravity | None = key(None, "m/s²")
+    gravity: types.Point | None = key(None, "m/s²")
     wrench: types.Wrench = key((0.0,) * 6, "N, N·m")
     delay: types.NotNegative = key(0.0, "s")
     jitter: types.NotNegative = key(0.0, "s")

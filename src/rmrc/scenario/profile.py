@@ -11,7 +11,8 @@ from typing import Annotated, Generic, Self, TypeVar
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from rmrc.scenario import values as types
-from rmrc.scenario.document import S, checked, read_document
+from rmrc.scenario.messages import checked
+from rmrc.scenario.reading import Document
 from rmrc.scenario.values import Section, checked_file, key, rule
 from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError, did_you_mean
@@ -179,26 +180,9 @@ def load_profile(name: str) -> Profile:
         ScenarioError: It cannot be read or is not a profile; lists all problems.
     """
     path = SHIPPED.get(name, Path(name))
-    try:
-        status = path.stat()
-    except OSError as error:
-        raise ScenarioError.about(path, f"cannot be read: {(error.strerror or str(error)).lower()}") from None
-    return _loaded(path, status.st_mtime_ns, status.st_size)
+    return _loaded(path, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 @lru_cache(maxsize=64)
-def _loaded(path: Path, mtime: int, size: int) -> Profile:  # noqa: ARG001 - read anew where they differ
-    return read_section(Profile, path).model_copy(update={"name": path.stem})
-
-
-def read_section(section: type[S], path: Path) -> S:
-    """Return the section in a YAML file.
-
-    Args:
-        section: Its class.
-        path: Path of the file.
-
-    Raises:
-        ScenarioError: It cannot be read, or is no such section; all problems.
-    """
-    return checked(section, read_document(str(path)))
+def _loaded(path: Path, mtime: int) -> Profile:  # noqa: ARG001 - read anew where it differs
+    return checked(Profile, Document.read(str(path))).model_copy(update={"name": path.stem})

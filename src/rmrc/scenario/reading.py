@@ -5,15 +5,17 @@ counted as often as they are used) are bounded.
 """
 
 import os
-import stat
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import yaml
 
-from rmrc.scenario.keys import Place, SourceMap
-from rmrc.scenario.wording import brief, nearby
+from rmrc.scenario.wording import brief, nearby, show
+from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Key, Origin, Problem
 from rmrc.support.shipped import suggestion
 
@@ -23,112 +25,146 @@ _MAX_VALUES = 10_000
 _MAX_DEPTH = 50
 
 _TAG = "tag:yaml.org,2002:"
-_SCALARS = ("str", "timestamp", "null", "bool", "int", "float")
+_SCALARS = ("!!str", "!!timestamp", "!!null", "!!bool", "!!int", "!!float")
 
 
-class TextError(Exception):
-    """A text that cannot be used: why, and where in it."""
+class Place(NamedTuple):
+    """Where a value starts, and its key; an item of a list has none of its own."""
 
-    def __init__(self, problem: str, line: int = 0, column: int = 0, key: Key = ()) -> None:
-        """Keep the problem, its line and column, counted from 1, and the key of the value there."""
-        super().__init__(problem)
-        self.line, self.column, self.key = line, column, key
-
-    def problem(self, source: str) -> Problem:
-        """Return the problem of a file."""
-        return Problem(self.key, str(self), Origin(source, self.line, self.column))
+    value: Origin
+    key: Origin
 
 
-@dataclass
+@dataclass(frozen=True)
 class Document:
-    """Plain values and their origins.
+    """Plain values and where they were given.
 
     Attributes:
         value: All of them.
-        sources: The origin of each.
+        source: Their file; "" without one.
+        places: Those of the values in the file, by key.
+        changes: Values that were given elsewhere, by key and origin, later ones on top.
+        folder: Where relative paths start.
+        root: Below it are all files, by their absolute paths; None: they are where they are.
     """
 
-    value: Any
-    sources: SourceMap
+    value: Any = field(default_factory=dict)
+    source: str = ""
+    places: Mapping[Key, Place] = field(default_factory=dict)
+    changes: tuple[tuple[Key, Origin], ...] = ()
+    folder: Path = Path()
+    root: Path | None = None
+
+    @classmethod
+    def read(cls, source: str, text: str | None = None) -> Self:
+        """Return the values of a YAML text, which is a mapping.
+
+        Args:
+            source: Its file, or its name in messages.
+            text: The text, whose relative paths start at the working directory; None: that of the file.
+
+        Raises:
+            ScenarioError: It cannot be read, or is not a mapping.
+        """
+        value, places = parse(_read(source) if text is None else text, source)
+        if not isinstance(value, dict):
+            place = places[()].value
+            raise ScenarioError([Problem((), f"must be a mapping, got {show(value)}", place)])
+        folder = Path() if text else Path(source).parent
+        return cls(value, source, places, folder=folder.resolve())
+
+    def origin(self, key: Key) -> Origin:
+        """Return where a value was given, or else a part of it, or else its nearest parent."""
+        return next(filter(None, self._origins(key)), Origin(self.source))
+
+    def _origins(self, key: Key) -> Iterator[Origin | None]:
+        yield self._exact(key)
+        yield from (origin for part, origin in self.changes if part[: len(key)] == key)
+        yield from (self._exact(key[:depth]) for depth in reversed(range(len(key))))
+
+    def _exact(self, key: Key) -> Origin | None:
+        above = (origin for part, origin in reversed(self.changes) if key[: len(part)] == part)
+        return next(above, self.places[key].value if key in self.places else None)
+
+    def problem(self, key: Key, text: str) -> Problem:
+        """Return the problem of a value."""
+        return Problem(key, text, self.origin(key))
 
 
-def read(source: str) -> str:
-    """Return the text of a file; refuse anything but a small text file without reading it.
+@lru_cache(1024)
+def split(text: str) -> Key:
+    """Return the steps of a key.
 
     Raises:
-        TextError: It cannot be read.
+        ValueError: If the text is no key.
     """
+    part = r"[^.\[\]=\s]+(\[[0-9]{1,6}\])*"
+    if not re.fullmatch(rf"{part}(\.{part})*", text):
+        raise ValueError(f"{text!r} is not a key such as control.feedback or arm.start[1]")
+    return tuple(int(i) if i else name for i, name in re.findall(r"\[([0-9]+)\]|([^.\[\]]+)", text))
+
+
+def parse(text: str, source: str = "", key: Key = ()) -> tuple[Any, dict[Key, Place]]:
+    """Return the value of one YAML document, and its places; `key` is where it will stand.
+
+    Raises:
+        ScenarioError: The text cannot be used.
+    """
+    builder = _Builder(*_composed(text, source), source)
+    return builder.value(builder.root, key), builder.places
+
+
+def _error(text: str, source: str, mark: yaml.Mark | None = None, key: Key = ()) -> ScenarioError:
+    return ScenarioError([Problem(key, text, _origin(source, mark))])
+
+
+def _origin(source: str, mark: yaml.Mark | None) -> Origin:
+    return Origin(source, mark.line + 1, mark.column + 1) if mark else Origin(source)
+
+
+def _read(source: str) -> str:
+    """Return the text of a file; refuse anything but a small text file without reading it."""
+    if os.path.exists(source):
+        if not os.path.isfile(source):  # reading a pipe or a device could wait forever
+            raise _error("is not a regular file", source)
+        _check_size(os.path.getsize(source), source)
     try:
-        status = os.stat(source)
-        if not stat.S_ISREG(status.st_mode):  # reading a pipe or a device could wait forever
-            raise TextError("is not a regular file")
-        _check_size(status.st_size)
         with open(source, "rb") as file:
             return file.read(_MAX_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         path = Path(source)
         near = nearby(path, ".yaml", ".yml") or suggestion(path, "scenarios")
-        raise TextError(f"no such file{near}") from None
+        raise _error(f"no such file{near}", source) from None
     except UnicodeDecodeError as error:
-        raise TextError(f"is not UTF-8 text: byte 0x{error.object[error.start]:02x}") from None
+        raise _error(f"is not UTF-8 text: byte 0x{error.object[error.start]:02x}", source) from None
     except (OSError, ValueError) as error:  # a NUL in the path is a ValueError
         reason = getattr(error, "strerror", None) or str(error)
-        raise TextError(f"cannot be read: {reason.lower()}") from None
+        raise _error(f"cannot be read: {reason.lower()}", source) from None
 
 
-def _check_size(size: int) -> None:
+def _check_size(size: int, source: str) -> None:
     if size > _MAX_BYTES:
-        raise TextError(f"is {size / 2**10:,.0f} KiB, more than the 256 KiB a scenario may have")
+        raise _error(f"is {size / 2**10:,.0f} KiB, more than the 256 KiB a scenario may have", source)
 
 
-def parse(text: str, source: str = "", key: Key = ()) -> Document:
-    """Parse one YAML document; `key` is where its value will stand.
-
-    Raises:
-        TextError: The text cannot be used.
-    """
-    builder = _Builder(*_composed(text), source)
-    return Document(builder.value(builder.root, key), SourceMap(source, builder.places))
-
-
-def items(text: str) -> list[tuple[str, str]]:
-    """Return the values of a YAML list without its brackets, each as it is read and as it is written.
-
-    A quoted text is read without quotes, `damped` for `"damped"`; any other value stays as written.
-
-    Raises:
-        TextError: If the text is no such list.
-    """
-    listed = f"[{text}\n]"  # a comment must not hide the bracket
-    pairs = []
-    for node in _composed(listed)[1].value:
-        written = listed[node.start_mark.index : node.end_mark.index]
-        pairs.append((node.value if node.tag == _TAG + "str" else written, written))
-    return pairs
-
-
-def _composed(text: str) -> tuple[yaml.SafeLoader, yaml.Node]:
+def _composed(text: str, source: str) -> tuple[yaml.SafeLoader, yaml.Node]:
     """Return the nodes of a text after their loader."""
-    _check_size(len(text.encode(errors="surrogatepass")))
+    _check_size(len(text.encode(errors="surrogatepass")), source)
     try:
         loader = yaml.SafeLoader(text)
         root = loader.get_single_node()
     except yaml.reader.ReaderError as error:
         *above, line = text[: error.position].split("\n")
-        what = f"is not a text file: it holds the character U+{ord(text[error.position]):04X}"
-        raise TextError(what, len(above) + 1, len(line) + 1) from None
+        what = f"is not a text file: it holds the character U+{error.character:04X}"
+        raise ScenarioError([Problem((), what, Origin(source, len(above) + 1, len(line) + 1))]) from None
     except yaml.MarkedYAMLError as error:
-        problem = f"is not valid YAML: {', '.join(filter(None, (error.context, error.problem)))}"
-        raise TextError(problem, *_at(error.problem_mark or error.context_mark)) from None
+        text = f"is not valid YAML: {', '.join(filter(None, (error.context, error.problem)))}"
+        raise _error(text, source, error.problem_mark or error.context_mark) from None
     except RecursionError:
-        raise TextError(f"is nested more than {_MAX_DEPTH} deep") from None
+        raise _error(f"is nested more than {_MAX_DEPTH} deep", source) from None
     if root is None:
-        raise TextError("is empty")
+        raise _error("is empty", source)
     return loader, root
-
-
-def _at(mark: yaml.Mark | None) -> tuple[int, int]:
-    return (mark.line + 1, mark.column + 1) if mark else (1, 1)
 
 
 class _Builder:
@@ -144,10 +180,10 @@ class _Builder:
     def value(self, node: yaml.Node, key: Key, name: yaml.Node | None = None) -> Any:
         self.count += 1
         if len(key) > _MAX_DEPTH:
-            raise TextError(f"is nested more than {_MAX_DEPTH} deep", *_at(node.start_mark))
+            raise _error(f"is nested more than {_MAX_DEPTH} deep", self.source, node.start_mark)
         if self.count > _MAX_VALUES:
-            raise TextError(f"has more than {_MAX_VALUES} values, aliases counted each time")
-        starts = (Origin(self.source, *_at(part.start_mark)) for part in (node, name or node))
+            raise _error(f"has more than {_MAX_VALUES} values, aliases counted each time", self.source)
+        starts = (_origin(self.source, part.start_mark) for part in (node, name or node))
         self.places[key] = Place(*starts)
         if isinstance(node, yaml.MappingNode) and node.tag == _TAG + "map":
             return self._mapping(node, key)
@@ -155,33 +191,33 @@ class _Builder:
             return [self.value(item, (*key, i)) for i, item in enumerate(node.value)]
         return self._scalar(node, key)
 
-    def _mapping(self, node: yaml.MappingNode, key: Key) -> dict[str, Any]:
+    def _mapping(self, node: yaml.Node, key: Key) -> dict[str, Any]:
         values: dict[str, Any] = {}
         for name_node, inner in node.value:
-            place = _at(name_node.start_mark)
+            place = name_node.start_mark
             if name_node.tag != _TAG + "str":  # with << as well, which merges mappings
-                raise TextError(f"a key must be text, got {_written(name_node)}", *place, key)
+                raise _error(f"a key must be text, got {_written(name_node)}", self.source, place, key)
             name = self._scalar(name_node, key)
             full = (*key, name)
             if name in values:
-                raise TextError(f"is given twice, first in line {self.places[full].key.line}", *place, full)
+                text = f"is given twice, first in line {self.places[full].key.line}"
+                raise _error(text, self.source, place, full)
             values[name] = self.value(inner, full, name_node)
         return values
 
     def _scalar(self, node: yaml.Node, key: Key) -> Any:
-        kind = node.tag.removeprefix(_TAG)
+        """Return a number, a text, a switch or null; a date is text, as in YAML 1.2."""
+        tag = node.tag.replace(_TAG, "!!")
         try:
-            if not isinstance(node, yaml.ScalarNode) or kind not in _SCALARS:
-                raise TypeError
-            if kind in ("str", "timestamp"):  # dates mean nothing here: text, as in YAML 1.2
+            if not isinstance(node, yaml.ScalarNode) or tag not in _SCALARS:
+                raise ValueError
+            if tag in ("!!str", "!!timestamp"):
                 node.value.encode()  # half of a surrogate pair is no text: nothing could print or store it
                 return node.value
             return self.loader.construct_object(node)
         except (TypeError, ValueError, KeyError, ArithmeticError):
-            tag = brief(node.tag.replace(_TAG, "!!"))
-            raise TextError(
-                f"cannot be read as {tag}, got {_written(node)}", *_at(node.start_mark), key
-            ) from None
+            text = f"cannot be read as {brief(tag)}, got {_written(node)}"
+            raise _error(text, self.source, node.start_mark, key) from None
 
 
 def _written(node: yaml.Node) -> str:

@@ -53,12 +53,8 @@ def _rows(key: str, schema: dict[str, Any], defs: dict[str, Any], *, required: b
         yield from _rows(f"{key}.{name}".removeprefix("."), inner, defs, required=needed)
     if isinstance(named, dict):
         name, default = _NAMES.get(key, ("key", None))
-        named = {
-            "description": schema["description"],
-            "unit": schema.get("unit", ""),
-            "default": default,
-            **named,
-        }
+        shared = {part: schema[part] for part in ("description", "unit") if part in schema}
+        named = {**shared, "default": default, **named}
         yield from _rows(f"{key}.<{name}>", named, defs, required=False)
     elif "$ref" in items:
         yield from _rows(f"{key}[]", items, defs, required=False)
@@ -71,8 +67,7 @@ def _resolve(schema: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any]:
     """Follow a reference, also through "or null" and "or a text"."""
     for option in (schema, *schema.get("anyOf", ()), *schema.get("oneOf", ())):
         if "$ref" in option:
-            resolved: dict[str, Any] = defs[option["$ref"].rpartition("/")[2]]
-            return resolved
+            return dict(defs[option["$ref"].rpartition("/")[2]])
     return schema
 
 

@@ -1,24 +1,57 @@
 """All sections of a scenario: their fields are the keys of a file, with unit, default and meaning."""
 
 import math
-from typing import Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import ConfigDict, model_validator
+from pydantic import AfterValidator, ConfigDict, model_validator
 
 from rmrc.scenario.arm import ArmSection
 from rmrc.scenario.choices import PLANTS
-from rmrc.scenario.control import ControlSection
-from rmrc.scenario.expect import PROFILE, Check, Expectations
-from rmrc.scenario.keys import split
+from rmrc.scenario.control import ControlSection, TaskSection
 from rmrc.scenario.plant import PlantSection
+from rmrc.scenario.profile import ProfileName
+from rmrc.scenario.reading import split
 from rmrc.scenario.sweep import Baseline, SweepSection, TuneSection
 from rmrc.scenario.target import TargetSection
-from rmrc.scenario.task import TaskSection
-from rmrc.scenario.values import Name, NotNegative, Section, key, rule
+from rmrc.scenario.values import Choice, Name, NotNegative, Number, Section, TextOr, key, rule
 from rmrc.scenario.wording import show
 from rmrc.support.problems import Key
 
+# The key in `expect` for a profile instead of a metric.
+PROFILE = "profile"
+
 _ACCEPTED = "vendor limits that the commands must stay within: the name of a shipped profile, or a file"
+
+
+class Check(Choice):
+    """Expectation of one metric of the scorecard.
+
+    Attributes:
+        below: upper bound: the metric must be less than this
+        above: lower bound: the metric must be more than this
+        equals: expected value of the metric, to `within`
+        within: tolerance: largest deviation from `equals`
+    """
+
+    counts = ((("below", "above", "equals"), 1, 3),)
+    needs = (("equals", "within"), ("within", "equals"))
+    below: Number | None = key(None, "as the metric")
+    above: Number | None = key(None, "as the metric")
+    equals: Number | None = key(None, "as the metric")
+    within: NotNegative | None = key(None, "as the metric")
+
+
+def _profile_apart(expect: dict[str, Any]) -> dict[str, Any]:
+    """Refuse a text in place of a check, and a check in place of a profile."""
+    for name, value in expect.items():
+        if (name == PROFILE) != isinstance(value, str):
+            wanted = "the name of a profile or a file" if name == PROFILE else "a mapping, such as {below: 1}"
+            raise rule(f"must be {wanted}", ("expect", name))
+    return expect
+
+
+Expectations = Annotated[dict[str, TextOr[ProfileName, Check]], AfterValidator(_profile_apart)]
+"""A check of each metric, by its name, and a profile."""
 
 
 class LookSection(Section):
@@ -88,12 +121,10 @@ def parse_key(text: str) -> Key:
     Raises:
         ValueError: If the text is no key.
     """
+    for section in ("baseline", "sweep.vary", "sweep.draw"):
+        if text.startswith(f"{section}.") and text != f"{section}.":
+            return (*section.split("."), text.removeprefix(f"{section}."))
     section, _, below = text.partition(".")
-    name, _, varied = below.partition(".")
-    if section == "baseline" and below:
-        return (section, below)
-    if section == "sweep" and varied and name in ("vary", "draw"):
-        return (section, name, varied)
     if section != "expect" or "." not in text:
         return split(text)
     metric, _, last = below.rpartition(".")  # a metric may lack a name, and is then refused

@@ -1,37 +1,38 @@
 """Variants of a scenario: values that a sweep gives to its keys, and its uncertainty for `rmrc tune`."""
 
-from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from rmrc.scenario.keys import split
+from rmrc.scenario.reading import split
 from rmrc.scenario.values import AngleRange, Bounds, NotNegative, Range, Section, Seed, Values, key, rule
 
 # Nobody can read a sweep over more keys than this, and the Sobol sequence here has this many dimensions.
 MOST_DRAWN = 20
 
 # Keys that no variant changes.
-_OF_A_FILE = ("name", "look", "baseline", "sweep", "tune")
+_FIXED = ("name", "look", "baseline", "sweep", "tune")
 
 _Whole = Annotated[int, Field(strict=True, ge=1)]
 
 
-def _check_keys(names: Iterable[str], place: tuple[str, ...], fixed: tuple[str, ...]) -> None:
-    """Refuse names that are no keys, and keys that a variant cannot change.
+def _key_but(*fixed: str) -> AfterValidator:
+    """Return the check of a text that is a key: not one of some keys, nor below one of some sections."""
 
-    Args:
-        names: Keys of the variant.
-        place: Key of the mapping that has them.
-        fixed: The sections that it cannot change.
-    """
-    for name in names:
+    def check(name: str) -> str:
         try:
-            section = split(name)[0]
-        except ValueError:
-            raise rule("is not a key such as control.feedback or arm.start[1]", (*place, name)) from None
-        if section in fixed:
-            raise rule(f"cannot be changed here: {section} is of the scenario as a whole", (*place, name))
+            section = str(split(name)[0])
+        except ValueError as error:
+            raise rule(str(error).removeprefix(f"{name!r} ")) from None
+        if section in fixed or name in fixed:
+            way = "; use sweep.repeat and sweep.seed" if name.endswith("seed") else ""
+            raise rule(f"cannot be changed here, as it is of the whole{way}")
+        return name
+
+    return AfterValidator(check)
+
+
+_Varied = Annotated[str, _key_but(*_FIXED, "arm.encoder.seed", "plant.seed")]
 
 
 class SweepSection(Section):
@@ -48,8 +49,8 @@ class SweepSection(Section):
             own values
     """
 
-    vary: dict[str, Values] = key({})
-    draw: dict[str, Bounds] = key({}, max_length=MOST_DRAWN)
+    vary: dict[_Varied, Values] = key({})
+    draw: dict[_Varied, Bounds] = key({}, max_length=MOST_DRAWN)
     sampler: Literal["random", "sobol"] = "random"
     samples: _Whole = 64
     repeat: _Whole = 1
@@ -57,27 +58,13 @@ class SweepSection(Section):
 
     @model_validator(mode="after")
     def _each_key_once(self) -> Self:
-        for place, names in (("vary", self.vary), ("draw", self.draw)):
-            _check_keys(names, ("sweep", place), _OF_A_FILE)
-            for name in names.keys() & {"arm.encoder.seed", "plant.seed"}:
-                text = "cannot be varied: the sweep sets it for each run; use sweep.repeat and sweep.seed"
-                raise rule(text, ("sweep", place, name))
         for name in self.draw.keys() & self.vary.keys():
             raise rule("must be in vary or in draw, got both", ("sweep", "draw", name))
         return self
 
 
-def _check_baseline(values: dict[str, Any]) -> dict[str, Any]:
-    _check_keys(values, ("baseline",), ("expect", *_OF_A_FILE))
-    return values
-
-
-Baseline = Annotated[
-    dict[str, Annotated[Any, Field(description="value of the key, as `--set` gives it, in the baseline: a "
-        "second run that `rmrc run` makes for comparison, such as the plain inverse without limits; other "
-        "verbs ignore it")]],
-    AfterValidator(_check_baseline),
-]  # fmt: skip
+_BASELINE = "value of the key, as `--set` gives it, in a second run that `rmrc run` makes for comparison"
+Baseline = dict[Annotated[str, _key_but(*_FIXED, "expect")], Annotated[Any, Field(description=_BASELINE)]]
 
 
 class TuneSection(Section):

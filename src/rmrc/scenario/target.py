@@ -1,15 +1,13 @@
 """The target of a scenario: a path of lines, arcs, turns, steps, recorded motions and holds; its limits."""
 
-from typing import Annotated, Literal, Self
-
-from pydantic import ConfigDict, model_validator
+from typing import Annotated, Literal
 
 from rmrc.scenario import values as types
-from rmrc.scenario.values import Choice, Section, key, rule
-from rmrc.scenario.wording import listed
+from rmrc.scenario.values import Choice, Section, key
 
 Postures = Annotated[tuple[types.NameOrPositions, ...], types.count(1)]
 PathFrame = Literal["world", "base", "site", "start"]
+_ROTATIONS = ("turn", "tilt")
 
 
 class Turn(Choice):
@@ -22,20 +20,11 @@ class Turn(Choice):
         frame: its frame; null: the frame of its line, arc or set, or target.frame
     """
 
-    model_config = ConfigDict(
-        json_schema_extra={"oneOf": [{"required": ["axis", "angle"]}, {"required": ["to"]}]}
-    )
+    counts = ((("axis", "to"), 1, 1), (("angle", "to"), 1, 1))
     axis: types.Direction | None = key(None, "1")
     angle: types.Angle | None = key(None, "rad")
     to: types.Quaternion | None = key(None, "1")
     frame: PathFrame | None = None
-
-    @model_validator(mode="after")
-    def _one_form(self) -> Self:
-        names = self.given("axis", "angle", "to")
-        if names not in (["axis", "angle"], ["to"]):
-            raise rule(f"must have either axis and angle, or to, got {listed(names)}")
-        return self
 
 
 class Tilt(Choice):
@@ -54,17 +43,7 @@ class Tilt(Choice):
     frame: PathFrame | None = None
 
 
-class _Way(Choice):
-    """A segment with translation and optional rotation."""
-
-    @model_validator(mode="after")
-    def _one_rotation(self) -> Self:
-        if len(self.given("turn", "tilt")) > 1:
-            raise rule("must have at most one of turn, tilt, got both")
-        return self
-
-
-class Line(_Way):
+class Line(Choice):
     """A straight line of the site's origin.
 
     Attributes:
@@ -75,22 +54,15 @@ class Line(_Way):
         frame: frame of its points and directions; null: target.frame
     """
 
-    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["to"]}, {"required": ["by"]}]})
+    counts = ((("to", "by"), 1, 1), (_ROTATIONS, 0, 1))
     to: types.Vector | None = key(None, "m")
     by: types.Vector | None = key(None, "m")
     turn: Turn | None = None
     tilt: Tilt | None = None
     frame: PathFrame | None = None
 
-    @model_validator(mode="after")
-    def _one_end(self) -> Self:
-        names = self.given("to", "by")
-        if len(names) != 1:
-            raise rule(f"must have exactly one of to, by, got {listed(names)}")
-        return self
 
-
-class Arc(_Way):
+class Arc(Choice):
     """A circular arc of the site's origin.
 
     Attributes:
@@ -102,6 +74,7 @@ class Arc(_Way):
         frame: frame of its points and directions; null: target.frame
     """
 
+    counts = ((_ROTATIONS, 0, 1),)
     center: types.Vector = key(unit="m")
     axis: types.Direction = key("z", "1")
     angle: types.Angle = key(unit="rad")
@@ -110,7 +83,7 @@ class Arc(_Way):
     frame: PathFrame | None = None
 
 
-class Set(_Way):
+class Set(Choice):
     """A set-point: the target jumps there and stays.
 
     Attributes:
@@ -122,19 +95,13 @@ class Set(_Way):
         duration: hold time there
     """
 
+    counts = ((("to", "by"), 0, 1), (_ROTATIONS, 0, 1), (("to", "by", *_ROTATIONS), 1, 4))
     to: types.Vector | None = key(None, "m")
     by: types.Vector | None = key(None, "m")
     turn: Turn | None = None
     tilt: Tilt | None = None
     frame: PathFrame | None = None
     duration: types.Positive = key(unit="s", alias="for")
-
-    @model_validator(mode="after")
-    def _some_step(self) -> Self:
-        names = self.given("to", "by", "turn", "tilt")
-        if not names or names[:2] == ["to", "by"]:
-            raise rule(f"must have to or by, or turn or tilt, or one of each, got {listed(names)}")
-        return self
 
 
 class Motion(Choice):
@@ -182,7 +149,7 @@ class Segment(Choice):
         hold: stay
     """
 
-    model_config = ConfigDict(json_schema_extra={"maxProperties": 1})
+    counts = ((("line", "arc", "turn", "tilt", "set", "configurations", "file", "hold"), 1, 1),)
     line: Line | None = None
     arc: Arc | None = None
     turn: Turn | None = None
@@ -195,14 +162,7 @@ class Segment(Choice):
     @property
     def name(self) -> str:
         """Its key."""
-        return self.given(*type(self).model_fields)[0]
-
-    @model_validator(mode="after")
-    def _one_key(self) -> Self:
-        names = self.given(*type(self).model_fields)
-        if len(names) != 1:
-            raise rule(f"must have exactly one of {', '.join(type(self).model_fields)}, got {listed(names)}")
-        return self
+        return next(name for name, segment in self if segment is not None)
 
 
 class TargetLimitsSection(Section):

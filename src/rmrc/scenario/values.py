@@ -5,27 +5,13 @@ import math
 import os
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    GetJsonSchemaHandler,
-    SerializerFunctionWrapHandler,
-    Tag,
-    ValidationInfo,
-    WithJsonSchema,
-    model_serializer,
-)
+import pydantic
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
 from pydantic.config import JsonDict
-from pydantic.fields import FieldInfo
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic_core import PydanticCustomError
 
-from rmrc.scenario.units import DECIMAL, UNSIGNED
 from rmrc.scenario.wording import nearby, show
 from rmrc.support.problems import Key
 
@@ -35,8 +21,16 @@ U = TypeVar("U")
 # Formats of a recorded motion.
 MOTIONS = (".csv", ".parquet", ".npz")
 
-_ANGLE = rf"\s*({DECIMAL})\s*(deg|rad)\s*"
-_RATE = rf"\s*(?:({UNSIGNED})\s*Hz|1\s*/\s*({UNSIGNED})\s*s?)\s*"
+# Each digit matches in one way only; otherwise a long invalid text would take time quadratic in its length.
+_UNSIGNED = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_DECIMAL = rf"[-+]?{_UNSIGNED}"
+_ANGLE = rf"\s*({_DECIMAL})\s*(deg|rad)\s*"
+_RATE = rf"\s*(?:({_UNSIGNED})\s*Hz|1\s*/\s*({_UNSIGNED})\s*s?)\s*"
+
+
+# Factor to the unit of scenarios, and that unit.
+_DEGREE = math.radians(1.0)
+_UNITS = {"s": (1.0, "s"), "ms": (1e-3, "s"), "rad": (1.0, "rad"), "deg": (_DEGREE, "rad"), "%": (1e-2, "1")}
 
 
 class Section(BaseModel):
@@ -45,41 +39,52 @@ class Section(BaseModel):
     The meaning of each key stands in the docstring of its class, under `Attributes`.
     """
 
+    # its schema waits for the meanings
     model_config = ConfigDict(
-        frozen=True, extra="forbid", validate_by_name=True, validate_by_alias=True, serialize_by_alias=True
+        frozen=True, extra="forbid", validate_by_name=True, serialize_by_alias=True, defer_build=True
     )
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
         """Take the meanings from the docstring."""
-        attributes = inspect.cleandoc(cls.__doc__ or "").partition("Attributes:\n")[2]
-        for name, text in re.findall(r"^    (\w+): (.+(?:\n {6}.+)*)", attributes, re.M):
+        title, *attributes = inspect.cleandoc(cls.__doc__ or "").split("\n\nAttributes:\n")
+        cls.model_config["json_schema_extra"] = {"description": title}
+        for name, text in re.findall(r"^    (\w+): (.+(?:\n {6}.+)*)", "".join(attributes), re.M):
             cls.model_fields[name].description = " ".join(text.split())
 
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, core: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        """Return the JSON Schema, with the meanings."""
-        schema = handler(core)
-        section = handler.resolve_ref_schema(schema)
-        section["description"] = inspect.cleandoc(cls.__doc__ or "").partition("\n\nAttributes:")[0]
-        for name, field in cls.model_fields.items():
-            if field.description:
-                section["properties"][field.alias or name]["description"] = field.description
-        return schema
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
+        """Return a copy that shares its values, which are frozen: pydantic copies each default."""
+        return self.__copy__()
 
 
-class Choice(Section):
-    """A mapping in which some keys exclude others: those that are absent are not written."""
+class Exclusive(Section):
+    """A mapping in which some keys exclude or need others."""
 
-    @model_serializer(mode="wrap")
-    def _present(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    # Least and most number of the keys that have a value, and the key that another needs.
+    counts: ClassVar[tuple[tuple[tuple[str, ...], int, int], ...]] = ()
+    needs: ClassVar[tuple[tuple[str, str], ...]] = ()
+
+    @pydantic.model_validator(mode="after")
+    def _fitting(self) -> Self:
+        values = self.__dict__
+        for names, least, most in self.counts:
+            present = [name for name in names if values[name] is not None]
+            if not least <= len(present) <= most:
+                number = "exactly one" if least == most else "at least one" if least else "at most one"
+                listed = " and ".join(present) or "none"
+                raise rule(f"must have {number} of {', '.join(names)}, got {listed}")
+        for name, other in self.needs:
+            if values[name] is not None and values[other] is None:
+                raise rule(f"{name} needs {other}")
+        return self
+
+
+class Choice(Exclusive):
+    """A mapping in which keys exclude others: those that are absent are not written."""
+
+    @pydantic.model_serializer(mode="wrap")
+    def _present(self, handler: pydantic.SerializerFunctionWrapHandler) -> dict[str, Any]:
         return {name: value for name, value in handler(self).items() if value is not None}
-
-    def given(self, *names: str) -> list[str]:
-        """Return the keys that have a value."""
-        return [name for name in names if getattr(self, name) is not None]
 
 
 def key(default: Any = ..., unit: str | None = None, **more: Any) -> Any:
@@ -99,25 +104,24 @@ def rule(text: str, key: Key = ()) -> PydanticCustomError:
     return PydanticCustomError("rule", "{text}", {"text": text, "key": key})
 
 
-# Keys of sections --------------------------------------------------------------------------------
-
-
-def fields(kind: Any) -> dict[str, FieldInfo]:
-    """Return the keys of a section, or of all the sections in a type."""
-    if isinstance(kind, type) and issubclass(kind, Section):
-        return {field.alias or name: field for name, field in kind.model_fields.items()}
-    return {name: field for inner in get_args(kind) for name, field in fields(inner).items()}
-
-
-def fields_at(kind: Any, key: Key) -> dict[str, FieldInfo]:
-    """Return the keys below a key of a section."""
-    known = fields(kind)
-    for step in key:  # the index of an item and the name of a metric lead nowhere else
-        known = fields(known[step].annotation) if step in known else known
-    return known
-
-
 # Readers and checks of values --------------------------------------------------------------------
+
+
+def quantity(text: str, unit: str) -> tuple[float, bool]:
+    """Return the value of a text in a unit, and whether the text has one itself.
+
+    Raises:
+        ValueError: It is no number with that unit, or one that converts to it, or with none.
+
+    >>> quantity("6 ms", "s"), quantity("0.5", "rad")
+    ((0.006, True), (0.5, False))
+    """
+    match = re.fullmatch(rf"\s*({_DECIMAL})\s*([a-z%]*)\s*", text)
+    factor, own = _UNITS.get(match[2], (1.0, match[2] or unit)) if match else (1.0, "")
+    value = float(match[1]) * factor if match else math.nan
+    if match is None or own != unit or not math.isfinite(value):
+        raise ValueError(f"is not a number in {unit}" if unit != "1" else "is not a number")
+    return value, bool(match[2])
 
 
 def angle(text: str) -> float:
@@ -126,11 +130,10 @@ def angle(text: str) -> float:
     Raises:
         ValueError: The text is neither, or not finite.
     """
-    match = re.fullmatch(rf"{_ANGLE}|\s*({DECIMAL})\s*", text)
-    value = float(match[1] or match[3]) if match else math.nan
-    if match is None or not math.isfinite(value):
-        raise ValueError(f'must be a number or an angle such as "60 deg", got {show(text)}')
-    return math.radians(value) if match[2] == "deg" else value
+    try:
+        return quantity(text, "rad")[0]
+    except ValueError:
+        raise ValueError(f'must be a number or an angle such as "60 deg", got {show(text)}') from None
 
 
 def _radians(value: object) -> object:
@@ -151,7 +154,8 @@ def _distinct(values: tuple[str, ...]) -> tuple[str, ...]:
     return values
 
 
-def _directed(values: tuple[float, ...]) -> tuple[float, ...]:
+def directed(values: tuple[float, ...]) -> tuple[float, ...]:
+    """Refuse a vector of zeros."""
     if math.hypot(*values) < 1e-9:  # its squares would vanish or be noise
         raise rule(f"must not be zero, got {show(list(values))}")
     return values
@@ -163,7 +167,7 @@ def _ordered(bounds: tuple[float, ...]) -> tuple[float, ...]:
     return bounds
 
 
-def checked_file(path: Path, info: ValidationInfo, *suffixes: str, is_folder: bool = False) -> Path:
+def checked_file(path: Path, info: pydantic.ValidationInfo, *suffixes: str, is_folder: bool = False) -> Path:
     """Make a path absolute; where a scenario is read (context), the file must be there.
 
     Args:
@@ -172,25 +176,25 @@ def checked_file(path: Path, info: ValidationInfo, *suffixes: str, is_folder: bo
         suffixes: Of files to suggest if there is none.
         is_folder: Whether it is the path of a folder.
     """
-    context = info.context or {}
-    full = Path(os.path.abspath(context.get("folder", Path()) / path))
-    if root := context.get("root"):
-        full = root / full.relative_to(full.anchor)
+    context: dict[str, Any] = info.context or {}
+    full = os.path.abspath(os.path.join(context.get("folder", ""), path))
+    full = f"{context.get('root') or ''}{full}"
     if context and not (os.path.isdir(full) if is_folder else os.path.isfile(full)):
-        raise rule(f'no such {"folder" if is_folder else "file"} "{full}"{nearby(full, *suffixes)}')
-    return full if is_folder else Path(os.path.realpath(full))
+        near = nearby(Path(full), *suffixes)
+        raise rule(f'no such {"folder" if is_folder else "file"} "{full}"{near}')
+    return Path(full if is_folder else os.path.realpath(full))
 
 
-def _motion(path: Path, info: ValidationInfo) -> Path:
+def _motion(path: Path, info: pydantic.ValidationInfo) -> Path:
     if path.suffix not in MOTIONS:
         raise rule(f"must end in one of {', '.join(MOTIONS)}, got {show(str(path))}")
     return checked_file(path, info, path.suffix)
 
 
-def _or_text(title: str, pattern: str, **bounds: int) -> WithJsonSchema:
+def _or_text(title: str, pattern: str, **bounds: int) -> pydantic.WithJsonSchema:
     """Return the JSON Schema of a number that may be written as a text."""
     options = [{"type": "number", **bounds}, {"type": "string", "pattern": f"^{pattern}$"}]
-    return WithJsonSchema({"title": title, "anyOf": options})
+    return pydantic.WithJsonSchema({"title": title, "anyOf": options})
 
 
 def _one_or_list(value: object) -> str:
@@ -217,7 +221,7 @@ Folder = Annotated[Path, AfterValidator(lambda path, info: checked_file(path, in
 Angle = Annotated[Number, BeforeValidator(_radians), _or_text("angle", _ANGLE)]
 NotNegativeAngle = Annotated[
     NotNegative, BeforeValidator(_radians),
-    _or_text("angle >= 0", rf"\s*\+?{UNSIGNED}\s*(deg|rad)\s*", minimum=0),
+    _or_text("angle >= 0", rf"\s*\+?{_UNSIGNED}\s*(deg|rad)\s*", minimum=0),
 ]  # fmt: skip
 Period = Annotated[
     Positive, BeforeValidator(_seconds), _or_text("number > 0 or rate", _RATE, exclusiveMinimum=0)
@@ -227,8 +231,14 @@ _Items = Annotated[tuple[T, ...], count(1)]
 _Two = Annotated[tuple[T, ...], count(2, 2), AfterValidator(_ordered)]
 _Three = Annotated[tuple[T, ...], count(3, 3)]
 # Only the option that fits reports errors.
-_OneOr = Annotated[Annotated[T, Tag("<one>")] | Annotated[U, Tag("<list>")], Discriminator(_one_or_list)]
-TextOr = Annotated[Annotated[T, Tag("<text>")] | Annotated[U, Tag("<other>")], Discriminator(_text_or_other)]
+_OneOr = Annotated[
+    Annotated[T, Tag("<one>")] | Annotated[U, Tag("<list>")],
+    Discriminator(_one_or_list),
+]
+TextOr = Annotated[
+    Annotated[T, Tag("<text>")] | Annotated[U, Tag("<other>")],
+    Discriminator(_text_or_other),
+]
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 Frame = Literal["world", "base", "site"]
@@ -239,11 +249,9 @@ Weights = _Items[Positive]
 Rates = _Items[Number]
 Vector = Annotated[tuple[Number, ...], count(2, 3)]
 Point = _Three[Number]
-Gravity = _Three[Number]
-Angles = _Three[Angle]
 Moments = _Three[Positive]
 Wrench = Annotated[tuple[Number, ...], count(6, 6)]
-Quaternion = Annotated[tuple[Number, ...], count(4, 4), AfterValidator(_directed)]
+Quaternion = Annotated[tuple[Number, ...], count(4, 4), AfterValidator(directed)]
 OneOrEach = _OneOr[Positive, _Items[Positive]]
 NotNegativeOrEach = _OneOr[NotNegative, _Items[NotNegative]]
 AngleOrEach = _OneOr[Angle, _Items[Angle]]
@@ -251,7 +259,7 @@ NotNegativeAngleOrEach = _OneOr[NotNegativeAngle, _Items[NotNegativeAngle]]
 Range = _OneOr[NotNegative, _Two[NotNegative]]
 AngleRange = _OneOr[NotNegativeAngle, _Two[NotNegativeAngle]]
 NameOrPositions = TextOr[Text, Positions]
-Direction = TextOr[Literal["x", "y", "z"], Annotated[_Three[Number], AfterValidator(_directed)]]
+Direction = TextOr[Literal["x", "y", "z"], Annotated[_Three[Number], AfterValidator(directed)]]
 PositiveOrAuto = TextOr[Literal["auto"], Positive]
 Bounds = Annotated[
     _Two[Angle],

@@ -2,7 +2,6 @@
 
 import json
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
 import yaml
@@ -17,16 +16,15 @@ def show(value: object) -> str:
         return "nothing"
     if isinstance(value, float):
         return repr(value).removesuffix(".0")
-    if isinstance(value, list):
-        return brief(f"[{', '.join(show(item) for item in value[:20])}]")
-    if isinstance(value, int) and abs(value) >= 10**80:  # Python writes 4300 digits at most
+    try:
+        return brief(json.dumps(value, ensure_ascii=False, default=repr))
+    except ValueError:  # Python writes 4300 digits at most
         return "a huge integer"
-    return brief(json.dumps(value, ensure_ascii=False, default=repr))
 
 
 def inline(value: object) -> str:
     """Return a value as YAML on one line, which is read back to an equal value."""
-    text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True)
+    text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True, sort_keys=False)
     return text.strip().removesuffix("...").strip()
 
 
@@ -38,11 +36,6 @@ def block(value: object, width: int = 100) -> str:
 def brief(text: str) -> str:
     """Return a printable text of about 80 characters at most, which says how many it has if it is longer."""
     return shortened(visible(text))
-
-
-def listed(names: Sequence[str]) -> str:
-    """Return `a and b`, or that there are none."""
-    return " and ".join(names) or "none"
 
 
 def nearby(path: Path, *suffixes: str) -> str:

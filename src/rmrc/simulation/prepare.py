@@ -26,8 +26,8 @@ from rmrc.plants.plant import Assumed, Plant
 from rmrc.results.events import CHATTER_FLOOR
 from rmrc.scenario import ArmSection, Problems, Scenario, inline
 from rmrc.scenario.choices import PLANTS, POLICIES
-from rmrc.scenario.expect import PROFILE
 from rmrc.scenario.profile import Profile, load_profile
+from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.configuration import assumed_configuration, true_configuration
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import Places, make_reference

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Source, draft_of
-from rmrc.scenario.expect import PROFILE
+from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.study import dask

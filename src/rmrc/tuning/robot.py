@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.scenario import Scenario
-from rmrc.scenario.expect import PROFILE
 from rmrc.scenario.profile import load_profile
-from rmrc.scenario.units import quantity
+from rmrc.scenario.sections import PROFILE
+from rmrc.scenario.values import quantity
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin, Problem

@@ -23,21 +23,20 @@ from rmrc.tuning.space import FEEDBACK, Setting, Space
 from rmrc.tuning.trials import Outcome, Trials
 from rmrc.tuning.verdict import ALIKE, Trial, Verdict, best, judge
 
-# Settings of a round on the model and on the worlds, enough for some cores; of those seen on the model, so
-# many, and the best of each inverse, are run on the worlds.
+# Points of a structure's cube to begin with, and settings of a round, enough for some cores.
 _POINTS, _ROUND = 4, 12
 # A setting that is better by less than this share does not count.
 _NEW = 1e-2
 # Errors above this multiple of the smallest one, and above that as written, are of no use.
 _FAR = 3.0
 # Neighbors are tried until so many rounds add less than this share to the area of the front.
-_PATIENCE, _GROWTH = 5, 5e-3
+_PATIENCE, _GROWTH = 12, 5e-3
 # So many times more the front is completed, as far as there are runs.
-_SETTLED = 2
+_SETTLED = 3
 # The area of a front goes this much beyond the largest rate and error, so that its ends count.
 _BEYOND = 1.2
 # A setting that adds less than this share to the area of the front is not run on all worlds.
-_WORTH = 2e-3
+_WORTH = 5e-4
 # Shares of the largest feedback of which it is asked first whether a loop bears it.
 _SHARES = (1.0, 0.94, 0.88, 0.8, 0.7, 0.5, 0.25)
 # Inverses with some g(σ) σ above 1: less feedback may be less stable than more.

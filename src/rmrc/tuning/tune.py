@@ -114,7 +114,7 @@ class Tuning:
         ideal: bool = False,
         gain_margin: float | None = None,
         slower: float = 1.1,
-        runs: int = 320,
+        runs: int = 560,
         threads: int | None = None,
     ) -> None:
         """Check everything before the first run.

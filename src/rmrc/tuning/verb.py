@@ -51,7 +51,7 @@ def tune(
     ideal: bool = False,
     gain_margin: float | None = None,
     slower: float = 1.1,
-    runs: int = 320,
+    runs: int = 560,
     seed: int = 0,
     out: str | os.PathLike[str] | None = None,
     threads: int | None = None,
