@@ -11,18 +11,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.adapting import Drive, Own, adapted, without_textures
-from rmrc.arm.chain import Chain, kinds_of
+from rmrc.arm import adapting
+from rmrc.arm.chain import Chain, find_masses, kinds_of
 from rmrc.arm.compiling import compiled
-from rmrc.arm.differences import check_stretch, set_fields, stretched_fields
-from rmrc.arm.drives import OwnDrives, Servo
 from rmrc.arm.equalities import Follower, motion
 from rmrc.arm.location import Location, locate, moved
-from rmrc.arm.masses import find_masses
 from rmrc.arm.mounting import NamedFrame
-from rmrc.arm.others import Others
+from rmrc.arm.others import Others, OwnDrives, Servo
 from rmrc.arm.proportions import Proportions, proportions
-from rmrc.arm.wiring import SLIDE, Wiring, find_chain, joint_name, joints_above, wire
+from rmrc.arm.wiring import SLIDE, Wiring, joint_name, joints_above, wire
 from rmrc.support.brief import brief
 from rmrc.support.errors import ModelError, QuestionError, did_you_mean
 from rmrc.support.legible import listed, shortened
@@ -48,6 +45,7 @@ class Arm:
         path: The MJCF or URDF file.
         site: Name of the controlled site.
         joints: Names, from the world outward, n of them.
+        axis_names: Names of the joints on the axes of the chain, outward: its own, and their followers.
         is_slide: Whether each joint slides, (n,).
         followers: Joints that follow its joints, on the chain or not.
         ties: Other constraints of the model on its joints, in words; with any, the arm is no open chain.
@@ -68,6 +66,7 @@ class Arm:
     path: Path
     site: str
     joints: tuple[str, ...]
+    axis_names: tuple[str, ...]
     is_slide: NDArray[np.bool_]
     followers: tuple[Follower, ...]
     position_limit: Array
@@ -112,12 +111,6 @@ class Arm:
     def wire(self, model: mujoco.MjModel) -> Wiring:
         """Resolve the names of the arm in a model compiled from the author's."""
         return wire(model, self.joints, [each.name for each in self.followers], self.axis_names, self.site)
-
-    @cached_property
-    def axis_names(self) -> tuple[str, ...]:
-        """Names of the joints on the axes of the chain, outward: its own, and their followers."""
-        moving = {*self.joints, *(each.name for each in self.followers if not each.pitch)}
-        return tuple(name for name in find_chain(self.path, self.model, self.site) if name in moving)
 
     @cached_property
     def motion(self) -> Array:
@@ -253,7 +246,7 @@ class Arm:
         if is_here and frees_others == self.frees_others:
             return self
         arm = replace(self, _rest=rest, _mocap=mocap, frees_others=frees_others)
-        shared = ("wiring", "axis_names", "motion", "others", "drives", "servos", "_untextured")
+        shared = ("wiring", "motion", "others", "drives", "servos", "_untextured")
         vars(arm).update({name: vars(self)[name] for name in shared if name in vars(self)})
         return arm
 
@@ -529,7 +522,7 @@ class Arm:
 
     @cached_property
     def _untextured(self) -> mujoco.MjModel:
-        return compiled(self.path, without_textures(self._written))
+        return compiled(self.path, adapting.without_textures(self._written))
 
     def stretched(self, stretch: Mapping[str, float]) -> "Arm":
         """Return the arm with some bodies larger.
@@ -544,13 +537,18 @@ class Arm:
         Raises:
             ModelError: No such body, or it cannot be stretched.
         """
-        check_stretch(self.path, self.model, stretch)
+        adapting.check_stretch(self.path, self.model, stretch)
         model = copy.copy(self._untextured)
-        set_fields(model, stretched_fields(model, stretch))
+        adapting.set_fields(model, adapting.stretched_fields(model, stretch))
         return replace(self, model=model, stretch={**self.stretch, **stretch})
 
     def adapted(
-        self, drive: Drive | Own | None, timestep: float, gravity_compensation: bool, *, loaded: bool = False
+        self,
+        drive: adapting.Drive | adapting.Own | None,
+        timestep: float,
+        gravity_compensation: bool,
+        *,
+        loaded: bool = False,
     ) -> mujoco.MjModel:
         """Return the model with the actuators of a plant: see `rmrc.arm.adapting`.
 
@@ -569,5 +567,5 @@ class Arm:
         if key not in self._adapted:
             while len(self._adapted) >= _MOST_MODELS:
                 del self._adapted[next(iter(self._adapted))]
-            self._adapted[key] = adapted(self, without_textures(self._written), *key[:4])
+            self._adapted[key] = adapting.adapted(self, adapting.without_textures(self._written), *key[:4])
         return self._adapted[key]

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 
@@ -35,13 +35,13 @@ class Read(NamedTuple):
     """A model as it was read.
 
     Attributes:
-        spec: Its specification.
+        spec: Its specification; None of a compiled model.
         model: The compiled model.
         robot: The contents of its file, if that is a URDF.
         notes: Assumptions.
     """
 
-    spec: mujoco.MjSpec
+    spec: Any
     model: mujoco.MjModel
     robot: urdf.Urdf | None
     notes: tuple[str, ...]

@@ -9,14 +9,16 @@ from collections.abc import Sequence
 from functools import cached_property
 from itertools import combinations, islice
 from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.actuators import DriveKind, kind_of, moments_of, terms_of
+from rmrc.arm.actuators import EVERYWHERE, DriveKind, Ends, kind_of, moments_of, terms_of
 from rmrc.arm.wiring import joints_above, joints_of, soft_bodies
 from rmrc.support.errors import ModelError
+from rmrc.support.legible import listed
 
 Array = NDArray[np.float64]
 
@@ -28,6 +30,8 @@ LOCKED_INERTIA, LOCKED_DAMPING, UNDAMPED_INERTIA = 1e6, 1e15, 1e12
 # Less than this in a Jacobian is rounding.
 _ROUNDING = 1e-12
 
+# With moments scaled to a largest one of 1, less than this is rounding.
+_RANK = 1e-9
 # The most pairs of bodies that are kept from touching; the model holds each as an exclude.
 MOST_PAIRS = 100_000
 
@@ -203,3 +207,106 @@ class Others:
     def _between(self, a: int, b: int) -> frozenset[int]:
         """Return the joints that move one body relative to another."""
         return frozenset(joints_above(self.model, a)) ^ frozenset(joints_above(self.model, b))
+
+
+# The arm's drives ---------------------------------------------------------------------------------
+
+
+class Servo(NamedTuple):
+    """A servo of one joint, in constant proportion: its control is slope · (position or rate) + offset.
+
+    Attributes:
+        command: Kind of its command.
+        joint: The joint, by its place in the arm.
+        slope: Control for each unit of the joint's position or rate.
+        offset: Control at 0.
+        position: Least and largest position that it takes as a command [rad or m].
+        rate: Least and largest rate [rad/s or m/s].
+    """
+
+    command: DriveKind
+    joint: int
+    slope: float
+    offset: float
+    position: Ends
+    rate: Ends
+
+
+class OwnDrives:
+    """The author's actuators that act on an arm's joints and on no others.
+
+    A motor moves joints without a servo. Beside a servo it keeps its control, and so do actuators of other
+    kinds.
+
+    Attributes:
+        kinds: Kind of the command of each actuator, by its id.
+        idle: Ids of actuators that act on the arm's joints and get no commands.
+    """
+
+    def __init__(self, model: mujoco.MjModel, others: Others, F: Array) -> None:
+        """Examine the actuators of a model.
+
+        Args:
+            model: The author's model.
+            others: Its parts that are not the arm.
+            F: Rates of all joints of the model for unit rates of the arm's, (nv, n).
+        """
+        self._model, self._others, self._F = model, others, F
+        kinds = {i: kind for i in sorted(others.replaced) if (kind := kind_of(model, i)) is not None}
+        motors = {i for i, kind in kinds.items() if kind == DriveKind.MOTOR}
+        served = frozenset().union(*(others.pulled[i] for i in kinds.keys() - motors))
+        beside = {i for i in motors if not served.isdisjoint(others.pulled[i])}
+        self.kinds = {i: kind for i, kind in kinds.items() if i not in beside}
+        self.idle = tuple(sorted(others.replaced - self.kinds.keys()))
+
+    def moments(self, data: mujoco.MjData) -> Array:
+        """Return the rate of length of each actuator at unit rate of each joint, (d, n)."""
+        return np.asarray(moments_of(self._model, data)[list(self.kinds)] @ self._F)
+
+    def servos(self, data: mujoco.MjData, q: Array) -> dict[int, Servo]:
+        """Return the servos that move one joint each in constant proportion, by their ids.
+
+        Args:
+            data: Data at a configuration, with its transmissions.
+            q: Positions of the arm's joints there, (n,).
+        """
+        model, servos = self._model, dict[int, Servo]()
+        for row, (i, kind) in zip(self.moments(data), self.kinds.items(), strict=True):
+            driven = np.flatnonzero(np.abs(row) > _RANK * np.abs(row).max())
+            if kind == DriveKind.MOTOR or len(driven) != 1 or not self._others.is_linear[i]:
+                continue
+            j, terms = int(driven[0]), terms_of(model, i, kind)
+            slope = float(terms.scale * row[j])
+            length = float(data.actuator_length[model.actuator_outadr[i]])
+            start = terms.offset + terms.scale * length - slope * q[j]  # control or activation at q = 0
+            position = _ends(terms.state, slope, start)
+            if kind == DriveKind.POSITION:
+                low, high = _ends(terms.control, slope, start)
+                position = max(low, position[0]), min(high, position[1])
+                servos[i] = Servo(kind, j, slope, start, position, EVERYWHERE)
+            else:
+                offset = terms.offset if kind == DriveKind.VELOCITY else 0.0
+                servos[i] = Servo(kind, j, slope, offset, position, _ends(terms.control, slope, offset))
+        return servos
+
+    def undriven(self, data: mujoco.MjData) -> list[int]:
+        """Return the joints of the arm that the actuators cannot move one by one, by their indices.
+
+        Args:
+            data: Data at a configuration, with its transmissions.
+        """
+        moments = self.moments(data)
+        size = np.abs(moments).max(axis=1, initial=0.0)
+        _, sigma, right = np.linalg.svd(moments[size > mujoco.mjMINVAL] / size[size > mujoco.mjMINVAL, None])
+        free = np.abs(right[int((sigma > _RANK).sum()) :]).max(axis=0, initial=0.0)
+        return np.flatnonzero(free > _RANK).tolist()
+
+    def named(self, actuators: Sequence[int]) -> str:
+        """Return the names of actuators, or their numbers, as a list."""
+        return listed(self._model.actuator(i).name or f"actuator{i}" for i in actuators)
+
+
+def _ends(ends: Ends, slope: float, offset: float) -> Ends:
+    """Return least and largest value whose control, slope · value + offset, is between two ends."""
+    first, last = sorted((end - offset) / slope for end in ends)
+    return first, last
