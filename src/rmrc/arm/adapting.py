@@ -28,10 +28,8 @@ Array = NDArray[np.float64]
 PAYLOAD = "rmrc:payload"
 # Lengths of arms are meters; squares and products of such factors are finite, also as MuJoCo's floats.
 _STRETCH = 1e-6, 1e6
-# Makes an actuator the one of a joint.
-Drive: TypeAlias = Callable[[mujoco.MjsActuator], None]
-# The author's own actuators.
-Own: TypeAlias = Literal["own"]
+# What makes an actuator the one of a joint; the author's own actuators; none.
+Drive: TypeAlias = Callable[[mujoco.MjsActuator], None] | Literal["own"] | None
 
 # MuJoCo's own softness of an equality: solref and solimp where its author wrote none.
 UNSAID = (0.02, 1.0, 0.9, 0.95, 0.001, 0.5, 2.0)
@@ -45,12 +43,7 @@ _IDENTITY = {
 
 
 def adapted(
-    arm: Any,
-    spec: mujoco.MjSpec,
-    drive: Drive | Own | None,
-    timestep: float,
-    gravity_compensation: bool,
-    loaded: bool,
+    arm: Any, spec: mujoco.MjSpec, drive: Drive, timestep: float, gravity_compensation: bool, loaded: bool
 ) -> mujoco.MjModel:
     """Return a model for a plant.
 
@@ -87,7 +80,7 @@ def adapted(
     return model
 
 
-def _set_options(arm: Any, spec: mujoco.MjSpec, drive: Drive | Own | None, timestep: float) -> None:
+def _set_options(arm: Any, spec: mujoco.MjSpec, drive: Drive, timestep: float) -> None:
     """Set timestep, integrator and flags, and have followers stay with their leaders.
 
     Servos and dampers are taken implicitly. The other integrators add their inertia after the equalities
@@ -102,22 +95,18 @@ def _set_options(arm: Any, spec: mujoco.MjSpec, drive: Drive | Own | None, times
         option.integrator = option.integrator if drive == "own" else mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         return
     option.integrator, names = mujoco.mjtIntegrator.mjINT_DISCRETE, [each.name for each in arm.followers]
-    for equality in spec.equalities:
-        is_theirs = equality.type == mujoco.mjtEq.mjEQ_JOINT and equality.name1 in names
-        if is_theirs and (drive != "own" or (*equality.solref, *equality.solimp) == UNSAID):
+    for equality in (each for each in spec.equalities if each.type == mujoco.mjtEq.mjEQ_JOINT):
+        if equality.name1 in names and (drive != "own" or (*equality.solref, *equality.solimp) == UNSAID):
             equality.solref, equality.solimp[:2] = [_STEPS * timestep, 1.0], _IMPEDANCE
 
 
-def _replace_actuators(arm: Any, spec: mujoco.MjSpec, drive: Drive | None) -> None:
+def _replace_actuators(arm: Any, spec: mujoco.MjSpec, drive: Drive) -> None:
     """Remove the actuators of the arm, and add those of a plant."""
-    replaced = [actuator for actuator in spec.actuators if actuator.id in arm.others.replaced]
-    for actuator in (actuator for actuator in spec.actuators if actuator.id not in arm.others.replaced):
+    for actuator in spec.actuators:
         actuator.delay, actuator.nsample = 0.0, 0  # the delay of a constant control does not matter
-    for actuator in replaced:  # chosen before, as ids change with every deletion
-        spec.delete(actuator)
-    if drive is None:
-        return
-    for joint, limit in zip(arm.joints, arm.torque_limit, strict=True):
+    for actuator in [each for each in spec.actuators if each.id in arm.others.replaced]:
+        spec.delete(actuator)  # chosen before, as ids change with every deletion
+    for joint, limit in zip(arm.joints if callable(drive) else (), arm.torque_limit, strict=False):
         actuator = spec.add_actuator(name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         for name, value in _pristine().items():
             setattr(actuator, name, value)
@@ -180,8 +169,6 @@ def stretched_fields(model: mujoco.MjModel, stretch: Mapping[str, float]) -> dic
         model: A model.
         stretch: Factor of each body, by its name.
     """
-    if not stretch:
-        return {}
     factor = np.ones(model.nbody)
     for name, value in stretch.items():
         factor[model.body(name).id] = value
@@ -204,8 +191,7 @@ def check_stretch(path: Path, model: mujoco.MjModel, stretch: Mapping[str, float
     collides = ((model.geom_contype | model.geom_conaffinity) != 0) & (model.geom_dataid >= 0)
     for name, factor in stretch.items():
         about = f"stretch.{name}" if name.replace("-", "_").isidentifier() else "stretch"
-        body, (least, most) = find(path, model, "body", name, about), _STRETCH
-        why = ""
+        body, (least, most), why = find(path, model, "body", name, about), _STRETCH, ""
         if (model.geom_bodyid[collides] == body).any():
             why = "a mesh of it collides; let simpler geometries collide, or stretch other bodies"
         elif not least <= factor <= most:

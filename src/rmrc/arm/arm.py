@@ -27,6 +27,8 @@ from rmrc.support.spatial import matrix_to_quat
 
 Array = NDArray[np.float64]
 
+# What an arm with other positions of other joints has in common with it.
+_SHARED = {"wiring", "motion", "others", "drives", "servos", "_untextured"}
 # Number of the last compiled plant models that an arm keeps: few sweeps use more in turn.
 _MOST_MODELS = 8
 Positions: TypeAlias = Sequence[float] | Array | mujoco.MjData
@@ -83,8 +85,6 @@ class Arm:
     home: int | None = None
     stretch: Mapping[str, float] = field(default_factory=dict)
     frees_others: bool = False
-    _rest: Array | None = None
-    _mocap: Array | None = None
     _adapted: dict[object, mujoco.MjModel] = field(default_factory=dict, repr=False)
 
     def __deepcopy__(self, _: object) -> "Arm":
@@ -151,8 +151,8 @@ class Arm:
         It is 0 for a hinge, inf for a slide, and else the pitch of a screw, as in `rmrc.textbook.screws`.
         """
         pitch = np.where(self.is_slide, np.inf, 0.0)
-        for each in (each for each in self.followers if each.pitch):
-            pitch[each.leader] = each.pitch
+        for each in self.followers:
+            pitch[each.leader] += each.pitch
         return pitch
 
     @property
@@ -171,8 +171,8 @@ class Arm:
 
         They are hinges without a screw whose followers turn whole turns as well.
         """
-        slides = (self.model.jnt_type == SLIDE)[self.model.dof_jntid]
-        turns = np.where(slides[:, None], 0.0, np.round(self.motion))
+        slides = self.model.jnt_type[self.model.dof_jntid, None] == SLIDE
+        turns = np.where(slides, 0.0, np.round(self.motion))
         return np.asarray((self.motion == turns).all(axis=0))
 
     @property
@@ -204,23 +204,21 @@ class Arm:
             ModelError: An equality ties it.
         """
         if self.ties:
-            raise ModelError(
-                f"{self.path}: {listed(self.ties)} {'ties' if len(self.ties) == 1 else 'tie'} the arm, which "
-                'is then no open chain; set active="false" there in a copy of the model, or remove it',
-                "model",
-            )
+            verb = "ties" if len(self.ties) == 1 else "tie"
+            why = f"{self.path}: {listed(self.ties)} {verb} the arm, which is then no open chain"
+            raise ModelError(f'{why}; set active="false" there in a copy of the model, or remove it', "model")
 
     # Configurations -----------------------------------------------------------------------------
 
     @cached_property
     def rest(self) -> Array:
         """Positions of the joints that are not the arm's, in a whole configuration, (nq,)."""
-        return self.configuration("home") if self._rest is None else self._rest
+        return self.configuration("home")
 
     @cached_property
     def mocap(self) -> Array:
         """Poses of the mocap bodies, (nmocap, 7)."""
-        return self.mocap_at("home") if self._mocap is None else self._mocap
+        return self.mocap_at("home")
 
     def mocap_at(self, start: str | Sequence[float]) -> Array:
         """Return the poses of the mocap bodies, (nmocap, 7), for a start of `held`."""
@@ -245,9 +243,8 @@ class Arm:
         is_here = np.array_equal(rest, self.rest) and np.array_equal(mocap, self.mocap)
         if is_here and frees_others == self.frees_others:
             return self
-        arm = replace(self, _rest=rest, _mocap=mocap, frees_others=frees_others)
-        shared = ("wiring", "motion", "others", "drives", "servos", "_untextured")
-        vars(arm).update({name: vars(self)[name] for name in shared if name in vars(self)})
+        arm, shared = replace(self, frees_others=frees_others), vars(self).keys() & _SHARED
+        vars(arm).update({name: vars(self)[name] for name in shared}, rest=rest, mocap=mocap)
         return arm
 
     def configuration(self, start: str | Positions) -> Array:
@@ -264,11 +261,9 @@ class Arm:
         """
         if isinstance(start, str):
             if start not in self.keyframes and start != "home":
-                known = listed(sorted(self.keyframes)) or "none"
-                hint = did_you_mean(start, self.keyframes)
-                raise ModelError(
-                    f'{self.path}: has no keyframe "{start}"{hint}; its keyframes: {known}', "start"
-                )
+                names, hint = listed(sorted(self.keyframes)) or "none", did_you_mean(start, self.keyframes)
+                text = f'{self.path}: has no keyframe "{start}"{hint}; its keyframes: {names}'
+                raise ModelError(text, "start")
             qpos = self.keyframes.get(start, self.model.qpos0)
             return self.placed(qpos, qpos[self.wiring.qpos])
         if isinstance(start, mujoco.MjData):
@@ -277,11 +272,11 @@ class Arm:
         try:
             values = np.array(start, np.float64)
         except (TypeError, ValueError):
-            raise QuestionError(f"q must be numbers, got {shortened(repr(start))}") from None
+            values = np.array(np.nan)
+        if not np.isfinite(values).all():
+            raise QuestionError(f"q must be finite numbers, got {shortened(repr(start))}")
         if values.shape not in ((self.model.nq,), (self.n,)):
             raise QuestionError(f"q must be {self.forms}, got {values.shape}")
-        if not np.isfinite(values).all():
-            raise QuestionError(f"q must be finite, got {shortened(str(values.tolist()))}")
         return values if len(values) == self.model.nq else self.placed(self.rest, values)
 
     @property
@@ -368,16 +363,18 @@ class Arm:
         model, elsewhere = self.model, self.others.addresses
         is_home = np.array_equal(qpos[elsewhere], self.configuration("home")[elsewhere])
         key = self._key_of(start) if isinstance(start, str) or is_home else None
-        frame = None if key is None else self._written.keys[key]
-        given = [np.array(v) if len(v) else None for v in ((frame.ctrl, frame.act) if frame else ((), ()))]
-        controls, ids = self.others.controls(self.data_at(qpos), *given), np.arange(model.nactuator)
+        key_of = None if key is None else self._written.keys[key]
+        written = [
+            np.array(v) if len(v) else None for v in ((key_of.ctrl, key_of.act) if key_of else ((), ()))
+        ]
+        controls, ids = self.others.controls(self.data_at(qpos), *written), np.arange(model.nactuator)
         owners = np.repeat(ids, model.actuator_ctrlnum), np.repeat(ids, model.actuator_actnum)
         if not own:
             ctrl, act = (v[np.isin(o, self.others.kept)] for v, o in zip(controls, owners, strict=True))
             return ctrl, act
         name = start if isinstance(start, str) else "home"
         is_there = key is not None and np.array_equal(qpos, self.configuration(name))
-        for values, owner, keyed in zip(controls, owners, given, strict=True):
+        for values, owner, keyed in zip(controls, owners, written, strict=True):
             if keyed is None or not is_there:
                 values[np.isin(owner, self.drives.idle)] = 0.0
                 values[np.isin(owner, list(self.drives.kinds))] = np.nan
@@ -386,9 +383,8 @@ class Arm:
     def _key_of(self, start: str | Sequence[float]) -> int | None:
         """Return the number of a start's keyframe: by its name, or the one that replaces `home`."""
         name = start if isinstance(start, str) else "home"
-        if name == "home" and self.home is not None:
-            return self.home
-        return next((i for i in range(self.model.nkey) if self.model.key(i).name == name), None)
+        keys = (i for i in range(self.model.nkey) if self.model.key(i).name == name)
+        return self.home if name == "home" and self.home is not None else next(keys, None)
 
     # Kinematics ---------------------------------------------------------------------------------
 
@@ -438,11 +434,10 @@ class Arm:
         """
         data, full = self.data_at(self.rest), np.zeros((len(qpos), 6, self.model.nv))
         poses = np.empty((len(qpos), self.model.nbody, 7))
-        for configuration, pose, rows in zip(qpos, poses, full, strict=True):
-            data.qpos[:] = configuration
+        for data.qpos[:], pose, rows in zip(qpos, poses, full, strict=True):
             mujoco.mj_fwdKinematics(self.model, data)
             mujoco.mj_jacSite(self.model, data, rows[:3], rows[3:], self.wiring.site)
-            pose[:, :3], pose[:, 3:] = data.xpos, data.xquat
+            pose[:] = np.hstack([data.xpos, data.xquat])
         return poses, np.asarray(full @ self.motion)
 
     @property
@@ -464,11 +459,10 @@ class Arm:
         rows, anchor = self.motion[self.model.jnt_dofadr[joint]], np.array(data.xanchor[joint])
         leader = np.abs(rows).argmax(axis=1)
         pitch = np.where(np.isin(joint, self.wiring.joint), self.pitch[leader], 0.0)
-        pitch = np.where(self.model.jnt_type[joint] == SLIDE, np.inf, pitch)
+        pitch[self.model.jnt_type[joint] == SLIDE] = np.inf
         step, tip = np.diff(anchor, axis=0, prepend=np.zeros((1, 3))), data.site_xpos[site] - anchor[-1]
-        quat = matrix_to_quat(data.site_xmat[site].reshape(3, 3))
-        axis, ratio = np.array(data.xaxis[joint]), rows.sum(axis=1)
-        return Chain(self.axis_names, leader, ratio, pitch, axis, step, tip, quat)
+        quat, axis = matrix_to_quat(data.site_xmat[site].reshape(3, 3)), np.array(data.xaxis[joint])
+        return Chain(self.axis_names, leader, rows.sum(axis=1), pitch, axis, step, tip, quat)
 
     def behind(self, site: str) -> tuple[int, Array, Array]:
         """Return the place of a site behind the chain, with all joints of the arm at 0.
@@ -540,15 +534,12 @@ class Arm:
         adapting.check_stretch(self.path, self.model, stretch)
         model = copy.copy(self._untextured)
         adapting.set_fields(model, adapting.stretched_fields(model, stretch))
-        return replace(self, model=model, stretch={**self.stretch, **stretch})
+        arm = replace(self, model=model, stretch={**self.stretch, **stretch})
+        vars(arm).update(rest=self.rest, mocap=self.mocap)
+        return arm
 
     def adapted(
-        self,
-        drive: adapting.Drive | adapting.Own | None,
-        timestep: float,
-        gravity_compensation: bool,
-        *,
-        loaded: bool = False,
+        self, drive: adapting.Drive, timestep: float, gravity_compensation: bool, *, loaded: bool = False
     ) -> mujoco.MjModel:
         """Return the model with the actuators of a plant: see `rmrc.arm.adapting`.
 
@@ -565,7 +556,7 @@ class Arm:
         """
         key = drive, timestep, gravity_compensation, loaded, self.frees_others
         if key not in self._adapted:
-            while len(self._adapted) >= _MOST_MODELS:
-                del self._adapted[next(iter(self._adapted))]
+            if len(self._adapted) == _MOST_MODELS:
+                self._adapted.pop(next(iter(self._adapted)), None)
             self._adapted[key] = adapting.adapted(self, adapting.without_textures(self._written), *key[:4])
         return self._adapted[key]

@@ -108,10 +108,8 @@ def contacts(arm: Arm, qpos: NDArray[np.float64]) -> tuple[Contact, ...]:
     found = []
     for (first, second), depth in depths.items():
         bodies = int(model.geom_bodyid[first]), int(model.geom_bodyid[second])
-        moved = own.intersection(joints_above(model, bodies[0])) ^ own.intersection(
-            joints_above(model, bodies[1])
-        )
+        before, behind = (own.intersection(joints_above(model, body)) for body in bodies)
         geoms = model.geom(first).name or f"geom{first}", model.geom(second).name or f"geom{second}"
         names = arm.body_names[bodies[0]], arm.body_names[bodies[1]]
-        found.append(Contact(geoms, names, depth, bool(moved)))
+        found.append(Contact(geoms, names, depth, before != behind))
     return tuple(sorted(found, key=lambda contact: (-contact.depth, contact.geoms)))

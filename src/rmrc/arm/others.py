@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.actuators import EVERYWHERE, DriveKind, Ends, kind_of, moments_of, terms_of
-from rmrc.arm.wiring import joints_above, joints_of, soft_bodies
+from rmrc.arm.wiring import dense, joints_above, joints_of, soft_bodies
 from rmrc.support.errors import ModelError
 from rmrc.support.legible import listed
 
@@ -65,10 +65,7 @@ class Others:
             mujoco.mj_fwdKinematics(model, data)
             mujoco.mj_transmission(model, data)
             moments.append(moments_of(model, data))
-        lengths = np.zeros((model.ntendon, model.nv))
-        mujoco.mju_sparse2dense(
-            lengths, data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
-        )
+        lengths = dense(data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind, model.nv)
         self.pulled, self.along = self._joints(moments[0]), self._joints(lengths)
         self.is_linear = [np.allclose(a, b, atol=_ROUNDING) for a, b in zip(*moments, strict=True)]
         self.replaced = frozenset(i for i, joints in enumerate(self.pulled) if joints and joints <= self.own)
@@ -102,11 +99,9 @@ class Others:
         moving = self.own | self.held | set(np.flatnonzero(floats).tolist())
         below = self._between(int(model.site_bodyid[self._site]), 0) - moving
         links = [joints - below for joints in self._equalities().values()]
-        while True:
-            grown = moving.union(*(joints for joints in links if not joints.isdisjoint(moving)))
-            if grown == moving:
-                return frozenset(range(model.njnt)) - moving
+        while (grown := moving.union(*(joints for joints in links if joints & moving))) != moving:
             moving = grown
+        return frozenset(range(model.njnt)) - moving
 
     def controls(self, data: mujoco.MjData, ctrl: Array | None, act: Array | None) -> tuple[Array, Array]:
         """Return controls, (nu,), and activations, (na,), of all actuators.
@@ -159,34 +154,29 @@ class Others:
             if self.along[tendon.id] <= locked:
                 tendon.limited, tendon.frictionloss = off, 0.0
         still = {i for i, joints in self._equalities().items() if joints and joints <= locked}
-        for equality in spec.equalities:
-            equality.active = bool(equality.active) and equality.id not in still
+        for equality in [each for each in spec.equalities if each.id in still]:
+            equality.active = False
         self._keep_apart(spec, path)
 
     def _keep_apart(self, spec: mujoco.MjSpec, path: Path) -> None:
         """Exclude contacts between bodies that only locked joints connect."""
-        model = self.model
-        carrier = np.arange(model.nbody)
+        model, carrier = self.model, np.arange(self.model.nbody)
         for b in range(1, model.nbody):
             if self.locked.issuperset(joints_of(model, b)):
                 carrier[b] = carrier[model.body_parentid[b]]
-
         collides = (model.geom_contype | model.geom_conaffinity) != 0
         bodies, weld = np.unique(model.geom_bodyid[collides]), model.body_weldid
-        groups = [bodies[carrier[bodies] == each].tolist() for each in np.unique(carrier[bodies])]
-        pairs = (
-            pair for group in groups for pair in combinations(group, 2) if weld[pair[0]] != weld[pair[1]]
-        )
-        apart = list(islice(pairs, MOST_PAIRS + 1))
+        groups = (bodies[carrier[bodies] == each].tolist() for each in np.unique(carrier[bodies]))
+        pairs = (pair for group in groups for pair in combinations(group, 2))
+        apart = list(islice((pair for pair in pairs if weld[pair[0]] != weld[pair[1]]), MOST_PAIRS + 1))
         if len(apart) > MOST_PAIRS:
             raise ModelError(
-                f"{path}: has {len(self.locked)} joints to lock, with more than {MOST_PAIRS} pairs of "
-                "bodies that could touch; use arm.others: free, or remove bodies that are not part of the "
-                "robot"
+                f"{path}: has {len(self.locked)} joints to lock, with more than {MOST_PAIRS} pairs of bodies "
+                "that could touch; use arm.others: free, or remove bodies that are not part of the robot"
             )
-        names = {}
         for body in spec.bodies:
-            body.name = names[body.id] = body.name or f"rmrc:body{body.id}"
+            body.name = body.name or f"rmrc:body{body.id}"
+        names = [body.name for body in spec.bodies]
         for a, b in apart:
             spec.add_exclude(bodyname1=names[a], bodyname2=names[b])
 
@@ -281,12 +271,12 @@ class OwnDrives:
             start = terms.offset + terms.scale * length - slope * q[j]  # control or activation at q = 0
             position = _ends(terms.state, slope, start)
             if kind == DriveKind.POSITION:
-                low, high = _ends(terms.control, slope, start)
+                offset, rate, (low, high) = start, EVERYWHERE, _ends(terms.control, slope, start)
                 position = max(low, position[0]), min(high, position[1])
-                servos[i] = Servo(kind, j, slope, start, position, EVERYWHERE)
             else:
                 offset = terms.offset if kind == DriveKind.VELOCITY else 0.0
-                servos[i] = Servo(kind, j, slope, offset, position, _ends(terms.control, slope, offset))
+                rate = _ends(terms.control, slope, offset)
+            servos[i] = Servo(kind, j, slope, offset, position, rate)
         return servos
 
     def undriven(self, data: mujoco.MjData) -> list[int]:
@@ -295,9 +285,8 @@ class OwnDrives:
         Args:
             data: Data at a configuration, with its transmissions.
         """
-        moments = self.moments(data)
-        size = np.abs(moments).max(axis=1, initial=0.0)
-        _, sigma, right = np.linalg.svd(moments[size > mujoco.mjMINVAL] / size[size > mujoco.mjMINVAL, None])
+        moments = [row / size for row in self.moments(data) if (size := np.abs(row).max()) > mujoco.mjMINVAL]
+        _, sigma, right = np.linalg.svd(np.reshape(moments, (-1, self._F.shape[1])))
         free = np.abs(right[int((sigma > _RANK).sum()) :]).max(axis=0, initial=0.0)
         return np.flatnonzero(free > _RANK).tolist()
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -94,6 +94,13 @@ def find(
         known = f"its {plural}: {listed(names) or 'none'}"
         raise ModelError(f'{path}: has no {kind} "{wanted}"{hint}; {known}', about or kind)
     return names[wanted]
+
+
+def dense(values: Any, counts: Any, firsts: Any, columns: Any, nv: int) -> NDArray[np.float64]:
+    """Return a sparse Jacobian of MuJoCo as a full matrix, (rows, nv)."""
+    full = np.zeros((len(counts), nv))
+    mujoco.mju_sparse2dense(full, values, counts, firsts, columns)
+    return full
 
 
 def soft_bodies(model: mujoco.MjModel) -> frozenset[int]:
