@@ -13,7 +13,6 @@ from replacing import replaced
 from rmrc import arm as arms
 from rmrc.support.errors import ModelError
 from stl import tetrahedron
-from wording import says
 
 MODELS = ROOT / "tests/models"
 FLOATING = MODELS / "floating.xml"

@@ -106,7 +106,9 @@ def _replace_actuators(arm: Any, spec: mujoco.MjSpec, drive: Drive) -> None:
         actuator.delay, actuator.nsample = 0.0, 0  # the delay of a constant control does not matter
     for actuator in [each for each in spec.actuators if each.id in arm.others.replaced]:
         spec.delete(actuator)  # chosen before, as ids change with every deletion
-    for joint, limit in zip(arm.joints if callable(drive) else (), arm.torque_limit, strict=False):
+    if drive is None or drive == "own":
+        return
+    for joint, limit in zip(arm.joints, arm.torque_limit, strict=True):
         actuator = spec.add_actuator(name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         for name, value in _pristine().items():
             setattr(actuator, name, value)

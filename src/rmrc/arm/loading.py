@@ -20,14 +20,9 @@ from rmrc.support.shipped import suggestion
 
 
 def load(
-    path: Path,
-    site: str | None = None,
-    joints: Sequence[str] | None = None,
-    *,
-    body: str | None = None,
-    tool: ToolSection | None = None,
-    packages: Mapping[str, Path] | None = None,
-) -> Arm:
+    path: Path, site: str | None = None, joints: Sequence[str] | None = None, *, body: str | None = None,
+    tool: ToolSection | None = None, packages: Mapping[str, Path] | None = None,
+) -> Arm:  # fmt: skip
     """Read an MJCF or URDF file and find the arm in it.
 
     Args:
@@ -46,7 +41,7 @@ def load(
         models = [*path.parent.glob("*.xml"), *path.parent.glob("*.urdf")]
         near = did_you_mean(path.name, [file.name for file in models]) or suggestion(path, "models")
         raise ModelError(f"{path}: no such model file{near}")
-    arm = _arm(path, read(path, packages), joints, _frame(site, body, tool))
+    arm = _arm(path, read(path, packages), joints, _frame(site=site, body=body, tool=tool))
     return replace(arm, packages=tuple(sorted((packages or {}).items())))
 
 
@@ -56,12 +51,9 @@ def is_model(model: object) -> bool:
 
 
 def load_model(
-    model: mujoco.MjModel | mujoco.MjSpec,
-    site: str | None = None,
-    joints: Sequence[str] | None = None,
-    *,
+    model: mujoco.MjModel | mujoco.MjSpec, site: str | None = None, joints: Sequence[str] | None = None, *,
     body: str | None = None,
-) -> Arm:
+) -> Arm:  # fmt: skip
     """Find the arm in a loaded model.
 
     Args:
@@ -78,7 +70,7 @@ def load_model(
     title = spec.modelname if spec else bytes(model.names).partition(b"\0")[0].decode("utf-8", "replace")
     path = Path(title or "the model")
     file = Read(spec, model if spec is None else compiled(path, spec), None, ())
-    return _arm(path, file, joints, _frame(site, body))
+    return _arm(path, file, joints, _frame(site=site, body=body))
 
 
 def load_asked(section: ArmSection) -> Arm:
@@ -93,12 +85,8 @@ def load_asked(section: ArmSection) -> Arm:
     )  # fmt: skip
 
 
-def _frame(site: str | None, body: str | None, tool: ToolSection | None = None) -> NamedFrame | None:
-    if site is not None:
-        return "site", site
-    if body is not None:
-        return "body", body
-    return None if tool is None else ("tool", tool)
+def _frame(**frames: str | ToolSection | None) -> NamedFrame | None:
+    return next(((key, value) for key, value in frames.items() if value is not None), None)
 
 
 def _arm(path: Path, file: Read, joints: Sequence[str] | None, frame: NamedFrame | None) -> Arm:
@@ -136,18 +124,14 @@ def _chain(path: Path, model: mujoco.MjModel, site: str, refuses_balls: bool) ->
     """Return the names of the hinge and slide joints between the world and a site, outward."""
     chain: list[str] = []
     for i in joints_above(model, int(model.site(site).bodyid[0])):
-        joint, body = model.joint(i), model.body(model.jnt_bodyid[i])
+        kind, body, name = model.jnt_type[i], model.body(model.jnt_bodyid[i]), model.joint(i).name
         called = f'body "{body.name or f"body{body.id}"}"'
-        if refuses_balls and joint.type[0] == mujoco.mjtJoint.mjJNT_BALL:
-            raise ModelError(
-                f'{path}: the joint of {called} on the chain to site "{site}" is a ball joint; only hinge '
-                "and slide joints can be driven at a rate: list those in joints",
-                "joints",
-            )
-        if joint.type[0] in (HINGE, SLIDE):
-            if not joint.name:
-                raise ModelError(f"{path}: a joint of {called} has no name; give it one")
-            chain.append(joint.name)
+        if refuses_balls and kind == mujoco.mjtJoint.mjJNT_BALL:
+            why = f'the joint of {called} on the chain to site "{site}" is a ball joint; only hinge and slide'
+            raise ModelError(f"{path}: {why} joints can be driven at a rate: list those in joints", "joints")
+        if kind in (HINGE, SLIDE) and not name:
+            raise ModelError(f"{path}: a joint of {called} has no name; give it one")
+        chain += [name] if kind in (HINGE, SLIDE) else []
     if not chain:
         raise ModelError(f'{path}: no joint moves site "{site}"; choose a site on a moving body', "site")
     return chain[::-1]

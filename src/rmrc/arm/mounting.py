@@ -23,8 +23,8 @@ _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _HIDDEN = 4  # group of sites that viewers hide
 PREFIX = "tool_"  # beginning of all names in a tool's model
 
-NamedFrame: TypeAlias = tuple[Literal["site", "body", "tool"], str | ToolSection]
-"""Key of a scenario's `arm` that names a frame, and its value."""
+NamedFrame: TypeAlias = tuple[str, str | ToolSection]
+"""`site`, `body` or `tool`, the key of a scenario's `arm` that names a frame, and its value."""
 
 
 def mounted(
@@ -69,11 +69,9 @@ def mounted(
     if tool.site is not None:
         name = f"{PREFIX}{tool.site}"
         find(path, model, "site", name)
-    elif tool.model is not None:
-        kind, i, lines = default_frame(path, model, prefix=PREFIX)
-        if kind == "site":
-            name = model.site(i).name
-            notes += lines
+    elif tool.model is not None and (hand := default_frame(path, model, prefix=PREFIX))[0] == "site":
+        name = model.site(hand[1]).name
+        notes += hand[2]
     return model, name, ("tool", tool)
 
 
@@ -93,13 +91,11 @@ def _place(
 
 def _name(spec: mujoco.MjSpec, joints: Sequence[int], notes: list[str]) -> None:
     """Give names to unnamed joints of an arm."""
-    names = []
-    for joint in (spec.joints[i] for i in reversed(joints)):
-        if not joint.name and joint.type != _FREE:
-            joint.name = _unused(spec.joints, f"{joint.parent.name or f'body{joint.parent.id}'}_joint")
-            names.append(f'"{joint.name}"')
-    if names:
-        notes.append(f"joints without a name are called {listed(names)}")
+    unnamed = [joint for i in reversed(joints) if not (joint := spec.joints[i]).name and joint.type != _FREE]
+    for joint in unnamed:
+        joint.name = _unused(spec.joints, f"{joint.parent.name or f'body{joint.parent.id}'}_joint")
+    if unnamed:
+        notes.append("joints without a name are called " + listed(f'"{each.name}"' for each in unnamed))
 
 
 def _fix(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int], notes: list[str]) -> None:
@@ -127,11 +123,12 @@ def _attach(
     frame = {"pos": position + rotate(quat, tool.position), "quat": quat_multiply(quat, tool.rotation)}
     name = _unused([*spec.sites, *(spec.bodies if tool.mass else ())], wanted or "hand")
     if tool.mass:
-        body = body.add_body(
-            **frame, name=name, explicitinertial=True, mass=tool.mass, ipos=tool.center or (0.0, 0.0, 0.0),
-            inertia=tool.inertia or (0.0, 0.0, 0.0),
-        )  # fmt: skip
-        frame = {}
+        inertia = {
+            "mass": tool.mass,
+            "ipos": tool.center or np.zeros(3),
+            "inertia": tool.inertia or np.zeros(3),
+        }
+        body, frame = body.add_body(**frame, name=name, explicitinertial=True, **inertia), {}
     body.add_site(**frame, name=name, group=_HIDDEN)
     if tool.model is None:
         return name
@@ -195,8 +192,7 @@ def keyframes(
     if "home" in keys:
         return keys, key
     if key is not None:
-        name = model.key(key).name
-        called = f'"{name}"' if name else f"number {key}, which has no name,"
+        called = f'"{model.key(key).name}"' if model.key(key).name else f"number {key}, which has no name,"
         why = "the only one" if len(_keys(model, prefix)) == 1 else "the first within limits"
         notes.append(note("no-home", f"there is no keyframe home; {called} replaces it, {why}"))
         return {**keys, "home": np.array(model.key_qpos[key])}, key
