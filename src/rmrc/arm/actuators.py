@@ -22,8 +22,8 @@ Ends: TypeAlias = tuple[float, float]
 
 EVERYWHERE: Ends = (-math.inf, math.inf)
 
-# The first of MuJoCo's kinds of dynamics: none, integrator and filters.
-_FILTER = int(mujoco.mjtDyn.mjDYN_FILTEREXACT)
+# The last of MuJoCo's kinds of dynamics that are none, an integrator or a filter; and of its linear biases.
+_FILTER, _AFFINE = int(mujoco.mjtDyn.mjDYN_FILTEREXACT), int(mujoco.mjtBias.mjBIAS_AFFINE)
 
 
 class DriveKind(IntEnum):
@@ -55,18 +55,14 @@ class Terms(NamedTuple):
 
 def kind_of(model: mujoco.MjModel, i: int) -> DriveKind | None:
     """Return the command kind of an actuator; None for a muscle or another one that is no servo or motor."""
-    if (
-        model.actuator_gaintype[i] != mujoco.mjtGain.mjGAIN_FIXED
-        or model.actuator_biastype[i] > int(mujoco.mjtBias.mjBIAS_AFFINE)
-        or model.actuator_dyntype[i] > _FILTER
-        or abs(model.actuator_gainprm[i, 0]) <= mujoco.mjMINVAL
-        or model.actuator_ctrlnum[i] != 1
-        or model.actuator_plugin[i] >= 0
-        or model.opt.disableactuator >> int(model.actuator_group[i]) & 1
-    ):
+    gain, dynamics = model.actuator_gaintype[i], model.actuator_dyntype[i]
+    is_affine = gain == mujoco.mjtGain.mjGAIN_FIXED and model.actuator_biastype[i] <= _AFFINE
+    is_usual = is_affine and dynamics <= _FILTER and model.actuator_ctrlnum[i] == 1
+    is_off = model.opt.disableactuator >> int(model.actuator_group[i]) & 1 or model.actuator_plugin[i] >= 0
+    if not is_usual or is_off or abs(model.actuator_gainprm[i, 0]) <= mujoco.mjMINVAL:
         return None
     _, stiffness, damping = -_bias(model, i)
-    integrates = model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_INTEGRATOR
+    integrates = dynamics == mujoco.mjtDyn.mjDYN_INTEGRATOR
     if stiffness > 0.0:
         return DriveKind.INTVELOCITY if integrates else DriveKind.POSITION
     if stiffness < 0.0 or damping < 0.0 or integrates:
@@ -172,9 +168,8 @@ def forces(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[NDArray[np.int
         largest force, (2, n), and the least and largest torque of all actuators of a joint, (2, n).
     """
     output, gear = np.full(len(joints), -1), np.ones(len(joints))
-    force, torque = np.empty((2, len(joints))), np.empty((2, len(joints)))
+    force, torque = np.tile(np.reshape(EVERYWHERE, (2, 1)), (2, 1, len(joints)))
     for j, joint in enumerate(joints):
-        force[:, j] = EVERYWHERE
         torque[:, j] = _ends(model.jnt_actfrclimited[joint], model.jnt_actfrcrange[joint])
         if actuators := _actuators(model, joint):
             i = max(actuators, key=lambda i: (model.actuator_biasprm[i, 1] < 0.0, i))

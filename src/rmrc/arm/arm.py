@@ -119,8 +119,7 @@ class Arm:
     @cached_property
     def others(self) -> Others:
         """The parts of the model that are not the arm."""
-        wiring = self.wiring
-        return Others(self.model, [*wiring.joint, *wiring.follower_joint], wiring.site)
+        return Others(self.model, self.wiring)
 
     @cached_property
     def drives(self) -> OwnDrives:
@@ -359,22 +358,18 @@ class Arm:
         """
         if not (self.others.kept or own):
             return np.empty(0), np.empty(0)
-        model, elsewhere = self.model, self.others.addresses
-        is_home = np.array_equal(qpos[elsewhere], self.configuration("home")[elsewhere])
-        key = self._key_of(start) if isinstance(start, str) or is_home else None
-        key_of = None if key is None else self._written.keys[key]
-        written = [
-            np.array(v) if len(v) else None for v in ((key_of.ctrl, key_of.act) if key_of else ((), ()))
-        ]
+        model, is_named = self.model, isinstance(start, str)
+        is_there = qpos == self.configuration(start if isinstance(start, str) else "home")
+        key = self._key_of(start) if is_named or is_there[self.others.addresses].all() else None
+        frame = None if key is None else self._written.keys[key]
+        written = [np.array(v) if len(v) else None for v in ((frame.ctrl, frame.act) if frame else ((), ()))]
         controls, ids = self.others.controls(self.data_at(qpos), *written), np.arange(model.nactuator)
         owners = np.repeat(ids, model.actuator_ctrlnum), np.repeat(ids, model.actuator_actnum)
         if not own:
             ctrl, act = (v[np.isin(o, self.others.kept)] for v, o in zip(controls, owners, strict=True))
             return ctrl, act
-        name = start if isinstance(start, str) else "home"
-        is_there = key is not None and np.array_equal(qpos, self.configuration(name))
         for values, owner, keyed in zip(controls, owners, written, strict=True):
-            if keyed is None or not is_there:
+            if keyed is None or not is_there.all():
                 values[np.isin(owner, self.drives.idle)] = 0.0
                 values[np.isin(owner, list(self.drives.kinds))] = np.nan
         return controls

@@ -76,10 +76,8 @@ class Contact:
 def actuators(arm: Arm) -> tuple[Actuator, ...]:
     """Return all actuators of the author's model, in its order."""
     model, replaced = arm.model, arm.others.replaced
-    names = [model.actuator(i).name or f"actuator{i}" for i in range(model.nactuator)]
-    return tuple(
-        Actuator(name, kind_word(model, i), _target(model, i), i in replaced) for i, name in enumerate(names)
-    )
+    names = enumerate(model.actuator(i).name or f"actuator{i}" for i in range(model.nactuator))
+    return tuple(Actuator(name, kind_word(model, i), _target(model, i), i in replaced) for i, name in names)
 
 
 def _target(model: mujoco.MjModel, i: int) -> str:
@@ -91,13 +89,11 @@ def _target(model: mujoco.MjModel, i: int) -> str:
 
 def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
     """Return the joints that are neither the arm's nor its followers, without those of a flex."""
-    model, idle, soft = arm.model, arm.idle(), soft_bodies(arm.model)
-    others = []
+    model, idle, soft, others = arm.model, arm.idle(), soft_bodies(arm.model), []
     for i in sorted(set(range(model.njnt)) - arm.others.own):
         kind = mujoco.mjtJoint(int(model.jnt_type[i])).name.removeprefix("mjJNT_").lower()
         name, body = joint_name(model, i), int(model.jnt_bodyid[i])
-        if body not in soft:
-            others.append(OtherJoint(name, kind, arm.body_names[body], name in idle))
+        others += [OtherJoint(name, kind, arm.body_names[body], name in idle)] if body not in soft else []
     return tuple(others)
 
 

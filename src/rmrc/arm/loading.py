@@ -1,6 +1,7 @@
 """Loading an MJCF or URDF file as an arm."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -79,10 +80,8 @@ def load_asked(section: ArmSection) -> Arm:
     Raises:
         ModelError: See `load`.
     """
-    return load(
-        section.model, section.site, section.joints, body=section.body, tool=section.tool,
-        packages=section.packages,
-    )  # fmt: skip
+    keys = ("site", "joints", "body", "tool", "packages")
+    return load(section.model, **{key: getattr(section, key) for key in keys})
 
 
 def _frame(**frames: str | ToolSection | None) -> NamedFrame | None:
@@ -170,13 +169,10 @@ def files(path: Path, packages: Mapping[str, Path] | None = None) -> list[Path]:
         Those that exist, also of a file that is no model, which `load` reports.
     """
     needed = {path}
-    try:
-        with in_our_words(path):
-            robot = opened(path, packages)
-            if robot is None:
-                needed |= {Path(file) for file in mujoco.mju_getXMLDependencies(str(path))}
-            else:  # with what makes folders above it packages
-                needed |= {*robot.meshes, *(above / "package.xml" for above in path.parents)}
-    except ModelError:
-        pass
+    with suppress(ModelError), in_our_words(path):
+        robot = opened(path, packages)
+        if robot is None:
+            needed |= {Path(file) for file in mujoco.mju_getXMLDependencies(str(path))}
+        else:  # with what makes folders above it packages
+            needed |= {*robot.meshes, *(above / "package.xml" for above in path.parents)}
     return sorted(file for file in needed if file.is_file())

@@ -92,10 +92,9 @@ def locate(arm: Any, model: mujoco.MjModel, sites: Sequence[str]) -> Location:
     followers = [each for each in arm.followers if each.pitch or each.name in arm.axis_names]
 
     def place(name: str) -> Place:
+        site = (model if name in known else arm.model).site(name)
         if name in known:
-            site = model.site(name)
             return Place(site.id, int(site.bodyid[0]), site.pos, site.quat)
-        site = arm.model.site(name)
         return Place(-1, model.body(arm.model.body(site.bodyid[0]).name).id, site.pos, site.quat)
 
     try:
@@ -127,9 +126,7 @@ def moved(data: mujoco.MjData, other: mujoco.MjData | None = None) -> mujoco.MjD
 class Freshness:
     """Checks whether the poses of some bodies in the data are those of the data's positions."""
 
-    def __init__(
-        self, data: mujoco.MjData, bodies: Sequence[int], scratch: mujoco.MjData | None = None
-    ) -> None:
+    def __init__(self, data: mujoco.MjData, bodies: Sequence[int], scratch: mujoco.MjData | None) -> None:
         """Bind it to data.
 
         Args:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.actuators import EVERYWHERE, DriveKind, Ends, kind_of, moments_of, terms_of
-from rmrc.arm.wiring import dense, joints_above, joints_of, soft_bodies
+from rmrc.arm.wiring import Wiring, dense, joints_above, joints_of, soft_bodies
 from rmrc.support.errors import ModelError
 from rmrc.support.legible import listed
 
@@ -49,15 +49,15 @@ class Others:
         kept: All other actuators, in order.
     """
 
-    def __init__(self, model: mujoco.MjModel, joints: Sequence[int], site: int) -> None:
+    def __init__(self, model: mujoco.MjModel, wiring: Wiring) -> None:
         """Examine a model.
 
         Args:
             model: The author's model.
-            joints: Joints of the arm, and their followers.
-            site: The site that they move.
+            wiring: Indices of the arm in it.
         """
-        self.model, self.own, self._site = model, frozenset(int(joint) for joint in joints), site
+        self.model, self._body = model, wiring.body
+        self.own = frozenset([*wiring.joint.tolist(), *wiring.follower_joint.tolist()])
         data, rng = mujoco.MjData(model), np.random.default_rng(0)
         moments = []
         for _ in range(2):  # nothing is at rest in MuJoCo's Jacobians by chance
@@ -97,7 +97,7 @@ class Others:
         floats = np.isin(root, root[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE])
         floats |= np.isin(model.jnt_bodyid, list(soft_bodies(model)))
         moving = self.own | self.held | set(np.flatnonzero(floats).tolist())
-        below = self._between(int(model.site_bodyid[self._site]), 0) - moving
+        below = self._between(self._body, 0) - moving
         links = [joints - below for joints in self._equalities().values()]
         while (grown := moving.union(*(joints for joints in links if joints & moving))) != moving:
             moving = grown
@@ -170,13 +170,12 @@ class Others:
         pairs = (pair for group in groups for pair in combinations(group, 2))
         apart = list(islice((pair for pair in pairs if weld[pair[0]] != weld[pair[1]]), MOST_PAIRS + 1))
         if len(apart) > MOST_PAIRS:
-            raise ModelError(
-                f"{path}: has {len(self.locked)} joints to lock, with more than {MOST_PAIRS} pairs of bodies "
-                "that could touch; use arm.others: free, or remove bodies that are not part of the robot"
-            )
+            why = f"{len(self.locked)} joints to lock, and more than {MOST_PAIRS} pairs of bodies could touch"
+            way = "use arm.others: free, or remove bodies that are not part of the robot"
+            raise ModelError(f"{path}: has {why}; {way}")
+        names = {}
         for body in spec.bodies:
-            body.name = body.name or f"rmrc:body{body.id}"
-        names = [body.name for body in spec.bodies]
+            body.name = names[body.id] = body.name or f"rmrc:body{body.id}"
         for a, b in apart:
             spec.add_exclude(bodyname1=names[a], bodyname2=names[b])
 
@@ -185,13 +184,14 @@ class Others:
         model, links = self.model, dict[int, frozenset[int]]()
         for i in np.flatnonzero(model.eq_active0).tolist():
             kind, ends = model.eq_type[i], [int(model.eq_obj1id[i]), int(model.eq_obj2id[i])]
+            objects = [end for end in ends if end >= 0]
             if kind <= int(mujoco.mjtEq.mjEQ_WELD):  # or connect
                 at_sites = model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
                 links[i] = self._between(*(model.site_bodyid[ends].tolist() if at_sites else ends))
             elif kind == mujoco.mjtEq.mjEQ_JOINT:
-                links[i] = frozenset(end for end in ends if end >= 0)
+                links[i] = frozenset(objects)
             elif kind == mujoco.mjtEq.mjEQ_TENDON:
-                links[i] = frozenset().union(*(self.along[end] for end in ends if end >= 0))
+                links[i] = frozenset().union(*(self.along[end] for end in objects))
         return links
 
     def _between(self, a: int, b: int) -> frozenset[int]:

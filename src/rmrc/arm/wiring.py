@@ -55,21 +55,16 @@ def wire(
     joint, following, axis = (
         np.array([model.joint(name).id for name in names], np.int64) for names in (joints, followers, axes)
     )
-    joints_alone = np.flatnonzero(model.actuator_trntype == DRIVES_JOINT)
-    drives = {int(model.actuator_trnid[i, 0]): int(i) for i in joints_alone}
+    drives = {
+        int(model.actuator_trnid[i, 0]): i for i in np.flatnonzero(model.actuator_trntype == DRIVES_JOINT)
+    }
+    qpos, dof = model.jnt_qposadr.astype(np.int64), model.jnt_dofadr.astype(np.int64)
     return Wiring(
-        joint=joint,
-        axis=axis,
-        qpos=model.jnt_qposadr[joint].astype(np.int64),
-        dof=model.jnt_dofadr[joint].astype(np.int64),
-        actuator=np.array([drives.get(i, -1) for i in joint.tolist()]),
-        follower_joint=following,
-        follower_qpos=model.jnt_qposadr[following].astype(np.int64),
-        follower_dof=model.jnt_dofadr[following].astype(np.int64),
-        site=model.site(site).id,
-        body=int(model.site_bodyid[model.site(site).id]),
-        base=int(model.body_parentid[model.jnt_bodyid[joint[0]]]),
-    )
+        joint=joint, axis=axis, qpos=qpos[joint], dof=dof[joint],
+        actuator=np.array([drives.get(i, -1) for i in joint.tolist()], np.int64), follower_joint=following,
+        follower_qpos=qpos[following], follower_dof=dof[following], site=model.site(site).id,
+        body=int(model.site(site).bodyid[0]), base=int(model.body_parentid[model.jnt_bodyid[joint[0]]]),
+    )  # fmt: skip
 
 
 def find(
