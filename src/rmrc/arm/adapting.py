@@ -86,15 +86,14 @@ def _set_options(arm: Any, spec: mujoco.MjSpec, drive: Drive, timestep: float) -
     Servos and dampers are taken implicitly. The other integrators add their inertia after the equalities
     are solved, which then answer forces that never come: followers slip, and the arm chatters.
     """
-    option, flags = spec.option, mujoco.mjtDisableBit
+    option, flags, integrators = spec.option, mujoco.mjtDisableBit, mujoco.mjtIntegrator
     option.timestep = timestep
     option.disableflags |= flags.mjDSBL_AUTORESET | flags.mjDSBL_SENSOR
-    if drive is None:
-        option.disableflags |= flags.mjDSBL_CONSTRAINT
+    option.disableflags |= flags.mjDSBL_CONSTRAINT if drive is None else 0
     if drive is None or not arm.followers:
-        option.integrator = option.integrator if drive == "own" else mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.integrator = option.integrator if drive == "own" else integrators.mjINT_IMPLICITFAST
         return
-    option.integrator, names = mujoco.mjtIntegrator.mjINT_DISCRETE, [each.name for each in arm.followers]
+    option.integrator, names = integrators.mjINT_DISCRETE, [each.name for each in arm.followers]
     for equality in (each for each in spec.equalities if each.type == mujoco.mjtEq.mjEQ_JOINT):
         if equality.name1 in names and (drive != "own" or (*equality.solref, *equality.solimp) == UNSAID):
             equality.solref, equality.solimp[:2] = [_STEPS * timestep, 1.0], _IMPEDANCE

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import adapting
-from rmrc.arm.compiling import compiled
 from rmrc.arm.equalities import Follower, motion
 from rmrc.arm.location import Location, locate, moved
 from rmrc.arm.mounting import NamedFrame
@@ -363,7 +362,9 @@ class Arm:
         key = self._key_of(start) if is_named or is_there[self.others.addresses].all() else None
         frame = None if key is None else self._written.keys[key]
         written = [np.array(v) if len(v) else None for v in ((frame.ctrl, frame.act) if frame else ((), ()))]
-        controls, ids = self.others.controls(self.data_at(qpos), *written), np.arange(model.nactuator)
+        data, ids = self._moved(qpos), np.arange(model.nactuator)
+        mujoco.mj_transmission(model, data)
+        controls = self.others.controls(data, *written)
         owners = np.repeat(ids, model.actuator_ctrlnum), np.repeat(ids, model.actuator_actnum)
         if not own:
             ctrl, act = (v[np.isin(o, self.others.kept)] for v, o in zip(controls, owners, strict=True))

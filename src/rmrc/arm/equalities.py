@@ -82,11 +82,10 @@ def _followed(path: Path, model: mujoco.MjModel, name: str, rules: Mapping[int, 
     while joint in rules:
         leader, polynomial = int(model.eq_obj2id[rules[joint][0]]), model.eq_data[rules[joint][0], :5]
         if len(rules[joint]) > 1 or polynomial[2:].any() or leader in passed:
-            raise ModelError(
-                f'{path}: joint "{joint_name(model, joint)}" follows another by two equalities, in a circle, '
-                "or not linearly; on the chain to a site there must be one, with polycoef a b 0 0 0, got "
-                f"{' '.join(f'{value:g}' for value in polynomial)}"
-            )
+            why = "follows another by two equalities, in a circle, or not linearly"
+            way = "on the chain to a site there must be one, with polycoef a b 0 0 0, got"
+            numbers = " ".join(f"{value:g}" for value in polynomial)
+            raise ModelError(f'{path}: joint "{joint_name(model, joint)}" {why}; {way} {numbers}')
         offset += ratio * float(polynomial[0] + zero[joint])
         ratio *= float(polynomial[1]) if leader >= 0 else 0.0
         offset -= ratio * float(zero[leader])

@@ -93,8 +93,7 @@ def default_frame(
     Raises:
         ModelError: No joint moves anything.
     """
-    is_driven = np.isin(model.jnt_type, (HINGE, SLIDE))
-    counts = np.bincount(model.jnt_bodyid[is_driven], minlength=model.nbody)
+    counts = np.bincount(model.jnt_bodyid[np.isin(model.jnt_type, (HINGE, SLIDE))], minlength=model.nbody)
     links = _trunk(model, counts)
     if not links:
         raise ModelError(f"{path}: has no hinge or slide joint that moves a body; an arm needs at least one")
@@ -128,8 +127,7 @@ def default_frame(
         return kind, chosen, []
     is_clear = kind == "site" and all(grade[i][1] < grade[chosen][1] for i in sites if i != chosen)
     name = getattr(model, kind)(chosen).name
-    called = f'"{name}"' if name else str(chosen)
-    text = f"{kind} {called} {does}, chosen {why}"
+    text = f"{kind} " + (f'"{name}"' if name else str(chosen)) + f" {does}, chosen {why}"
     text += f"; others: {listed(others)}; name one by site or body" if others else ""
     return kind, chosen, [note("frame", text, is_clear)]
 
@@ -141,7 +139,11 @@ def _trunk(model: mujoco.MjModel, counts: Counts) -> list[int]:
         model: The model.
         counts: The number of hinges and slides of each body, (nbody,).
     """
-    depth = _depths(model, counts)
+    depth, soft = counts.copy(), soft_bodies(model)  # the most joints on one branch that begins with a body
+    for body in range(model.nbody - 1, 0, -1):  # children come after their parents
+        branches = depth[model.body_parentid == body]
+        depth[body] = 0 if body in soft else counts[body] + max(branches, default=0)
+    depth[0] = 0
     for into_fingers in (False, True):
         links, body, joints = list[int](), 0, 0
         while True:
@@ -161,29 +163,18 @@ def _trunk(model: mujoco.MjModel, counts: Counts) -> list[int]:
     return []
 
 
-def _depths(model: mujoco.MjModel, counts: Counts) -> Counts:
-    """Return the most hinges and slides on one branch that begins with a body, (nbody,)."""
-    depth, soft = np.zeros(model.nbody, np.int64), soft_bodies(model)
-    for body in range(model.nbody - 1, 0, -1):  # children come after their parents
-        depth[body] = 0 if body in soft else depth[body] + counts[body]
-        parent = model.body_parentid[body]
-        depth[parent] = max(depth[parent], depth[body]) if parent else 0
-    return depth
-
-
 def _end(model: mujoco.MjModel, body: int) -> int:
     """Return the end of a series of bodies that are fixed to a link, as flanges are in URDF."""
-    fixed = np.flatnonzero(model.body_parentid == body)
-    while len(fixed) == 1 and _rank(model.body(fixed[0]).name) >= 0:
+    parent = model.body_parentid
+    while len(fixed := np.flatnonzero(parent == body)) == 1 and _rank(model.body(fixed[0]).name) >= 0:
         body = int(fixed[0])
-        fixed = np.flatnonzero(model.body_parentid == body)
     return body
 
 
 def _is_finger(model: mujoco.MjModel, body: int) -> bool:
     """Return whether a body, or a joint that moves it, has the name of a finger or a gripper."""
-    names = [model.joint(i).name for i in joints_of(model, body) if model.jnt_type[i] in (HINGE, SLIDE)]
-    joints = [_words(name) for name in names]
+    own = (model.joint(i) for i in joints_of(model, body))
+    joints = [_words(joint.name) for joint in own if joint.type[0] in (HINGE, SLIDE)]
     if any(_has(words, _FINGERS) for words in (_words(model.body(body).name), *joints)):
         return True
     return any(_has(words, ("grip",)) and not _has(words, _TURNS) for words in joints)
@@ -192,15 +183,13 @@ def _is_finger(model: mujoco.MjModel, body: int) -> bool:
 def _rank(name: str) -> int:
     """Return how specific a name is: 0 is unspecific, and -1 means something else than a hand."""
     words = _words(name)
-    if _has(words, _BESIDE):
-        return -1
-    return max((rank for rank, known in enumerate(_TELLING, start=1) if _has(words, known)), default=0)
+    ranks = [rank for rank, known in enumerate(_TELLING, start=1) if _has(words, known)]
+    return -1 if _has(words, _BESIDE) else max(ranks, default=0)
 
 
 def _has(words: Sequence[str], known: Sequence[str]) -> bool:
-    return any(
-        word == start or (len(start) > 3 and word.startswith(start)) for word in words for start in known
-    )
+    pairs = ((word, start) for word in words for start in known)
+    return any(word == start or (len(start) > 3 and word.startswith(start)) for word, start in pairs)
 
 
 def _words(name: str) -> list[str]:
