@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import adapting
+from rmrc.arm.compiling import compiled
 from rmrc.arm.equalities import Follower, motion
 from rmrc.arm.location import Location, locate, moved
 from rmrc.arm.mounting import NamedFrame

@@ -62,9 +62,10 @@ def read(path: Path, robot: ET.Element, packages: Mapping[str, Path]) -> Urdf:
             if len(rgba) != 4 or min(rgba) < 0.0 or max(rgba) > 1.0:
                 element.set("rgba", "0.5 0.5 0.5 1")
                 gray += 1
-    floating = {joint.get("name", ""): joint for joint in robot.findall("joint[@type='floating']")}
-    for joint in floating.values():
+    floating = []
+    for joint in robot.findall("joint[@type='floating']"):
         joint.set("type", "fixed")
+        floating.append(joint.get("name", ""))
     limits = ((joint.get("name", ""), joint.find("limit")) for joint in robot.findall("joint"))
     rates = {name: numbers(limit.get("velocity", "")) for name, limit in limits if limit is not None}
     # in many published files, 0 means unknown
