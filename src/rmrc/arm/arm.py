@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -297,11 +298,10 @@ class Arm:
             return q.qpos[q.model.jnt_qposadr[self.located(q.model).joint]]
         if isinstance(q, Sequence) and q and all(isinstance(each, mujoco.MjData) for each in q):
             return np.array([self.positions(each) for each in q])
-        try:
-            is_whole = np.shape(q)[-1:] == (self.model.nq,)
-        except ValueError:  # rows of different lengths
-            return q
-        return np.asarray(q)[..., self.wiring.qpos] if is_whole else q
+        with suppress(ValueError):  # rows of different lengths
+            if np.shape(q)[-1:] == (self.model.nq,):
+                return np.asarray(q)[..., self.wiring.qpos]
+        return q
 
     def located(self, model: mujoco.MjModel, *sites: str) -> Location:
         """Return where another model has the arm, and some of its sites.

@@ -83,8 +83,8 @@ def actuators(arm: Arm) -> tuple[Actuator, ...]:
 def _target(model: mujoco.MjModel, i: int) -> str:
     word = mujoco.mjtTrn(int(model.actuator_trntype[i])).name.removeprefix("mjTRN_").lower()
     word = {"jointinparent": "joint", "slidercrank": "site"}.get(word, word)
-    of, number = getattr(mujoco.mjtObj, f"mjOBJ_{word.upper()}"), int(model.actuator_trnid[i, 0])
-    return f"{word} {mujoco.mj_id2name(model, of, number) or f'{word}{number}'}"
+    number = int(model.actuator_trnid[i, 0])
+    return f"{word} {getattr(model, word)(number).name or f'{word}{number}'}"
 
 
 def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
@@ -113,12 +113,11 @@ def contacts(arm: Arm, qpos: Array) -> tuple[Contact, ...]:
             if contact.dist < 0.0 and min(pair) >= 0:
                 depths[pair] = max(depths.get(pair, 0.0), -float(contact.dist))
     found = []
-    for (first, second), depth in depths.items():
-        bodies = int(model.geom_bodyid[first]), int(model.geom_bodyid[second])
-        before, behind = (own.intersection(joints_above(model, body)) for body in bodies)
-        geoms = model.geom(first).name or f"geom{first}", model.geom(second).name or f"geom{second}"
-        names = arm.body_names[bodies[0]], arm.body_names[bodies[1]]
-        found.append(Contact(geoms, names, depth, before != behind))
+    for pair, depth in depths.items():
+        bodies = model.geom_bodyid[list(pair)].tolist()
+        first, second = (own.intersection(joints_above(model, body)) for body in bodies)
+        geoms, names = [model.geom(i).name or f"geom{i}" for i in pair], [arm.body_names[b] for b in bodies]
+        found.append(Contact((geoms[0], geoms[1]), (names[0], names[1]), depth, first != second))
     return tuple(sorted(found, key=lambda contact: (-contact.depth, contact.geoms)))
 
 

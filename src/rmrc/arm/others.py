@@ -119,15 +119,15 @@ class Others:
         controls = np.array(data.ctrl if ctrl is None else ctrl)
         states = np.array(data.act if act is None else act)
         for i in (i for i in self.kept if self.holds(i)):
-            integrates = kind_of(model, i) == DriveKind.INTVELOCITY  # its control is a rate
+            integrates, place = kind_of(model, i) == DriveKind.INTVELOCITY, model.actuator_ctrladr[i]
             terms = terms_of(model, i, DriveKind.POSITION)
             wanted = terms.scale * data.actuator_length[model.actuator_outadr[i]] + terms.offset
             wanted = np.clip(wanted, *(terms.state if integrates else terms.control))
-            if ctrl is None and not integrates:
-                controls[model.actuator_ctrladr[i]] = wanted
+            if ctrl is None and not integrates:  # else its control is a rate
+                controls[place] = wanted
             if act is None and model.actuator_actnum[i]:
-                control = wanted if integrates else controls[model.actuator_ctrladr[i]]
-                states[model.actuator_actadr[i] + model.actuator_actnum[i] - 1] = control
+                last = model.actuator_actadr[i] + model.actuator_actnum[i] - 1
+                states[last] = wanted if integrates else controls[place]
         return controls, states
 
     def lock(self, spec: mujoco.MjSpec, path: Path) -> None:
