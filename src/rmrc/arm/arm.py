@@ -85,6 +85,8 @@ class Arm:
     home: int | None = None
     stretch: Mapping[str, float] = field(default_factory=dict)
     frees_others: bool = False
+    _rest: Array | None = None
+    _mocap: Array | None = None
     _adapted: dict[object, mujoco.MjModel] = field(default_factory=dict, repr=False)
 
     def __deepcopy__(self, _: object) -> "Arm":
@@ -93,8 +95,7 @@ class Arm:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what can be pickled. MuJoCo's specification cannot: no plant is made of such an arm."""
-        values = {each.name: getattr(self, each.name) for each in fields(self)}
-        return values | {"_spec": None, "_adapted": {}}
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {"_spec": None, "_adapted": {}}
 
     @property
     def n(self) -> int:
@@ -136,12 +137,11 @@ class Arm:
     @cached_property
     def servo_limits(self) -> tuple[Array, Array]:
         """Ends of the positions that the servos of each joint take, (2, n), and largest rates, (n,)."""
-        positions, rates = np.tile([[-np.inf], [np.inf]], self.n), np.full(self.n, np.inf)
-        for servo in self.servos.values():
-            ends = positions[:, servo.joint]
-            ends[:] = max(ends[0], servo.position[0]), min(ends[1], servo.position[1])
-            rates[servo.joint] = min(rates[servo.joint], *np.abs(servo.rate))
-        return positions, rates
+        (lower, upper), rates = np.tile([[-np.inf], [np.inf]], self.n), np.full(self.n, np.inf)
+        for j, (low, high), rate in ((each.joint, each.position, each.rate) for each in self.servos.values()):
+            lower[j], upper[j] = max(lower[j], low), min(upper[j], high)
+            rates[j] = min(rates[j], *np.abs(rate))
+        return np.array([lower, upper]), rates
 
     @property
     def pitch(self) -> Array:
@@ -212,12 +212,12 @@ class Arm:
     @cached_property
     def rest(self) -> Array:
         """Positions of the joints that are not the arm's, in a whole configuration, (nq,)."""
-        return self.configuration("home")
+        return self.configuration("home") if self._rest is None else self._rest
 
     @cached_property
     def mocap(self) -> Array:
         """Poses of the mocap bodies, (nmocap, 7)."""
-        return self.mocap_at("home")
+        return self.mocap_at("home") if self._mocap is None else self._mocap
 
     def mocap_at(self, start: str | Sequence[float]) -> Array:
         """Return the poses of the mocap bodies, (nmocap, 7), for a start of `held`."""
@@ -242,8 +242,8 @@ class Arm:
         is_here = np.array_equal(rest, self.rest) and np.array_equal(mocap, self.mocap)
         if is_here and frees_others == self.frees_others:
             return self
-        arm, shared = replace(self, frees_others=frees_others), vars(self).keys() & _SHARED
-        vars(arm).update({name: vars(self)[name] for name in shared}, rest=rest, mocap=mocap)
+        arm = replace(self, _rest=rest, _mocap=mocap, frees_others=frees_others)
+        vars(arm).update({name: vars(self)[name] for name in vars(self).keys() & _SHARED})
         return arm
 
     def configuration(self, start: str | Positions) -> Array:
@@ -430,7 +430,8 @@ class Arm:
         """
         data, full = self.data_at(self.rest), np.zeros((len(qpos), 6, self.model.nv))
         poses = np.empty((len(qpos), self.model.nbody, 7))
-        for data.qpos[:], pose, rows in zip(qpos, poses, full, strict=True):
+        for configuration, pose, rows in zip(qpos, poses, full, strict=True):
+            data.qpos[:] = configuration
             mujoco.mj_fwdKinematics(self.model, data)
             mujoco.mj_jacSite(self.model, data, rows[:3], rows[3:], self.wiring.site)
             pose[:] = np.hstack([data.xpos, data.xquat])
@@ -506,8 +507,8 @@ class Arm:
             ModelError: Only a compiled model is known.
         """
         if self._spec is None:
-            needs = "a plant needs the model's file or an MjSpec, not a compiled model"
-            raise ModelError(f"{self.path}: {needs}")
+            why = "a plant needs the model's file or an MjSpec, not a compiled model"
+            raise ModelError(f"{self.path}: {why}")
         return self._spec
 
     @cached_property
@@ -530,9 +531,7 @@ class Arm:
         adapting.check_stretch(self.path, self.model, stretch)
         model = copy.copy(self._untextured)
         adapting.set_fields(model, adapting.stretched_fields(model, stretch))
-        arm = replace(self, model=model, stretch={**self.stretch, **stretch})
-        vars(arm).update(rest=self.rest, mocap=self.mocap)
-        return arm
+        return replace(self, model=model, stretch={**self.stretch, **stretch})
 
     def adapted(
         self, drive: adapting.Drive, timestep: float, gravity_compensation: bool, *, loaded: bool = False

@@ -46,7 +46,7 @@ class Follower:
 def active_equalities(model: mujoco.MjModel) -> list[int]:
     """Return the equalities that are active from the start."""
     off = mujoco.mjtDisableBit.mjDSBL_EQUALITY | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    return [] if model.opt.disableflags & off else [int(i) for i in np.flatnonzero(model.eq_active0)]
+    return [] if model.opt.disableflags & off else np.flatnonzero(model.eq_active0).tolist()
 
 
 # Followers --------------------------------------------------------------------------------------
@@ -61,9 +61,8 @@ def find_links(path: Path, model: mujoco.MjModel, chain: Sequence[str]) -> dict[
         ModelError: A joint of the chain follows another by a polynomial, two of them, or in a circle.
     """
     rules: dict[int, list[int]] = {}
-    for i in active_equalities(model):
-        if model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT:
-            rules.setdefault(int(model.eq_obj1id[i]), []).append(i)
+    for i in (i for i in active_equalities(model) if model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT):
+        rules.setdefault(int(model.eq_obj1id[i]), []).append(i)
     names = [model.joint(joint).name for joint in rules]
     links = {}
     for name in [*(n for n in chain if n in names), *(n for n in names if n and n not in chain)]:

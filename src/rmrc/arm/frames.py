@@ -101,8 +101,8 @@ def default_frame(
     for body in range(1, model.nbody):
         before[body] += before[model.body_parentid[body]]
     moving = set(weld[links].tolist()) - {0}
-    site_names = {i: model.site(i).name for i in np.flatnonzero(np.isin(weld[model.site_bodyid], [*moving]))}
-    sites = {int(i): name for i, name in site_names.items() if name and name.startswith(prefix)}
+    names = {i: model.site(i).name for i in range(model.nsite) if weld[model.site_bodyid[i]] in moving}
+    sites = {i: name for i, name in names.items() if name and name.startswith(prefix)}
     bodies = {int(b): model.body(b).name for b in np.flatnonzero(weld == weld[last])}
     # how good each is: the farthest, most specific site, and a body that exists to be named
     grade = {i: (before[model.site_bodyid[i]], _rank(name), i) for i, name in sites.items()}
@@ -110,13 +110,12 @@ def default_frame(
     named = [i for i, (depth, rank, _) in grade.items() if rank > 0 and 2 * depth >= before[last]]
     plain = [i for i, (depth, rank, _) in grade.items() if rank == 0 and depth == before[last]]
     hands = [b for b, name in bodies.items() if grades[b][0] > 0 and name.startswith(prefix)]
-    branches = np.flatnonzero((model.body_parentid == last) & (weld != weld[last])).tolist()
-    has_fingers = bool(set(branches) - soft_bodies(model))
+    fingers = {*np.flatnonzero((model.body_parentid == last) & (weld != weld[last]))} - soft_bodies(model)
     rules: tuple[tuple[Literal["site", "body"], list[int], str], ...] = (
         ("site", sorted(named, key=grade.__getitem__), "by its name"),
         ("site", plain if len(plain) == 1 else [], "as the only one on the last link"),
         ("body", sorted(hands, key=grades.__getitem__), "by its name"),
-        ("body", [last] if has_fingers else [], "as the last before the fingers"),
+        ("body", [last] if fingers else [], "as the last before the fingers"),
         ("body", [_end(model, last)], "as the last link"),
     )
     kind, (*_, chosen), why = next(rule for rule in rules if rule[1])

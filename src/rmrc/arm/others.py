@@ -92,8 +92,7 @@ class Others:
     @cached_property
     def locked(self) -> frozenset[int]:
         """Joints without an actuator that holds them, a moving leader, a floating root or a flex."""
-        model = self.model
-        root = model.body_rootid[model.jnt_bodyid]
+        model, root = self.model, self.model.body_rootid[self.model.jnt_bodyid]
         floats = np.isin(root, root[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE])
         floats |= np.isin(model.jnt_bodyid, list(soft_bodies(model)))
         moving = self.own | self.held | set(np.flatnonzero(floats).tolist())
@@ -150,11 +149,10 @@ class Others:
             joint.armature, joint.damping, joint.stiffness = inertia, [LOCKED_DAMPING, 0, 0], [0, 0, 0]
             joint.springdamper, joint.frictionloss = [0, 0], 0.0
             joint.limited = joint.actfrclimited = off
-        for tendon in spec.tendons:
-            if self.along[tendon.id] <= locked:
-                tendon.limited, tendon.frictionloss = off, 0.0
+        for tendon in (tendon for tendon in spec.tendons if self.along[tendon.id] <= locked):
+            tendon.limited, tendon.frictionloss = off, 0.0
         still = {i for i, joints in self._equalities().items() if joints and joints <= locked}
-        for equality in [each for each in spec.equalities if each.id in still]:
+        for equality in (equality for equality in spec.equalities if equality.id in still):
             equality.active = False
         self._keep_apart(spec, path)
 
