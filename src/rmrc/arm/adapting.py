@@ -10,7 +10,6 @@ own actuators, where he wrote no softness.
 """
 
 from collections.abc import Callable, Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.compiling import compiled, in_our_words
-from rmrc.arm.wiring import find, soft_bodies
+from rmrc.arm.wiring import DRIVES_JOINT, find, soft_bodies
 from rmrc.support.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -36,10 +35,6 @@ UNSAID = (0.02, 1.0, 0.9, 0.95, 0.001, 0.5, 2.0)
 # The time constant of a stiff one [timestep], of which the integrator `discrete` bears any: with this one, a
 # gap is gone after a step. And its impedance, the largest that MuJoCo takes.
 _STEPS, _IMPEDANCE = 0.1, 0.9999
-# The identity and target of an actuator: its own, whatever the defaults.
-_IDENTITY = {
-    "classname", "compiler", "id", "info", "name", "plugin", "signature", "target", "trntype", "userdata"
-}  # fmt: skip
 
 
 def adapted(
@@ -107,23 +102,12 @@ def _replace_actuators(arm: Any, spec: mujoco.MjSpec, drive: Drive) -> None:
         spec.delete(actuator)  # chosen before, as ids change with every deletion
     if drive is None or drive == "own":
         return
+    plain = mujoco.MjSpec()  # of the defaults of MuJoCo, not of the author
     for joint, limit in zip(arm.joints, arm.torque_limit, strict=True):
-        actuator = spec.add_actuator(name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        for name, value in _pristine().items():
-            setattr(actuator, name, value)
-        actuator.userdata, actuator.plugin.active = [], False
+        actuator = spec.add_actuator(plain.default, f"rate:{joint}", target=joint, trntype=DRIVES_JOINT)
         drive(actuator)
         if np.isfinite(limit):
             actuator.forcelimited, actuator.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-limit, limit]
-
-
-@cache
-def _pristine() -> dict[str, object]:
-    """Return MuJoCo's own default values of an actuator by field, except its name and transmission."""
-    actuator = mujoco.MjSpec().add_actuator()
-    fields = {name: getattr(actuator, name) for name in dir(actuator) if not name.startswith(("_", "set_"))}
-    values = {name: np.array(v) if isinstance(v, np.ndarray) else v for name, v in fields.items()}
-    return {name: v for name, v in values.items() if name not in _IDENTITY and not callable(v)}
 
 
 def without_textures(spec: mujoco.MjSpec) -> mujoco.MjSpec:
