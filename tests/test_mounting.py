@@ -13,7 +13,6 @@ from replacing import replaced
 from rmrc import arm as arms
 from rmrc.support.errors import ModelError
 from stl import tetrahedron
-from wording import says
 
 MODELS = ROOT / "tests/models"
 FLOATING = MODELS / "floating.xml"
@@ -55,16 +54,6 @@ def test_a_base_floats_where_the_file_has_it_without_keyframes(tmp_path):
     data = mujoco.MjData(mujoco.MjModel.from_xml_string(text))
     mujoco.mj_forward(data.model, data)
     assert_allclose(arm.pose([0, 0])[:3], data.body("palm").xpos, atol=1e-14)
-
-
-def test_a_free_base_is_refused_in_one_line():
-    with pytest.raises(ModelError) as caught:
-        arms.load(FLOATING, base="free")
-    assert caught.value.about == "base"
-    assert str(caught.value) == says(
-        f'{FLOATING}: … base … "base" … without an actuator …; write base: fixed'
-    )
-    assert arms.load(MODELS / "gripper.xml", base="free").n == 3  # nothing floats there
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.arm.loops import find_mechanism
+from rmrc.arm.inventory import find_mechanism
 from rmrc.textbook.parallel import platform_inverse_jacobian, platform_leg_lengths
 
 PATH = ROOT / "models/mechanisms/planar_3rpr.xml"

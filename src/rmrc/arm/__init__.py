@@ -6,15 +6,10 @@ plant needs. Nothing here steps the physics.
 """
 
 from rmrc.arm.actuators import DriveKind
-from rmrc.arm.adapting import Drive, Own
 from rmrc.arm.arm import Arm, Positions
-from rmrc.arm.chain import Chain
-from rmrc.arm.drives import OwnDrives
-from rmrc.arm.equalities import Follower
 from rmrc.arm.loading import files, is_model, load, load_asked, load_model
 from rmrc.arm.wiring import Wiring
 
 __all__ = [
-    "Arm", "Chain", "Drive", "DriveKind", "Follower", "Own", "OwnDrives", "Positions", "Wiring", "files",
-    "is_model", "load", "load_asked", "load_model",
+    "Arm", "DriveKind", "Positions", "Wiring", "files", "is_model", "load", "load_asked", "load_model",
 ]  # fmt: skip

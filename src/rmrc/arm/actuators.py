@@ -15,14 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.equalities import Follower
+from rmrc.arm.wiring import DRIVES_JOINT, dense
 
 Array = NDArray[np.float64]
 Ends: TypeAlias = tuple[float, float]
 
 EVERYWHERE: Ends = (-math.inf, math.inf)
 
-# The first of MuJoCo's kinds of dynamics: none, integrator and filters.
-_FILTER = int(mujoco.mjtDyn.mjDYN_FILTEREXACT)
+# The last of MuJoCo's kinds of dynamics that are none, an integrator or a filter; and of its linear biases.
+_FILTER, _AFFINE = int(mujoco.mjtDyn.mjDYN_FILTEREXACT), int(mujoco.mjtBias.mjBIAS_AFFINE)
 
 
 class DriveKind(IntEnum):
@@ -54,18 +55,14 @@ class Terms(NamedTuple):
 
 def kind_of(model: mujoco.MjModel, i: int) -> DriveKind | None:
     """Return the command kind of an actuator; None for a muscle or another one that is no servo or motor."""
-    if (
-        model.actuator_gaintype[i] != mujoco.mjtGain.mjGAIN_FIXED
-        or model.actuator_biastype[i] > int(mujoco.mjtBias.mjBIAS_AFFINE)
-        or model.actuator_dyntype[i] > _FILTER
-        or abs(model.actuator_gainprm[i, 0]) <= mujoco.mjMINVAL
-        or model.actuator_ctrlnum[i] != 1
-        or model.actuator_plugin[i] >= 0
-        or model.opt.disableactuator >> int(model.actuator_group[i]) & 1
-    ):
+    gain, dynamics = model.actuator_gaintype[i], model.actuator_dyntype[i]
+    is_affine = gain == mujoco.mjtGain.mjGAIN_FIXED and model.actuator_biastype[i] <= _AFFINE
+    is_usual = is_affine and dynamics <= _FILTER and model.actuator_ctrlnum[i] == 1
+    is_off = model.opt.disableactuator >> int(model.actuator_group[i]) & 1 or model.actuator_plugin[i] >= 0
+    if not is_usual or is_off or abs(model.actuator_gainprm[i, 0]) <= mujoco.mjMINVAL:
         return None
     _, stiffness, damping = -_bias(model, i)
-    integrates = model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_INTEGRATOR
+    integrates = dynamics == mujoco.mjtDyn.mjDYN_INTEGRATOR
     if stiffness > 0.0:
         return DriveKind.INTVELOCITY if integrates else DriveKind.POSITION
     if stiffness < 0.0 or damping < 0.0 or integrates:
@@ -86,9 +83,13 @@ def terms_of(model: mujoco.MjModel, i: int, kind: DriveKind) -> Terms:
     gain, (b0, b1, b2) = float(model.actuator_gainprm[i, 0]), _bias(model, i).tolist()
     scale = 1.0 if kind == DriveKind.MOTOR else -b2 if kind == DriveKind.VELOCITY else -b1
     clamps = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
-    control = model.actuator_ctrlrange[i].tolist() if model.actuator_ctrllimited[i] and clamps else EVERYWHERE
-    state = model.actuator_actrange[i].tolist() if model.actuator_actlimited[i] else EVERYWHERE
-    return Terms(scale / gain, -b0 / gain, -b1, (control[0], control[1]), (state[0], state[1]))
+    control = _ends(model.actuator_ctrllimited[i] and clamps, model.actuator_ctrlrange[i])
+    state = _ends(model.actuator_actlimited[i], model.actuator_actrange[i])
+    return Terms(scale / gain, -b0 / gain, -b1, control, state)
+
+
+def _ends(is_limited: bool, ends: Array) -> Ends:
+    return (float(ends[0]), float(ends[1])) if is_limited else EVERYWHERE
 
 
 def _bias(model: mujoco.MjModel, i: int) -> Array:
@@ -98,10 +99,7 @@ def _bias(model: mujoco.MjModel, i: int) -> Array:
 
 def moments_of(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     """Return the rate of length of each actuator at unit rates of all joints of a model, (nactuator, nv)."""
-    rows = np.zeros((len(data.moment_rownnz), model.nv))
-    mujoco.mju_sparse2dense(
-        rows, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-    )
+    rows = dense(data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind, model.nv)
     return np.asarray(rows[model.actuator_outadr])
 
 
@@ -123,44 +121,41 @@ def limits(
     """
 
     def limits_of(name: str) -> list[float]:
-        joint, rate, torque = model.joint(name).id, rates.get(name, np.inf), np.inf
-        if model.jnt_actfrclimited[joint]:
-            torque = np.abs(model.jnt_actfrcrange[joint]).min()
+        joint, rate = model.joint(name).id, rates.get(name, np.inf)
+        torque = np.abs(_ends(model.jnt_actfrclimited[joint], model.jnt_actfrcrange[joint])).min()
         for i in _actuators(model, joint):
             gear = abs(model.actuator_gear[i, 0])
-            torque = min(torque, gear * np.abs(_force_range(model, i)).min())
+            torque = min(torque, gear * np.abs(_forces(model, i)).min())
             if model.actuator_ctrllimited[i] and kind_of(model, i) == DriveKind.VELOCITY:
                 # of both ends the smaller one; only such a control is a rate
                 rate = min(rate, np.abs(model.actuator_ctrlrange[i]).min() / gear)
-        return [*(model.jnt_range[joint] if model.jnt_limited[joint] else EVERYWHERE), rate, torque]
+        return [*_ends(model.jnt_limited[joint], model.jnt_range[joint]), rate, torque]
 
     table = np.array([limits_of(name) for name in joints])
-    for each in followers:
-        if each.ratio != 0.0:
-            *ends, rate, torque = limits_of(each.name)
-            row, size = table[each.leader], abs(each.ratio)
-            low, high = np.sort((np.array(ends) - each.offset) / each.ratio)
-            row[:] = max(row[0], low), min(row[1], high), min(row[2], rate / size), min(row[3], torque * size)
+    for each in (each for each in followers if each.ratio):
+        *ends, rate, torque = limits_of(each.name)
+        row, size = table[each.leader], abs(each.ratio)
+        low, high = np.sort((np.array(ends) - each.offset) / each.ratio)
+        row[:] = max(row[0], low), min(row[1], high), min(row[2], rate / size), min(row[3], torque * size)
     return table[:, :2], table[:, 2], table[:, 3]
 
 
 def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:
     """Return the actuators that drive a joint alone, and not with a gear of 0."""
-    drives = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
-    moves = np.abs(model.actuator_gear[:, 0]) > mujoco.mjMINVAL
-    return [int(i) for i in np.flatnonzero(drives & moves & (model.actuator_trnid[:, 0] == joint))]
+    drives = (model.actuator_trntype == DRIVES_JOINT) & (model.actuator_trnid[:, 0] == joint)
+    return np.flatnonzero(drives & (np.abs(model.actuator_gear[:, 0]) > mujoco.mjMINVAL)).tolist()
 
 
-def _force_range(model: mujoco.MjModel, i: int) -> Array:
-    """Return the least and largest force of an actuator, (2,), which a motor's control also limits."""
-    ends = np.array(model.actuator_forcerange[i] if model.actuator_forcelimited[i] else EVERYWHERE)
+def _forces(model: mujoco.MjModel, i: int) -> Ends:
+    """Return the least and largest force of an actuator, which a motor's control also limits."""
+    least, most = _ends(model.actuator_forcelimited[i], model.actuator_forcerange[i])
     # the force of a damper, whose gain is not constant, depends on its speed
     has_no_bias = model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE
     is_motor = has_no_bias and model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_FIXED
     if is_motor and model.actuator_ctrllimited[i]:
-        least, most = np.sort(model.actuator_ctrlrange[i] * model.actuator_gainprm[i, 0])
-        ends = np.array([max(ends[0], least), min(ends[1], most)])
-    return ends
+        low, high = np.sort(model.actuator_ctrlrange[i] * model.actuator_gainprm[i, 0]).tolist()
+        least, most = max(least, low), min(most, high)
+    return least, most
 
 
 def forces(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[NDArray[np.int64], Array, Array, Array]:
@@ -173,12 +168,11 @@ def forces(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[NDArray[np.int
         largest force, (2, n), and the least and largest torque of all actuators of a joint, (2, n).
     """
     output, gear = np.full(len(joints), -1), np.ones(len(joints))
-    force, torque = np.tile([[[-np.inf], [np.inf]]], (2, 1, len(joints)))
+    force, torque = np.tile(np.reshape(EVERYWHERE, (2, 1)), (2, 1, len(joints)))
     for j, joint in enumerate(joints):
-        if model.jnt_actfrclimited[joint]:
-            torque[:, j] = model.jnt_actfrcrange[joint]
+        torque[:, j] = _ends(model.jnt_actfrclimited[joint], model.jnt_actfrcrange[joint])
         if actuators := _actuators(model, joint):
             i = max(actuators, key=lambda i: (model.actuator_biasprm[i, 1] < 0.0, i))
             output[j], gear[j] = model.actuator_outadr[i], model.actuator_gear[i, 0]
-            force[:, j] = _force_range(model, i)
+            force[:, j] = _forces(model, i)
     return output, gear, force, torque

@@ -9,8 +9,8 @@ the author's own actuators, and the equalities that hold the followers are as st
 own actuators, where he wrote no softness.
 """
 
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import mujoco
@@ -18,32 +18,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.compiling import compiled, in_our_words
-from rmrc.arm.differences import PAYLOAD
-from rmrc.arm.wiring import soft_bodies
+from rmrc.arm.wiring import DRIVES_JOINT, find, soft_bodies
+from rmrc.support.errors import ModelError
 
-# Makes an actuator the one of a joint.
-Drive: TypeAlias = Callable[[mujoco.MjsActuator], None]
-# The author's own actuators.
-Own: TypeAlias = Literal["own"]
+Array = NDArray[np.float64]
+
+# The body that carries the payload; only a model adapted for a payload has it.
+PAYLOAD = "rmrc:payload"
+# Lengths of arms are meters; squares and products of such factors are finite, also as MuJoCo's floats.
+_STRETCH = 1e-6, 1e6
+# What makes an actuator the one of a joint; the author's own actuators; none.
+Drive: TypeAlias = Callable[[mujoco.MjsActuator], None] | Literal["own"] | None
 
 # MuJoCo's own softness of an equality: solref and solimp where its author wrote none.
 UNSAID = (0.02, 1.0, 0.9, 0.95, 0.001, 0.5, 2.0)
 # The time constant of a stiff one [timestep], of which the integrator `discrete` bears any: with this one, a
 # gap is gone after a step. And its impedance, the largest that MuJoCo takes.
 _STEPS, _IMPEDANCE = 0.1, 0.9999
-# The identity and target of an actuator: its own, whatever the defaults.
-_IDENTITY = {
-    "classname", "compiler", "id", "info", "name", "plugin", "signature", "target", "trntype", "userdata"
-}  # fmt: skip
 
 
 def adapted(
-    arm: Any,
-    spec: mujoco.MjSpec,
-    drive: Drive | Own | None,
-    timestep: float,
-    gravity_compensation: bool,
-    loaded: bool,
+    arm: Any, spec: mujoco.MjSpec, drive: Drive, timestep: float, gravity_compensation: bool, loaded: bool
 ) -> mujoco.MjModel:
     """Return a model for a plant.
 
@@ -80,53 +75,39 @@ def adapted(
     return model
 
 
-def _set_options(arm: Any, spec: mujoco.MjSpec, drive: Drive | Own | None, timestep: float) -> None:
+def _set_options(arm: Any, spec: mujoco.MjSpec, drive: Drive, timestep: float) -> None:
     """Set timestep, integrator and flags, and have followers stay with their leaders.
 
     Servos and dampers are taken implicitly. The other integrators add their inertia after the equalities
     are solved, which then answer forces that never come: followers slip, and the arm chatters.
     """
-    option, flags = spec.option, mujoco.mjtDisableBit
+    option, flags, integrators = spec.option, mujoco.mjtDisableBit, mujoco.mjtIntegrator
     option.timestep = timestep
     option.disableflags |= flags.mjDSBL_AUTORESET | flags.mjDSBL_SENSOR
-    if drive is None:
-        option.disableflags |= flags.mjDSBL_CONSTRAINT
+    option.disableflags |= flags.mjDSBL_CONSTRAINT if drive is None else 0
     if drive is None or not arm.followers:
-        option.integrator = option.integrator if drive == "own" else mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.integrator = option.integrator if drive == "own" else integrators.mjINT_IMPLICITFAST
         return
-    option.integrator, names = mujoco.mjtIntegrator.mjINT_DISCRETE, [each.name for each in arm.followers]
-    for equality in spec.equalities:
-        is_theirs = equality.type == mujoco.mjtEq.mjEQ_JOINT and equality.name1 in names
-        if is_theirs and (drive != "own" or (*equality.solref, *equality.solimp) == UNSAID):
+    option.integrator, names = integrators.mjINT_DISCRETE, [each.name for each in arm.followers]
+    for equality in (each for each in spec.equalities if each.type == mujoco.mjtEq.mjEQ_JOINT):
+        if equality.name1 in names and (drive != "own" or (*equality.solref, *equality.solimp) == UNSAID):
             equality.solref, equality.solimp[:2] = [_STEPS * timestep, 1.0], _IMPEDANCE
 
 
-def _replace_actuators(arm: Any, spec: mujoco.MjSpec, drive: Drive | None) -> None:
+def _replace_actuators(arm: Any, spec: mujoco.MjSpec, drive: Drive) -> None:
     """Remove the actuators of the arm, and add those of a plant."""
-    replaced = [actuator for actuator in spec.actuators if actuator.id in arm.others.replaced]
-    for actuator in (actuator for actuator in spec.actuators if actuator.id not in arm.others.replaced):
+    for actuator in spec.actuators:
         actuator.delay, actuator.nsample = 0.0, 0  # the delay of a constant control does not matter
-    for actuator in replaced:  # chosen before, as ids change with every deletion
-        spec.delete(actuator)
-    if drive is None:
+    for actuator in [each for each in spec.actuators if each.id in arm.others.replaced]:
+        spec.delete(actuator)  # chosen before, as ids change with every deletion
+    if drive is None or drive == "own":
         return
+    plain = mujoco.MjSpec()  # of the defaults of MuJoCo, not of the author
     for joint, limit in zip(arm.joints, arm.torque_limit, strict=True):
-        actuator = spec.add_actuator(name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        for name, value in _pristine().items():
-            setattr(actuator, name, value)
-        actuator.userdata, actuator.plugin.active = [], False
+        actuator = spec.add_actuator(plain.default, f"rate:{joint}", target=joint, trntype=DRIVES_JOINT)
         drive(actuator)
         if np.isfinite(limit):
             actuator.forcelimited, actuator.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-limit, limit]
-
-
-@cache
-def _pristine() -> dict[str, object]:
-    """Return MuJoCo's own default values of an actuator by field, except its name and transmission."""
-    actuator = mujoco.MjSpec().add_actuator()
-    fields = {name: getattr(actuator, name) for name in dir(actuator) if not name.startswith(("_", "set_"))}
-    values = {name: np.array(v) if isinstance(v, np.ndarray) else v for name, v in fields.items()}
-    return {name: v for name, v in values.items() if name not in _IDENTITY and not callable(v)}
 
 
 def without_textures(spec: mujoco.MjSpec) -> mujoco.MjSpec:
@@ -145,3 +126,62 @@ def is_behind(model: mujoco.MjModel, root: int) -> NDArray[np.bool_]:
     for body in range(root + 1, model.nbody):  # children come after their parents
         behind[body] = behind[model.body_parentid[body]]
     return np.asarray(behind)
+
+
+# Fields in which one world differs from the model that it shares with others ---------------------
+
+
+def set_fields(model: mujoco.MjModel, fields: Mapping[str, Array]) -> None:
+    """Set fields of a model, and what MuJoCo derives from them, such as a subtree's mass.
+
+    Args:
+        model: The model.
+        fields: The new values, whole, by their names in MuJoCo, or "opt.gravity".
+    """
+    for name, values in fields.items():
+        (model.opt.gravity if name == "opt.gravity" else getattr(model, name))[...] = values
+    if "body_mass" in fields or "body_pos" in fields:  # a payload, or stretched bodies
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def stretched_fields(model: mujoco.MjModel, stretch: Mapping[str, float]) -> dict[str, Array]:
+    """Return the fields of a model with some larger bodies, whole, by their names in MuJoCo.
+
+    For a body with factor f, all lengths about its frame's origin are multiplied by f: positions of bodies,
+    sites, joints and geoms on it, and sizes of geoms. Its mass stays, so its inertia is multiplied by f².
+
+    Args:
+        model: A model.
+        stretch: Factor of each body, by its name.
+    """
+    factor = np.ones(model.nbody)
+    for name, value in stretch.items():
+        factor[model.body(name).id] = value
+    of_site, of_geom = factor[model.site_bodyid], factor[model.geom_bodyid]
+    factors = {
+        "body_pos": factor[model.body_parentid], "body_ipos": factor, "body_inertia": factor**2,
+        "jnt_pos": factor[model.jnt_bodyid], "site_pos": of_site, "site_size": of_site, "geom_pos": of_geom,
+        "geom_size": of_geom, "geom_rbound": of_geom, "geom_aabb": of_geom,
+        "cam_pos": factor[model.cam_bodyid], "light_pos": factor[model.light_bodyid],
+    }  # fmt: skip
+    return {name: (getattr(model, name).T * values).T for name, values in factors.items()}
+
+
+def check_stretch(path: Path, model: mujoco.MjModel, stretch: Mapping[str, float]) -> None:
+    """Refuse bodies that cannot be stretched.
+
+    Raises:
+        ModelError: No such body; a factor beyond reason; parts whose size is not one of their own numbers.
+    """
+    collides = ((model.geom_contype | model.geom_conaffinity) != 0) & (model.geom_dataid >= 0)
+    for name, factor in stretch.items():
+        about = f"stretch.{name}" if name.replace("-", "_").isidentifier() else "stretch"
+        body, (least, most), why = find(path, model, "body", name, about), _STRETCH, ""
+        if (model.geom_bodyid[collides] == body).any():
+            why = "a mesh of it collides; let simpler geometries collide, or stretch other bodies"
+        elif not least <= factor <= most:
+            why = f"the factor must be between {least:g} and {most:g}, got {factor:g}"
+        elif (model.eq_type <= int(mujoco.mjtEq.mjEQ_WELD)).any():  # the model keeps their points as numbers
+            why = "an equality holds points of bodies; remove it, or write the lengths into the model"
+        if why:
+            raise ModelError(f'{path}: body "{name}" cannot be stretched: {why}', about)

@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,18 +12,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.adapting import Drive, Own, adapted, without_textures
-from rmrc.arm.chain import Chain, kinds_of
+from rmrc.arm import adapting
 from rmrc.arm.compiling import compiled
-from rmrc.arm.differences import check_stretch, set_fields, stretched_fields
-from rmrc.arm.drives import OwnDrives, Servo
 from rmrc.arm.equalities import Follower, motion
 from rmrc.arm.location import Location, locate, moved
-from rmrc.arm.masses import find_masses
 from rmrc.arm.mounting import NamedFrame
-from rmrc.arm.others import Others
-from rmrc.arm.proportions import Proportions, proportions
-from rmrc.arm.wiring import SLIDE, Wiring, find_chain, joint_name, joints_above, wire
+from rmrc.arm.others import Others, OwnDrives, Servo
+from rmrc.arm.proportions import Chain, Proportions, find_masses, kinds_of, proportions
+from rmrc.arm.wiring import SLIDE, Wiring, joint_name, joints_above, wire
 from rmrc.support.brief import brief
 from rmrc.support.errors import ModelError, QuestionError, did_you_mean
 from rmrc.support.legible import listed, shortened
@@ -30,6 +27,8 @@ from rmrc.support.spatial import matrix_to_quat
 
 Array = NDArray[np.float64]
 
+# What an arm with other positions of other joints has in common with it.
+_SHARED = {"wiring", "motion", "others", "drives", "servos", "_untextured"}
 # Number of the last compiled plant models that an arm keeps: few sweeps use more in turn.
 _MOST_MODELS = 8
 Positions: TypeAlias = Sequence[float] | Array | mujoco.MjData
@@ -48,6 +47,7 @@ class Arm:
         path: The MJCF or URDF file.
         site: Name of the controlled site.
         joints: Names, from the world outward, n of them.
+        axis_names: Names of the joints on the axes of the chain, outward: its own, and their followers.
         is_slide: Whether each joint slides, (n,).
         followers: Joints that follow its joints, on the chain or not.
         ties: Other constraints of the model on its joints, in words; with any, the arm is no open chain.
@@ -68,6 +68,7 @@ class Arm:
     path: Path
     site: str
     joints: tuple[str, ...]
+    axis_names: tuple[str, ...]
     is_slide: NDArray[np.bool_]
     followers: tuple[Follower, ...]
     position_limit: Array
@@ -94,8 +95,7 @@ class Arm:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what can be pickled. MuJoCo's specification cannot: no plant is made of such an arm."""
-        values = {each.name: getattr(self, each.name) for each in fields(self)}
-        return values | {"_spec": None, "_adapted": {}}
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {"_spec": None, "_adapted": {}}
 
     @property
     def n(self) -> int:
@@ -114,12 +114,6 @@ class Arm:
         return wire(model, self.joints, [each.name for each in self.followers], self.axis_names, self.site)
 
     @cached_property
-    def axis_names(self) -> tuple[str, ...]:
-        """Names of the joints on the axes of the chain, outward: its own, and their followers."""
-        moving = {*self.joints, *(each.name for each in self.followers if not each.pitch)}
-        return tuple(name for name in find_chain(self.path, self.model, self.site) if name in moving)
-
-    @cached_property
     def motion(self) -> Array:
         """F, (nv, n): the rates of all joints of the model for unit rates of the arm's."""
         return motion(self.model, self.joints, self.followers)
@@ -127,8 +121,7 @@ class Arm:
     @cached_property
     def others(self) -> Others:
         """The parts of the model that are not the arm."""
-        wiring = self.wiring
-        return Others(self.model, [*wiring.joint, *wiring.follower_joint], wiring.site)
+        return Others(self.model, self.wiring)
 
     @cached_property
     def drives(self) -> OwnDrives:
@@ -144,12 +137,11 @@ class Arm:
     @cached_property
     def servo_limits(self) -> tuple[Array, Array]:
         """Ends of the positions that the servos of each joint take, (2, n), and largest rates, (n,)."""
-        positions, rates = np.tile([[-np.inf], [np.inf]], self.n), np.full(self.n, np.inf)
-        for servo in self.servos.values():
-            ends = positions[:, servo.joint]
-            ends[:] = max(ends[0], servo.position[0]), min(ends[1], servo.position[1])
-            rates[servo.joint] = min(rates[servo.joint], *np.abs(servo.rate))
-        return positions, rates
+        (lower, upper), rates = np.tile([[-np.inf], [np.inf]], self.n), np.full(self.n, np.inf)
+        for j, (low, high), rate in ((each.joint, each.position, each.rate) for each in self.servos.values()):
+            lower[j], upper[j] = max(lower[j], low), min(upper[j], high)
+            rates[j] = min(rates[j], *np.abs(rate))
+        return np.array([lower, upper]), rates
 
     @property
     def pitch(self) -> Array:
@@ -158,8 +150,8 @@ class Arm:
         It is 0 for a hinge, inf for a slide, and else the pitch of a screw, as in `rmrc.textbook.screws`.
         """
         pitch = np.where(self.is_slide, np.inf, 0.0)
-        for each in (each for each in self.followers if each.pitch):
-            pitch[each.leader] = each.pitch
+        for each in self.followers:
+            pitch[each.leader] += each.pitch
         return pitch
 
     @property
@@ -178,8 +170,8 @@ class Arm:
 
         They are hinges without a screw whose followers turn whole turns as well.
         """
-        slides = (self.model.jnt_type == SLIDE)[self.model.dof_jntid]
-        turns = np.where(slides[:, None], 0.0, np.round(self.motion))
+        slides = self.model.jnt_type[self.model.dof_jntid, None] == SLIDE
+        turns = np.where(slides, 0.0, np.round(self.motion))
         return np.asarray((self.motion == turns).all(axis=0))
 
     @property
@@ -211,11 +203,9 @@ class Arm:
             ModelError: An equality ties it.
         """
         if self.ties:
-            raise ModelError(
-                f"{self.path}: {listed(self.ties)} {'ties' if len(self.ties) == 1 else 'tie'} the arm, which "
-                'is then no open chain; set active="false" there in a copy of the model, or remove it',
-                "model",
-            )
+            verb = "ties" if len(self.ties) == 1 else "tie"
+            why = f"{self.path}: {listed(self.ties)} {verb} the arm, which is then no open chain"
+            raise ModelError(f'{why}; set active="false" there in a copy of the model, or remove it', "model")
 
     # Configurations -----------------------------------------------------------------------------
 
@@ -253,8 +243,7 @@ class Arm:
         if is_here and frees_others == self.frees_others:
             return self
         arm = replace(self, _rest=rest, _mocap=mocap, frees_others=frees_others)
-        shared = ("wiring", "axis_names", "motion", "others", "drives", "servos", "_untextured")
-        vars(arm).update({name: vars(self)[name] for name in shared if name in vars(self)})
+        vars(arm).update({name: vars(self)[name] for name in vars(self).keys() & _SHARED})
         return arm
 
     def configuration(self, start: str | Positions) -> Array:
@@ -271,11 +260,9 @@ class Arm:
         """
         if isinstance(start, str):
             if start not in self.keyframes and start != "home":
-                known = listed(sorted(self.keyframes)) or "none"
-                hint = did_you_mean(start, self.keyframes)
-                raise ModelError(
-                    f'{self.path}: has no keyframe "{start}"{hint}; its keyframes: {known}', "start"
-                )
+                names, hint = listed(sorted(self.keyframes)) or "none", did_you_mean(start, self.keyframes)
+                text = f'{self.path}: has no keyframe "{start}"{hint}; its keyframes: {names}'
+                raise ModelError(text, "start")
             qpos = self.keyframes.get(start, self.model.qpos0)
             return self.placed(qpos, qpos[self.wiring.qpos])
         if isinstance(start, mujoco.MjData):
@@ -284,11 +271,11 @@ class Arm:
         try:
             values = np.array(start, np.float64)
         except (TypeError, ValueError):
-            raise QuestionError(f"q must be numbers, got {shortened(repr(start))}") from None
+            values = np.array(np.nan)
+        if not np.isfinite(values).all():
+            raise QuestionError(f"q must be finite numbers, got {shortened(repr(start))}")
         if values.shape not in ((self.model.nq,), (self.n,)):
             raise QuestionError(f"q must be {self.forms}, got {values.shape}")
-        if not np.isfinite(values).all():
-            raise QuestionError(f"q must be finite, got {shortened(str(values.tolist()))}")
         return values if len(values) == self.model.nq else self.placed(self.rest, values)
 
     @property
@@ -311,11 +298,10 @@ class Arm:
             return q.qpos[q.model.jnt_qposadr[self.located(q.model).joint]]
         if isinstance(q, Sequence) and q and all(isinstance(each, mujoco.MjData) for each in q):
             return np.array([self.positions(each) for each in q])
-        try:
-            is_whole = np.shape(q)[-1:] == (self.model.nq,)
-        except ValueError:  # rows of different lengths
-            return q
-        return np.asarray(q)[..., self.wiring.qpos] if is_whole else q
+        with suppress(ValueError):  # rows of different lengths
+            if np.shape(q)[-1:] == (self.model.nq,):
+                return np.asarray(q)[..., self.wiring.qpos]
+        return q
 
     def located(self, model: mujoco.MjModel, *sites: str) -> Location:
         """Return where another model has the arm, and some of its sites.
@@ -372,20 +358,20 @@ class Arm:
         """
         if not (self.others.kept or own):
             return np.empty(0), np.empty(0)
-        model, elsewhere = self.model, self.others.addresses
-        is_home = np.array_equal(qpos[elsewhere], self.configuration("home")[elsewhere])
-        key = self._key_of(start) if isinstance(start, str) or is_home else None
+        model, is_named = self.model, isinstance(start, str)
+        is_there = qpos == self.configuration(start if isinstance(start, str) else "home")
+        key = self._key_of(start) if is_named or is_there[self.others.addresses].all() else None
         frame = None if key is None else self._written.keys[key]
-        given = [np.array(v) if len(v) else None for v in ((frame.ctrl, frame.act) if frame else ((), ()))]
-        controls, ids = self.others.controls(self.data_at(qpos), *given), np.arange(model.nactuator)
+        written = [np.array(v) if len(v) else None for v in ((frame.ctrl, frame.act) if frame else ((), ()))]
+        data, ids = self._moved(qpos), np.arange(model.nactuator)
+        mujoco.mj_transmission(model, data)
+        controls = self.others.controls(data, *written)
         owners = np.repeat(ids, model.actuator_ctrlnum), np.repeat(ids, model.actuator_actnum)
         if not own:
             ctrl, act = (v[np.isin(o, self.others.kept)] for v, o in zip(controls, owners, strict=True))
             return ctrl, act
-        name = start if isinstance(start, str) else "home"
-        is_there = key is not None and np.array_equal(qpos, self.configuration(name))
-        for values, owner, keyed in zip(controls, owners, given, strict=True):
-            if keyed is None or not is_there:
+        for values, owner, keyed in zip(controls, owners, written, strict=True):
+            if keyed is None or not is_there.all():
                 values[np.isin(owner, self.drives.idle)] = 0.0
                 values[np.isin(owner, list(self.drives.kinds))] = np.nan
         return controls
@@ -393,9 +379,8 @@ class Arm:
     def _key_of(self, start: str | Sequence[float]) -> int | None:
         """Return the number of a start's keyframe: by its name, or the one that replaces `home`."""
         name = start if isinstance(start, str) else "home"
-        if name == "home" and self.home is not None:
-            return self.home
-        return next((i for i in range(self.model.nkey) if self.model.key(i).name == name), None)
+        keys = (i for i in range(self.model.nkey) if self.model.key(i).name == name)
+        return self.home if name == "home" and self.home is not None else next(keys, None)
 
     # Kinematics ---------------------------------------------------------------------------------
 
@@ -449,7 +434,7 @@ class Arm:
             data.qpos[:] = configuration
             mujoco.mj_fwdKinematics(self.model, data)
             mujoco.mj_jacSite(self.model, data, rows[:3], rows[3:], self.wiring.site)
-            pose[:, :3], pose[:, 3:] = data.xpos, data.xquat
+            pose[:] = np.hstack([data.xpos, data.xquat])
         return poses, np.asarray(full @ self.motion)
 
     @property
@@ -471,11 +456,10 @@ class Arm:
         rows, anchor = self.motion[self.model.jnt_dofadr[joint]], np.array(data.xanchor[joint])
         leader = np.abs(rows).argmax(axis=1)
         pitch = np.where(np.isin(joint, self.wiring.joint), self.pitch[leader], 0.0)
-        pitch = np.where(self.model.jnt_type[joint] == SLIDE, np.inf, pitch)
+        pitch[self.model.jnt_type[joint] == SLIDE] = np.inf
         step, tip = np.diff(anchor, axis=0, prepend=np.zeros((1, 3))), data.site_xpos[site] - anchor[-1]
-        quat = matrix_to_quat(data.site_xmat[site].reshape(3, 3))
-        axis, ratio = np.array(data.xaxis[joint]), rows.sum(axis=1)
-        return Chain(self.axis_names, leader, ratio, pitch, axis, step, tip, quat)
+        quat, axis = matrix_to_quat(data.site_xmat[site].reshape(3, 3)), np.array(data.xaxis[joint])
+        return Chain(self.axis_names, leader, rows.sum(axis=1), pitch, axis, step, tip, quat)
 
     def behind(self, site: str) -> tuple[int, Array, Array]:
         """Return the place of a site behind the chain, with all joints of the arm at 0.
@@ -523,13 +507,13 @@ class Arm:
             ModelError: Only a compiled model is known.
         """
         if self._spec is None:
-            needs = "a plant needs the model's file or an MjSpec, not a compiled model"
-            raise ModelError(f"{self.path}: {needs}")
+            why = "a plant needs the model's file or an MjSpec, not a compiled model"
+            raise ModelError(f"{self.path}: {why}")
         return self._spec
 
     @cached_property
     def _untextured(self) -> mujoco.MjModel:
-        return compiled(self.path, without_textures(self._written))
+        return compiled(self.path, adapting.without_textures(self._written))
 
     def stretched(self, stretch: Mapping[str, float]) -> "Arm":
         """Return the arm with some bodies larger.
@@ -544,13 +528,13 @@ class Arm:
         Raises:
             ModelError: No such body, or it cannot be stretched.
         """
-        check_stretch(self.path, self.model, stretch)
+        adapting.check_stretch(self.path, self.model, stretch)
         model = copy.copy(self._untextured)
-        set_fields(model, stretched_fields(model, stretch))
+        adapting.set_fields(model, adapting.stretched_fields(model, stretch))
         return replace(self, model=model, stretch={**self.stretch, **stretch})
 
     def adapted(
-        self, drive: Drive | Own | None, timestep: float, gravity_compensation: bool, *, loaded: bool = False
+        self, drive: adapting.Drive, timestep: float, gravity_compensation: bool, *, loaded: bool = False
     ) -> mujoco.MjModel:
         """Return the model with the actuators of a plant: see `rmrc.arm.adapting`.
 
@@ -567,7 +551,7 @@ class Arm:
         """
         key = drive, timestep, gravity_compensation, loaded, self.frees_others
         if key not in self._adapted:
-            while len(self._adapted) >= _MOST_MODELS:
-                del self._adapted[next(iter(self._adapted))]
-            self._adapted[key] = adapted(self, without_textures(self._written), *key[:4])
+            if len(self._adapted) == _MOST_MODELS:
+                self._adapted.pop(next(iter(self._adapted)), None)
+            self._adapted[key] = adapting.adapted(self, adapting.without_textures(self._written), *key[:4])
         return self._adapted[key]

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 
@@ -35,13 +35,13 @@ class Read(NamedTuple):
     """A model as it was read.
 
     Attributes:
-        spec: Its specification.
+        spec: Its specification; None of a compiled model.
         model: The compiled model.
         robot: The contents of its file, if that is a URDF.
         notes: Assumptions.
     """
 
-    spec: mujoco.MjSpec
+    spec: Any
     model: mujoco.MjModel
     robot: urdf.Urdf | None
     notes: tuple[str, ...]
@@ -64,18 +64,17 @@ def read(path: Path, packages: Mapping[str, Path] | None = None) -> Read:
         if robot is None:
             spec = mujoco.MjSpec.from_file(str(path))
             return Read(spec, spec.compile(), None, ())
-        failures: list[ValueError] = []
-        while True:  # parsed anew, because a specification that failed keeps its error
+        failure = ValueError()
+        for repairs in range(3):  # parsed anew, because a specification that failed keeps its error
             spec, notes = mujoco.MjSpec.from_string(robot.text), [*robot.notes]
-            notes += _drop_unreadable(spec) if failures else []
-            notes += urdf.bound_masses(spec, failures[-1]) if len(failures) > 1 else []
+            notes += _drop_unreadable(spec) if repairs > 0 else []
+            notes += urdf.bound_masses(spec, failure) if repairs > 1 else []
             urdf.hide_collisions(spec)
             try:
                 return Read(spec, spec.compile(), robot, tuple(notes))
-            except ValueError as failure:
-                failures.append(failure)
-                if len(failures) > 2:
-                    raise
+            except ValueError as error:
+                failure = error
+        raise failure
 
 
 def opened(path: Path, packages: Mapping[str, Path] | None) -> urdf.Urdf | None:

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.wiring import HINGE, SLIDE, joint_name
+from rmrc.arm.wiring import HINGE, SLIDE, dense, joint_name
 from rmrc.support.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Follower:
 def active_equalities(model: mujoco.MjModel) -> list[int]:
     """Return the equalities that are active from the start."""
     off = mujoco.mjtDisableBit.mjDSBL_EQUALITY | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    return [] if model.opt.disableflags & off else [int(i) for i in np.flatnonzero(model.eq_active0)]
+    return [] if model.opt.disableflags & off else np.flatnonzero(model.eq_active0).tolist()
 
 
 # Followers --------------------------------------------------------------------------------------
@@ -61,9 +61,8 @@ def find_links(path: Path, model: mujoco.MjModel, chain: Sequence[str]) -> dict[
         ModelError: A joint of the chain follows another by a polynomial, two of them, or in a circle.
     """
     rules: dict[int, list[int]] = {}
-    for i in active_equalities(model):
-        if model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT:
-            rules.setdefault(int(model.eq_obj1id[i]), []).append(i)
+    for i in (i for i in active_equalities(model) if model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT):
+        rules.setdefault(int(model.eq_obj1id[i]), []).append(i)
     names = [model.joint(joint).name for joint in rules]
     links = {}
     for name in [*(n for n in chain if n in names), *(n for n in names if n and n not in chain)]:
@@ -82,11 +81,10 @@ def _followed(path: Path, model: mujoco.MjModel, name: str, rules: Mapping[int, 
     while joint in rules:
         leader, polynomial = int(model.eq_obj2id[rules[joint][0]]), model.eq_data[rules[joint][0], :5]
         if len(rules[joint]) > 1 or polynomial[2:].any() or leader in passed:
-            raise ModelError(
-                f'{path}: joint "{joint_name(model, joint)}" follows another by two equalities, in a circle, '
-                "or not linearly; on the chain to a site there must be one, with polycoef a b 0 0 0, got "
-                f"{' '.join(f'{value:g}' for value in polynomial)}"
-            )
+            why = "follows another by two equalities, in a circle, or not linearly"
+            way = "on the chain to a site there must be one, with polycoef a b 0 0 0, got"
+            numbers = " ".join(f"{value:g}" for value in polynomial)
+            raise ModelError(f'{path}: joint "{joint_name(model, joint)}" {why}; {way} {numbers}')
         offset += ratio * float(polynomial[0] + zero[joint])
         ratio *= float(polynomial[1]) if leader >= 0 else 0.0
         offset -= ratio * float(zero[leader])
@@ -106,20 +104,22 @@ def followers(
         links: The links of the followers.
         driven: Names of the joints of the arm.
     """
-    data = mujoco.MjData(model)
-    mujoco.mj_fwdKinematics(model, data)
     places = {model.joint(name).id: i for i, name in enumerate(driven)}
-    found, screws = [], set[int]()
-    for link in (link for link in links.values() if link.leader in places):
+    following = [link for link in links.values() if link.leader in places]
+    if not following:
+        return ()
+    data, screws = mujoco.MjData(model), set[int]()
+    mujoco.mj_fwdKinematics(model, data)
+    for i, link in enumerate(following):
         leader, joint, pitch = model.joint(link.leader), model.joint(link.name), 0.0
         along = float(data.xaxis[leader.id] @ data.xaxis[joint.id])
         is_beside = link.name in chain and abs(chain.index(leader.name) - chain.index(link.name)) == 1
         is_pair = (leader.type[0], joint.type[0]) == (HINGE, SLIDE) and leader.id not in screws
-        if is_pair and is_beside and abs(abs(along) - 1.0) < PARALLEL:
+        if is_pair and is_beside and abs(abs(along) - 1.0) < PARALLEL and link.ratio:
             pitch = link.ratio if along > 0.0 else -link.ratio
-            screws |= {leader.id} if pitch else set()
-        found.append(replace(link, leader=places[link.leader], pitch=pitch))
-    return tuple(found)
+            screws.add(leader.id)
+        following[i] = replace(link, leader=places[link.leader], pitch=pitch)
+    return tuple(following)
 
 
 def motion(model: mujoco.MjModel, joints: Sequence[str], following: Sequence[Follower]) -> Array:
@@ -170,8 +170,7 @@ def equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, ND
     mujoco.mj_fwdKinematics(model, data)
     mujoco.mj_makeConstraint(model, data)
     if mujoco.mj_isSparse(model):
-        full = np.zeros((data.nefc, model.nv))
-        mujoco.mju_sparse2dense(full, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+        full = dense(data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind, model.nv)
     else:
         # behind the rows there can be space that MuJoCo allocated and did not use
         full = np.array(data.efc_J)[: data.nefc * model.nv].reshape(data.nefc, model.nv)
@@ -181,6 +180,8 @@ def equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, ND
 
 def _in_words(model: mujoco.MjModel, i: int) -> str:
     """Return a text such as `weld "grip"`, or `weld 3` if it has no name."""
-    kind = mujoco.mjtEq(int(model.eq_type[i])).name.removeprefix("mjEQ_").lower()
-    name = model.equality(i).name
-    return f"equality {kind} {i}" if not name else f'equality {kind} "{name}"'
+    kind, name = (
+        mujoco.mjtEq(int(model.eq_type[i])).name.removeprefix("mjEQ_").lower(),
+        model.equality(i).name,
+    )
+    return f'equality {kind} "{name}"' if name else f"equality {kind} {i}"

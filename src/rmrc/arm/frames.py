@@ -1,4 +1,7 @@
-"""The frame of a model that is controlled where its user names none: that of the hand, not of a finger."""
+"""The frame of a model that is controlled where its user names none: that of the hand, not of a finger.
+
+What a program assumes about a model with an incomplete file is a line; some lines have their own code.
+"""
 
 import re
 from collections.abc import Sequence
@@ -9,10 +12,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.notes import Note, note
-from rmrc.arm.wiring import HINGE, SLIDE, joints_above, joints_of, soft_bodies
+from rmrc.arm.wiring import HINGE, SLIDE, joints_of, soft_bodies
 from rmrc.support.errors import ModelError
 from rmrc.support.legible import listed
+
+Counts = NDArray[np.int64]
 
 # Beginnings of words in names of frames to mount, hold or aim with, the most specific last; those of three
 # letters or fewer are whole words.
@@ -35,10 +39,42 @@ _LONGEST_FINGER = 5
 _TURNS = ("pitch", "roll", "rot", "wrist", "yaw")
 
 
+class Note(str):
+    """A line about an assumption.
+
+    Attributes:
+        code: The code by which `rmrc check` reports it.
+        is_obvious: Whether hardly anybody would doubt it, so that only answers that list all have it.
+    """
+
+    code = "assumed"
+    is_obvious = False
+
+
+def note(code: str, text: str, is_obvious: bool = False) -> Note:
+    """Return a line with its own code.
+
+    >>> note("frame", 'site "tool" is controlled').code
+    'frame'
+    """
+    line = Note(text)
+    line.code, line.is_obvious = code, is_obvious
+    return line
+
+
+def code_of(line: str) -> str:
+    """Return the code of a line; `assumed` for those without.
+
+    >>> code_of(note("frame", "a")), code_of("a")
+    ('frame', 'assumed')
+    """
+    return getattr(line, "code", "assumed")
+
+
 def default_frame(
     path: Path, model: mujoco.MjModel, does: str = "is controlled", prefix: str = ""
 ) -> tuple[Literal["site", "body"], int, list[Note]]:
-    """Return the frame of a model's hand.
+    """Return the frame of a model's hand: what the first of some rules finds.
 
     It is a site whose name says so, on the links beyond the first half of the arm's joints, the farthest of
     them. Otherwise it is the only site beside the fingers that belongs to no camera or sensor; otherwise a
@@ -57,53 +93,58 @@ def default_frame(
     Raises:
         ModelError: No joint moves anything.
     """
-    links = _trunk(model)
+    counts = np.bincount(model.jnt_bodyid[np.isin(model.jnt_type, (HINGE, SLIDE))], minlength=model.nbody)
+    links = _trunk(model, counts)
     if not links:
         raise ModelError(f"{path}: has no hinge or slide joint that moves a body; an arm needs at least one")
-    last, weld = links[-1], model.body_weldid
+    last, weld, before = links[-1], model.body_weldid, counts.copy()
+    for body in range(1, model.nbody):
+        before[body] += before[model.body_parentid[body]]
     moving = set(weld[links].tolist()) - {0}
+    names = {i: model.site(i).name for i in range(model.nsite) if weld[model.site_bodyid[i]] in moving}
+    sites = {i: name for i, name in names.items() if name and name.startswith(prefix)}
     bodies = {int(b): model.body(b).name for b in np.flatnonzero(weld == weld[last])}
-    sites = {
-        i: name
-        for i in range(model.nsite)
-        if (name := model.site(i).name) and name.startswith(prefix) and weld[model.site_bodyid[i]] in moving
-    }
-    rank = {i: _rank(name) for i, name in sites.items()}
-    depth = {i: len(_driven(model, joints_above(model, int(model.site_bodyid[i])))) for i in sites}
-    joints = len(_driven(model, joints_above(model, last)))
-    named = [i for i in sites if rank[i] > 0 and 2 * depth[i] >= joints]
-    plain = [i for i in sites if depth[i] == joints and rank[i] == 0]
-    hands = [b for b, name in bodies.items() if _rank(name) > 0 and name.startswith(prefix)]
-    branches = np.flatnonzero((model.body_parentid == last) & (weld != weld[last]))
-    kind: Literal["site", "body"] = "site" if named or len(plain) == 1 else "body"
-    chosen, why = last, "as the last before the fingers"
-    if kind == "site":
-        chosen = max(named or plain, key=lambda i: (depth[i], rank[i], i))
-        why = "by its name" if named else "as the only one on the last link"
-    elif hands:  # a frame exists to be named
-        key = {b: (_rank(bodies[b]), "frame" in _words(bodies[b]), b == last, b) for b in hands}
-        chosen, why = max(hands, key=key.__getitem__), "by its name"
-    elif not set(branches.tolist()) - soft_bodies(model):
-        chosen, why = _end(model, last), "as the last link"
+    # how good each is: the farthest, most specific site, and a body that exists to be named
+    grade = {i: (before[model.site_bodyid[i]], _rank(name), i) for i, name in sites.items()}
+    grades = {b: (_rank(name), "frame" in _words(name), b == last, b) for b, name in bodies.items()}
+    named = [i for i, (depth, rank, _) in grade.items() if rank > 0 and 2 * depth >= before[last]]
+    plain = [i for i, (depth, rank, _) in grade.items() if rank == 0 and depth == before[last]]
+    hands = [b for b, name in bodies.items() if grades[b][0] > 0 and name.startswith(prefix)]
+    fingers = {*np.flatnonzero((model.body_parentid == last) & (weld != weld[last]))} - soft_bodies(model)
+    rules: tuple[tuple[Literal["site", "body"], list[int], str], ...] = (
+        ("site", sorted(named, key=grade.__getitem__), "by its name"),
+        ("site", plain if len(plain) == 1 else [], "as the only one on the last link"),
+        ("body", sorted(hands, key=grades.__getitem__), "by its name"),
+        ("body", [last] if fingers else [], "as the last before the fingers"),
+        ("body", [_end(model, last)], "as the last link"),
+    )
+    kind, (*_, chosen), why = next(rule for rule in rules if rule[1])
     others = [f'site "{name}"' for i, name in sites.items() if (kind, chosen) != ("site", i)]
     if kind == "body":
         others += [f'body "{name}"' for b, name in bodies.items() if b != chosen and name]
     elif not others:
         return kind, chosen, []
-    is_clear = kind == "site" and all(rank[i] < rank[chosen] for i in sites if i != chosen)
+    is_clear = kind == "site" and all(grade[i][1] < grade[chosen][1] for i in sites if i != chosen)
     name = getattr(model, kind)(chosen).name
-    called = f'"{name}"' if name else str(chosen)
-    text = f"{kind} {called} {does}, chosen {why}"
+    text = f"{kind} " + (f'"{name}"' if name else str(chosen)) + f" {does}, chosen {why}"
     text += f"; others: {listed(others)}; name one by site or body" if others else ""
     return kind, chosen, [note("frame", text, is_clear)]
 
 
-def _trunk(model: mujoco.MjModel) -> list[int]:
-    """Return the bodies from the first that a joint moves to the one before the fingers, outward."""
-    depth = _depths(model)
+def _trunk(model: mujoco.MjModel, counts: Counts) -> list[int]:
+    """Return the bodies from the first that a joint moves to the one before the fingers, outward.
+
+    Args:
+        model: The model.
+        counts: The number of hinges and slides of each body, (nbody,).
+    """
+    depth, soft = counts.copy(), soft_bodies(model)  # the most joints on one branch that begins with a body
+    for body in range(model.nbody - 1, 0, -1):  # children come after their parents
+        branches = depth[model.body_parentid == body]
+        depth[body] = 0 if body in soft else counts[body] + max(branches, default=0)
+    depth[0] = 0
     for into_fingers in (False, True):
-        links: list[int] = []
-        body, joints = 0, 0
+        links, body, joints = list[int](), 0, 0
         while True:
             ahead = np.flatnonzero((model.body_parentid == body) & (depth > 0)).tolist()
             ways = [b for b in ahead if into_fingers or not _is_finger(model, b)]
@@ -114,40 +155,25 @@ def _trunk(model: mujoco.MjModel) -> list[int]:
             if not ways or (joints > 0 and len(ahead) > 1 and is_hand):
                 break
             body = max(ways, key=depth.__getitem__)
-            joints += len(_driven(model, joints_of(model, body)))
+            joints += int(counts[body])
             links.append(body)
         if joints:
             return links
     return []
 
 
-def _depths(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """Return the most hinges and slides on one branch that begins with a body, (nbody,)."""
-    depth, soft = np.zeros(model.nbody, np.int64), soft_bodies(model)
-    for body in range(model.nbody - 1, 0, -1):  # children come after their parents
-        depth[body] = 0 if body in soft else depth[body] + len(_driven(model, joints_of(model, body)))
-        parent = model.body_parentid[body]
-        depth[parent] = max(depth[parent], depth[body])
-    depth[0] = 0
-    return depth
-
-
 def _end(model: mujoco.MjModel, body: int) -> int:
     """Return the end of a series of bodies that are fixed to a link, as flanges are in URDF."""
-    fixed = np.flatnonzero(model.body_parentid == body)
-    while len(fixed) == 1 and _rank(model.body(fixed[0]).name) >= 0:
+    parent = model.body_parentid
+    while len(fixed := np.flatnonzero(parent == body)) == 1 and _rank(model.body(fixed[0]).name) >= 0:
         body = int(fixed[0])
-        fixed = np.flatnonzero(model.body_parentid == body)
     return body
-
-
-def _driven(model: mujoco.MjModel, joints: Sequence[int]) -> list[int]:
-    return [i for i in joints if model.jnt_type[i] in (HINGE, SLIDE)]
 
 
 def _is_finger(model: mujoco.MjModel, body: int) -> bool:
     """Return whether a body, or a joint that moves it, has the name of a finger or a gripper."""
-    joints = [_words(model.joint(i).name) for i in _driven(model, joints_of(model, body))]
+    own = (model.joint(i) for i in joints_of(model, body))
+    joints = [_words(joint.name) for joint in own if joint.type[0] in (HINGE, SLIDE)]
     if any(_has(words, _FINGERS) for words in (_words(model.body(body).name), *joints)):
         return True
     return any(_has(words, ("grip",)) and not _has(words, _TURNS) for words in joints)
@@ -156,15 +182,13 @@ def _is_finger(model: mujoco.MjModel, body: int) -> bool:
 def _rank(name: str) -> int:
     """Return how specific a name is: 0 is unspecific, and -1 means something else than a hand."""
     words = _words(name)
-    if _has(words, _BESIDE):
-        return -1
-    return max((rank for rank, known in enumerate(_TELLING, start=1) if _has(words, known)), default=0)
+    ranks = [rank for rank, known in enumerate(_TELLING, start=1) if _has(words, known)]
+    return -1 if _has(words, _BESIDE) else max(ranks, default=0)
 
 
 def _has(words: Sequence[str], known: Sequence[str]) -> bool:
-    return any(
-        word == start or (len(start) > 3 and word.startswith(start)) for word in words for start in known
-    )
+    pairs = ((word, start) for word in words for start in known)
+    return any(word == start or (len(start) > 3 and word.startswith(start)) for word, start in pairs)
 
 
 def _words(name: str) -> list[str]:

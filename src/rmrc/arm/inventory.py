@@ -1,4 +1,4 @@
-"""The parts of a model beside its arm: actuators and their targets, other joints, and contacts."""
+"""The parts of a model beside its arm: actuators and their targets, other joints, contacts, closed loops."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,18 @@ from numpy.typing import NDArray
 
 from rmrc.arm.actuators import kind_word
 from rmrc.arm.arm import Arm
-from rmrc.arm.wiring import joint_name, joints_above, soft_bodies
+from rmrc.arm.equalities import active_equalities, equality_rows
+from rmrc.arm.wiring import DRIVES_JOINT, joint_name, joints_above, soft_bodies
+from rmrc.support.spatial import AXES
+
+Array = NDArray[np.float64]
+
+# A smaller share of the largest singular value is rounding.
+_ROUNDING = 1e-9
+# Newton's method closes loops that can be closed in a few steps; after this many it has failed.
+_STEPS = 50
+# The largest remaining gap then [m or rad].
+_CLOSED = 1e-10
 
 
 @dataclass(frozen=True)
@@ -65,32 +76,28 @@ class Contact:
 def actuators(arm: Arm) -> tuple[Actuator, ...]:
     """Return all actuators of the author's model, in its order."""
     model, replaced = arm.model, arm.others.replaced
-    names = [model.actuator(i).name or f"actuator{i}" for i in range(model.nactuator)]
-    return tuple(
-        Actuator(name, kind_word(model, i), _target(model, i), i in replaced) for i, name in enumerate(names)
-    )
+    names = enumerate(model.actuator(i).name or f"actuator{i}" for i in range(model.nactuator))
+    return tuple(Actuator(name, kind_word(model, i), _target(model, i), i in replaced) for i, name in names)
 
 
 def _target(model: mujoco.MjModel, i: int) -> str:
     word = mujoco.mjtTrn(int(model.actuator_trntype[i])).name.removeprefix("mjTRN_").lower()
     word = {"jointinparent": "joint", "slidercrank": "site"}.get(word, word)
-    of, number = getattr(mujoco.mjtObj, f"mjOBJ_{word.upper()}"), int(model.actuator_trnid[i, 0])
-    return f"{word} {mujoco.mj_id2name(model, of, number) or f'{word}{number}'}"
+    number = int(model.actuator_trnid[i, 0])
+    return f"{word} {getattr(model, word)(number).name or f'{word}{number}'}"
 
 
 def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
     """Return the joints that are neither the arm's nor its followers, without those of a flex."""
-    model, idle, soft = arm.model, arm.idle(), soft_bodies(arm.model)
-    others = []
+    model, idle, soft, others = arm.model, arm.idle(), soft_bodies(arm.model), []
     for i in sorted(set(range(model.njnt)) - arm.others.own):
         kind = mujoco.mjtJoint(int(model.jnt_type[i])).name.removeprefix("mjJNT_").lower()
         name, body = joint_name(model, i), int(model.jnt_bodyid[i])
-        if body not in soft:
-            others.append(OtherJoint(name, kind, arm.body_names[body], name in idle))
+        others += [OtherJoint(name, kind, arm.body_names[body], name in idle)] if body not in soft else []
     return tuple(others)
 
 
-def contacts(arm: Arm, qpos: NDArray[np.float64]) -> tuple[Contact, ...]:
+def contacts(arm: Arm, qpos: Array) -> tuple[Contact, ...]:
     """Return the contacts at any of some configurations of the model, (N, nq), the deepest first.
 
     These are MuJoCo's contacts of negative distance, the deepest of each pair. Like MuJoCo, they leave out
@@ -106,12 +113,87 @@ def contacts(arm: Arm, qpos: NDArray[np.float64]) -> tuple[Contact, ...]:
             if contact.dist < 0.0 and min(pair) >= 0:
                 depths[pair] = max(depths.get(pair, 0.0), -float(contact.dist))
     found = []
-    for (first, second), depth in depths.items():
-        bodies = int(model.geom_bodyid[first]), int(model.geom_bodyid[second])
-        moved = own.intersection(joints_above(model, bodies[0])) ^ own.intersection(
-            joints_above(model, bodies[1])
-        )
-        geoms = model.geom(first).name or f"geom{first}", model.geom(second).name or f"geom{second}"
-        names = arm.body_names[bodies[0]], arm.body_names[bodies[1]]
-        found.append(Contact(geoms, names, depth, bool(moved)))
+    for pair, depth in depths.items():
+        bodies = model.geom_bodyid[list(pair)].tolist()
+        first, second = (own.intersection(joints_above(model, body)) for body in bodies)
+        geoms, names = [model.geom(i).name or f"geom{i}" for i in pair], [arm.body_names[b] for b in bodies]
+        found.append(Contact((geoms[0], geoms[1]), (names[0], names[1]), depth, first != second))
     return tuple(sorted(found, key=lambda contact: (-contact.depth, contact.geoms)))
+
+
+# Closed loops -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """Actuators and site of a mechanism with its loops closed, at one configuration [Selig92, exercise 6.2].
+
+    Attributes:
+        drives: Joints with an actuator of their own, m of them.
+        lengths: Their positions, (m,) [rad or m].
+        gap: Smallest opening of the loops, for any positions of the other joints [m or rad].
+        rows: Independent motions of the site, the first f of x y z rx ry rz.
+        inverse: K: rates of the actuators for a unit of each row, (m, f); None if the site does not determine
+            them.
+        freedom: Number of motions that remain while all actuators are locked; more than 0 is a singularity of
+            the loops.
+    """
+
+    drives: tuple[str, ...]
+    lengths: Array
+    gap: float
+    rows: tuple[str, ...]
+    inverse: Array | None
+    freedom: int
+
+
+def find_mechanism(arm: Arm, q: Array) -> Mechanism | None:
+    """Return the mechanism whose chain to the site is an arm; None if the arm alone is actuated or open.
+
+    The other joints move so that the loops close: from the keyframe `home`, by Newton's method.
+
+    Args:
+        arm: The chain from the world to the site.
+        q: Its joint positions, (n,) [rad or m].
+    """
+    model, own = arm.model, arm.wiring.dof
+    of_joint = model.actuator_trntype == DRIVES_JOINT
+    driven = [int(joint) for joint in model.actuator_trnid[of_joint, 0]]
+    drives = model.jnt_dofadr[driven]
+    if not driven or not active_equalities(model) or set(own.tolist()) <= set(drives.tolist()):
+        return None
+    data = mujoco.MjData(model)
+    data.qpos[:] = arm.placed(arm.configuration("home"), q)
+    others = np.setdiff1d(np.arange(model.nv), own)
+    rows, gap = _closed(model, data, others)
+    if not np.abs(rows[:, own]).any():  # the loops are elsewhere
+        return None
+    _, sigma, basis = np.linalg.svd(rows)
+    free = basis[np.count_nonzero(sigma > _ROUNDING * sigma[0]) :].T
+    full = np.zeros((6, model.nv))
+    mujoco.mj_jacSite(model, data, full[:3], full[3:], arm.wiring.site)
+    twist, rates = full @ free, free[drives]
+    moving: list[int] = []
+    for row in range(6):
+        if np.linalg.matrix_rank(twist[[*moving, row]], tol=_ROUNDING) > len(moving):
+            moving.append(row)
+    return Mechanism(
+        drives=tuple(model.joint(joint).name for joint in driven),
+        lengths=data.qpos[model.jnt_qposadr[driven]],
+        gap=float(np.abs(gap).max()),
+        rows=tuple(AXES[row] for row in moving),
+        inverse=rates @ np.linalg.inv(twist[moving]) if len(moving) == free.shape[1] else None,
+        freedom=int(free.shape[1] - np.linalg.matrix_rank(rates, tol=_ROUNDING)),
+    )
+
+
+def _closed(model: mujoco.MjModel, data: mujoco.MjData, dofs: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Close the loops by some joints; return the rows of the equalities there, and the remaining gaps."""
+    for _ in range(_STEPS):
+        rows, _, gap = equality_rows(model, data)
+        if np.abs(gap).max(initial=0.0) < _CLOSED:
+            break
+        step = np.zeros(model.nv)
+        step[dofs] = -np.linalg.pinv(rows[:, dofs], rcond=_ROUNDING) @ gap
+        mujoco.mj_integratePos(model, data.qpos, step, 1.0)
+    return rows, gap

@@ -1,4 +1,8 @@
-"""An arm in a model that is not its own: a scene with other joints, or the arm mounted elsewhere."""
+"""An arm in a model that is not its own: a scene with other joints, or the arm mounted elsewhere.
+
+Its kinematics are those of MuJoCo's data. These can be behind their positions: then MuJoCo computes them
+again, in other data.
+"""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -9,10 +13,12 @@ from numpy.typing import NDArray
 
 from rmrc.arm.actuators import forces
 from rmrc.arm.equalities import Follower, motion
-from rmrc.arm.wiring import base_of
 from rmrc.support.errors import ModelError
 
 Array = NDArray[np.float64]
+
+# Kinematics of the same positions differ at most by rounding [m, and parts of a quaternion].
+ROUNDING = 1e-9
 
 
 class Place(NamedTuple):
@@ -66,6 +72,7 @@ class Location(NamedTuple):
     def jacobian(self, data: mujoco.MjData) -> Array:
         """Return J (6, n) of the first site."""
         J = np.zeros((6, data.model.nv))
+        mujoco.mj_comPos(data.model, data)
         mujoco.mj_jac(data.model, data, J[:3], J[3:], self.pose(data)[:3], self.places[0].body)
         return np.asarray(J @ self.motion)
 
@@ -85,10 +92,9 @@ def locate(arm: Any, model: mujoco.MjModel, sites: Sequence[str]) -> Location:
     followers = [each for each in arm.followers if each.pitch or each.name in arm.axis_names]
 
     def place(name: str) -> Place:
+        site = (model if name in known else arm.model).site(name)
         if name in known:
-            site = model.site(name)
             return Place(site.id, int(site.bodyid[0]), site.pos, site.quat)
-        site = arm.model.site(name)
         return Place(-1, model.body(arm.model.body(site.bodyid[0]).name).id, site.pos, site.quat)
 
     try:
@@ -96,18 +102,44 @@ def locate(arm: Any, model: mujoco.MjModel, sites: Sequence[str]) -> Location:
             if model.joint(name).type[0] != arm.model.joint(name).type[0]:
                 raise KeyError(f'its joint "{name}" is of another type')
         joint, axis = ([model.joint(name).id for name in names] for names in (arm.joints, arm.axis_names))
-        return Location(
-            joint, axis, followers, base_of(model, joint[0]), tuple(map(place, sites)), forces(model, joint),
-            motion(model, arm.joints, followers),
-        )  # fmt: skip
+        base, places = int(model.body_parentid[model.jnt_bodyid[joint[0]]]), tuple(map(place, sites))
+        F = motion(model, arm.joints, followers)
+        return Location(joint, axis, followers, base, places, forces(model, joint), F)
     except KeyError as error:
         text = " ".join(str(error).strip("'\"").split())
         raise ModelError(f"the model of the data lacks a part of {arm.path}: {text}") from None
 
 
-def moved(data: mujoco.MjData) -> mujoco.MjData:
-    """Return other data of the same model with the same positions, whose kinematics belong to them."""
-    fresh = mujoco.MjData(data.model)
-    fresh.qpos[:], fresh.mocap_pos[:], fresh.mocap_quat[:] = data.qpos, data.mocap_pos, data.mocap_quat
-    mujoco.mj_fwdKinematics(data.model, fresh)
-    return fresh
+def moved(data: mujoco.MjData, other: mujoco.MjData | None = None) -> mujoco.MjData:
+    """Return other data of the same model with the same positions, and bodies where these place them.
+
+    Args:
+        data: The data.
+        other: Other data, overwritten; None: new ones.
+    """
+    other = mujoco.MjData(data.model) if other is None else other
+    other.qpos[:], other.mocap_pos[:], other.mocap_quat[:] = data.qpos, data.mocap_pos, data.mocap_quat
+    mujoco.mj_kinematics(data.model, other)
+    return other
+
+
+class Freshness:
+    """Checks whether the poses of some bodies in the data are those of the data's positions."""
+
+    def __init__(self, data: mujoco.MjData, bodies: Sequence[int], scratch: mujoco.MjData | None) -> None:
+        """Bind it to data.
+
+        Args:
+            data: The data to check.
+            bodies: The bodies whose poses are compared.
+            scratch: Other data of the same model, which are overwritten; None: new ones.
+        """
+        self.scratch = mujoco.MjData(data.model) if scratch is None else scratch
+        self._data, self._bodies = data, np.unique(np.asarray(bodies, np.int64))
+
+    def __call__(self) -> bool:
+        """Return whether the poses are those of the present positions; True if these are not finite."""
+        data, other, bodies = self._data, moved(self._data, self.scratch), self._bodies
+        gaps = other.xpos[bodies] - data.xpos[bodies], other.xquat[bodies] - data.xquat[bodies]
+        with np.errstate(invalid="ignore"):
+            return not any((np.abs(gap) > ROUNDING).any() for gap in gaps)

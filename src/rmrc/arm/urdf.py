@@ -62,22 +62,21 @@ def read(path: Path, robot: ET.Element, packages: Mapping[str, Path]) -> Urdf:
             if len(rgba) != 4 or min(rgba) < 0.0 or max(rgba) > 1.0:
                 element.set("rgba", "0.5 0.5 0.5 1")
                 gray += 1
-    floating, velocity = [], {}
-    for joint in robot.findall("joint"):
-        name, limit = joint.get("name", ""), joint.find("limit")
-        if joint.get("type") == "floating":
-            joint.set("type", "fixed")
-            floating.append(name)
-        rates = [] if limit is None else numbers(limit.get("velocity", ""))
-        if rates and rates[0] > 0.0:  # in many published files, 0 means unknown
-            velocity[name] = rates[0]
+    floating = []
+    for joint in robot.findall("joint[@type='floating']"):
+        joint.set("type", "fixed")
+        floating.append(joint.get("name", ""))
+    limits = ((joint.get("name", ""), joint.find("limit")) for joint in robot.findall("joint"))
+    rates = {name: numbers(limit.get("velocity", "")) for name, limit in limits if limit is not None}
+    # in many published files, 0 means unknown
+    velocity = {name: rate[0] for name, rate in rates.items() if rate and rate[0] > 0.0}
     notes = {
         f"joint {listed(floating)}, which is floating in the file, is fixed": floating,
         f"a color must be four numbers from 0 to 1; {gray} in the file are gray instead": gray,
         f"package {listed(unknown)} was not found above the file; give --package NAME=FOLDER": unknown,
     }
-    told = tuple(note for note, applies in notes.items() if applies)
-    return Urdf(ET.tostring(robot, "unicode"), meshes, velocity, told)
+    lines = tuple(note for note, applies in notes.items() if applies)
+    return Urdf(ET.tostring(robot, "unicode"), meshes, velocity, lines)
 
 
 def _find_meshes(
@@ -122,10 +121,8 @@ def _folders(path: Path, name: str, packages: Mapping[str, Path]) -> list[Path]:
     for above in path.parents:
         manifest = above / "package.xml"
         text = manifest.read_text("utf-8", "replace") if manifest.is_file() else ""
-        if above.name == name or re.search(rf"<name>\s*{re.escape(name)}\s*</name>", text):
-            folders.append(above)
-        elif (above / name).is_dir():
-            folders.append(above / name)
+        is_it = above.name == name or re.search(rf"<name>\s*{re.escape(name)}\s*</name>", text)
+        folders += [above] if is_it else [above / name] if (above / name).is_dir() else []
     return folders
 
 
@@ -171,7 +168,7 @@ def keep_apart(spec: mujoco.MjSpec, model: mujoco.MjModel, qpos: NDArray[np.floa
     data.qpos[:] = qpos
     mujoco.mj_fwdKinematics(model, data)
     mujoco.mj_collision(model, data)
-    met = [contact.geom for contact in data.contact[: data.ncon] if contact.dist < 0.0]
+    met = data.contact.geom[data.contact.dist < 0.0]
     pairs = sorted({tuple(sorted(model.geom_bodyid[pair].tolist())) for pair in met})
     names = [[model.body(body).name for body in pair] for pair in pairs]
     for first, second in names:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -55,26 +55,16 @@ def wire(
     joint, following, axis = (
         np.array([model.joint(name).id for name in names], np.int64) for names in (joints, followers, axes)
     )
-    joints_alone = np.flatnonzero(model.actuator_trntype == DRIVES_JOINT)
-    drives = {int(model.actuator_trnid[i, 0]): int(i) for i in joints_alone}
+    drives = {
+        int(model.actuator_trnid[i, 0]): i for i in np.flatnonzero(model.actuator_trntype == DRIVES_JOINT)
+    }
+    qpos, dof = model.jnt_qposadr.astype(np.int64), model.jnt_dofadr.astype(np.int64)
     return Wiring(
-        joint=joint,
-        axis=axis,
-        qpos=model.jnt_qposadr[joint].astype(np.int64),
-        dof=model.jnt_dofadr[joint].astype(np.int64),
-        actuator=np.array([drives.get(i, -1) for i in joint.tolist()]),
-        follower_joint=following,
-        follower_qpos=model.jnt_qposadr[following].astype(np.int64),
-        follower_dof=model.jnt_dofadr[following].astype(np.int64),
-        site=model.site(site).id,
-        body=int(model.site_bodyid[model.site(site).id]),
-        base=base_of(model, int(joint[0])),
-    )
-
-
-def base_of(model: mujoco.MjModel, joint: int) -> int:
-    """Return the body that carries the body of an arm's first joint: the base, or the world."""
-    return int(model.body_parentid[model.jnt_bodyid[joint]])
+        joint=joint, axis=axis, qpos=qpos[joint], dof=dof[joint],
+        actuator=np.array([drives.get(i, -1) for i in joint.tolist()], np.int64), follower_joint=following,
+        follower_qpos=qpos[following], follower_dof=dof[following], site=model.site(site).id,
+        body=int(model.site(site).bodyid[0]), base=int(model.body_parentid[model.jnt_bodyid[joint[0]]]),
+    )  # fmt: skip
 
 
 def find(
@@ -101,22 +91,19 @@ def find(
     return names[wanted]
 
 
+def dense(values: Any, counts: Any, firsts: Any, columns: Any, nv: int) -> NDArray[np.float64]:
+    """Return a sparse Jacobian of MuJoCo as a full matrix, (rows, nv)."""
+    full = np.zeros((len(counts), nv))
+    mujoco.mju_sparse2dense(full, values, counts, firsts, columns)
+    return full
+
+
 def soft_bodies(model: mujoco.MjModel) -> frozenset[int]:
     """Return the bodies that are points of a flex: only slides move them, and they have no geom."""
     slides = model.jnt_type == SLIDE
-    points = set().union(*(flex_bodies(model, i) for i in range(model.nflex)))
-    joints = {b: joints_of(model, b) for b in points if not model.body_geomnum[b]}
+    points = {*model.flex_vertbodyid.tolist(), *model.flex_nodebodyid.tolist()}
+    joints = {b: joints_of(model, b) for b in points if b >= 0 and not model.body_geomnum[b]}
     return frozenset(b for b, its in joints.items() if its and slides[its.start : its.stop].all())
-
-
-def flex_bodies(model: mujoco.MjModel, flex: int) -> set[int]:
-    """Return the bodies that carry points of a flex, including the world where the flex is pinned there."""
-    points = (
-        (model.flex_vertbodyid, model.flex_vertadr, model.flex_vertnum),
-        (model.flex_nodebodyid, model.flex_nodeadr, model.flex_nodenum),
-    )
-    spans = (body[first[flex] : first[flex] + count[flex]] for body, first, count in points)
-    return {int(b) for span in spans for b in span if b >= 0}
 
 
 def flex_name(model: mujoco.MjModel, flex: int) -> str:
@@ -142,28 +129,3 @@ def joints_above(model: mujoco.MjModel, body: int) -> list[int]:
         joints += reversed(joints_of(model, body))
         body = int(model.body_parentid[body])
     return joints
-
-
-def find_chain(path: Path, model: mujoco.MjModel, site: str, refuses_balls: bool = False) -> list[str]:
-    """Return the names of the hinge and slide joints between the world and a site, outward.
-
-    Raises:
-        ModelError: There is none, one has no name, or there is a ball joint where these are refused.
-    """
-    chain: list[str] = []
-    for i in joints_above(model, int(model.site_bodyid[model.site(site).id])):
-        joint, body = model.joint(i), model.body(model.jnt_bodyid[i])
-        called = f'body "{body.name or f"body{body.id}"}"'
-        if refuses_balls and joint.type[0] == mujoco.mjtJoint.mjJNT_BALL:
-            raise ModelError(
-                f'{path}: the joint of {called} on the chain to site "{site}" is a ball joint; only hinge '
-                "and slide joints can be driven at a rate: list those in joints",
-                "joints",
-            )
-        if joint.type[0] in (HINGE, SLIDE):
-            if not joint.name:
-                raise ModelError(f"{path}: a joint of {called} has no name; give it one")
-            chain.append(joint.name)
-    if not chain:
-        raise ModelError(f'{path}: no joint moves site "{site}"; choose a site on a moving body', "site")
-    return chain[::-1]

@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rmrc import arm as arms
 from rmrc.arm import Arm, DriveKind
-from rmrc.arm.drives import Servo
-from rmrc.arm.freshness import Freshness
+from rmrc.arm.location import Freshness
+from rmrc.arm.others import Servo
 from rmrc.law import fit
 from rmrc.law.active_set import give_way
 from rmrc.law.command import Command

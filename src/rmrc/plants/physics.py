@@ -9,8 +9,7 @@ import numpy as np
 
 from rmrc.arm import Wiring
 from rmrc.arm.actuators import kind_word
-from rmrc.arm.adapting import UNSAID
-from rmrc.arm.differences import PAYLOAD
+from rmrc.arm.adapting import PAYLOAD, UNSAID
 from rmrc.law.compiling import Array, Record, at, compiled
 from rmrc.law.kinematics import turned
 from rmrc.plants.plant import Assumed, Plant

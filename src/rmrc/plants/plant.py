@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Wiring
-from rmrc.arm.differences import set_fields, stretched_fields
+from rmrc.arm.adapting import set_fields, stretched_fields
 from rmrc.law.compiling import Array, Method
 from rmrc.scenario import PlantSection
 from rmrc.scenario.choices import PLANTS

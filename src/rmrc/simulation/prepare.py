@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm, load_asked
-from rmrc.arm.differences import check_stretch
+from rmrc.arm.adapting import check_stretch
 from rmrc.law import fit
 from rmrc.law.defaults import fitted
 from rmrc.law.settings import TaskLaw

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
-from rmrc.arm.differences import set_fields
+from rmrc.arm.adapting import set_fields
 from rmrc.law.compiling import Method, missing_nothing, uninterrupted
 from rmrc.law.record import ENGINE_FIELDS, capacity, new_worlds
 from rmrc.law.settings import LATE, link

@@ -11,8 +11,8 @@ from rmrc.analysis.check.facts import Facts
 from rmrc.analysis.check.motion import BOUND
 from rmrc.analysis.inspect.directions import SLOW
 from rmrc.analysis.new.scaling import ASSUMED_RATE
+from rmrc.arm.frames import code_of
 from rmrc.arm.inventory import Contact
-from rmrc.arm.notes import code_of
 from rmrc.results.verdict import SLIP_CURE
 from rmrc.support.legible import listed
 

@@ -14,7 +14,7 @@ from rmrc.analysis.inspect.words import amount, direction, listed
 from rmrc.analysis.statics.balance import Balance, balance
 from rmrc.analysis.subject import FRAMES, Model, Packages, numbers, subject
 from rmrc.arm import Arm
-from rmrc.arm.loops import Mechanism, find_mechanism
+from rmrc.arm.inventory import Mechanism, find_mechanism
 from rmrc.law.task import SAMPLES, Task
 from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError, did_you_mean

@@ -9,7 +9,7 @@ import numpy as np
 from rmrc.analysis.inspect.inspection import NEAR_LIMIT, Inspection, TipError
 from rmrc.analysis.inspect.words import direction
 from rmrc.analysis.statics.balance import Balance
-from rmrc.arm.loops import Mechanism
+from rmrc.arm.inventory import Mechanism
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.support.spatial import AXES
