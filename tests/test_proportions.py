@@ -14,7 +14,7 @@ from rmrc.analysis.inspect.inspection import inspect
 from rmrc.analysis.new.scaling import scales
 from rmrc.arm import load as load_arm
 from rmrc.arm import load_model
-from rmrc.arm.proportions import damping_maximum
+from rmrc.arm.geometry import damping_maximum
 from rmrc.law.task import choose
 from rmrc.scenario import loads
 from rmrc.simulation.prepare import prepare

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from rmrc.arm import adapting
 from rmrc.arm.compiling import compiled
 from rmrc.arm.equalities import Follower, motion
+from rmrc.arm.geometry import Chain, Proportions, find_masses, kinds_of, proportions
 from rmrc.arm.location import Location, locate, moved
 from rmrc.arm.mounting import NamedFrame
 from rmrc.arm.others import Others, OwnDrives, Servo
-from rmrc.arm.proportions import Chain, Proportions, find_masses, kinds_of, proportions
 from rmrc.arm.wiring import SLIDE, Wiring, joint_name, joints_above, wire
 from rmrc.support.brief import brief
 from rmrc.support.errors import ModelError, QuestionError, did_you_mean

@@ -1,6 +1,6 @@
-"""The numbers of a law that come from its arm where nobody gives them: see `rmrc.arm.proportions`."""
+"""The numbers of a law that come from its arm where nobody gives them: see `rmrc.arm.geometry`."""
 
-from rmrc.arm.proportions import damping_below, damping_maximum
+from rmrc.arm.geometry import damping_below, damping_maximum
 from rmrc.law.task import Task
 from rmrc.scenario import ControlSection
 from rmrc.scenario.choices import DAMPING_BELOW, read_by

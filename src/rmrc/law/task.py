@@ -188,7 +188,7 @@ class Task:
 
     @property
     def usual_sigma(self) -> float:
-        """The usual σ_min, see `rmrc.arm.proportions`; 0 if the joints do not move the rows."""
+        """The usual σ_min, see `rmrc.arm.geometry`; 0 if the joints do not move the rows."""
         return float(np.median(self.least_sigma)) if self.rank else 0.0
 
     def matrix(self, jacobian: Array) -> Array:
@@ -292,7 +292,7 @@ def choose(
     Args:
         arm: The arm.
         axes: Of x y z rx ry rz; None to choose.
-        length: Characteristic length [m]; None: that of the arm, see `rmrc.arm.proportions`.
+        length: Characteristic length [m]; None: that of the arm, see `rmrc.arm.geometry`.
         frame: The frame of the rows: the world, the arm's base, or the site as it turns.
 
     Raises:

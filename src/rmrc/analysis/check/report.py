@@ -9,7 +9,7 @@ from rmrc.analysis.check.check import Checked
 from rmrc.analysis.check.findings import CODES, Finding
 from rmrc.analysis.check.motion import BOUND, DURATION, Motion
 from rmrc.analysis.new.text import listed_positions
-from rmrc.arm.proportions import damping_maximum
+from rmrc.arm.geometry import damping_maximum
 from rmrc.results.expectations import Case
 from rmrc.results.scorecard import Figure
 from rmrc.show.report import Report, plain

@@ -8,7 +8,7 @@ import numpy as np
 
 from rmrc.analysis.new.nearest import Nearest, ascend, nearest_singularity
 from rmrc.analysis.new.scaling import CLEAR, PATH_SHARE, Scales
-from rmrc.arm.proportions import tidy
+from rmrc.arm.geometry import tidy
 from rmrc.law.task import Array
 from rmrc.support.spatial import exp_rotation, log_rotation, quat_conjugate, quat_multiply
 

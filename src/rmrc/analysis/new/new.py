@@ -15,8 +15,8 @@ from rmrc.analysis.new.text import PERIOD, comment
 from rmrc.analysis.new.text import text as written
 from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.arm import Arm
+from rmrc.arm.geometry import tidy
 from rmrc.arm.inventory import contacts
-from rmrc.arm.proportions import tidy
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard, scorecard

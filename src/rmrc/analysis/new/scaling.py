@@ -1,6 +1,6 @@
 """Numbers of a scenario scaled to an arm: rate limits, damping and speed, from the arm alone.
 
-L, ε and λ are those of a law where nobody gives them, see `rmrc.arm.proportions`; ε is at most half of the
+L, ε and λ are those of a law where nobody gives them, see `rmrc.arm.geometry`; ε is at most half of the
 σ_min at the start. The speed s is 0.8 ε r: joint rates are at most s/ε, so that the feedback has a fifth of
 the rate limits r to itself.
 """
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rmrc.analysis.survey import survey
 from rmrc.arm import Arm
-from rmrc.arm.proportions import damping_below, tidy
+from rmrc.arm.geometry import damping_below, tidy
 from rmrc.law.task import Array, Task, choose
 
 # Share of the rate limits for the path; the feedback has the rest.

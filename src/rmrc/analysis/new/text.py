@@ -11,7 +11,7 @@ from rmrc.analysis.inspect import words
 from rmrc.analysis.new.move import BESIDE, Move
 from rmrc.analysis.new.scaling import ASSUMED_RATE, PATH_SHARE, Scales
 from rmrc.arm import Arm
-from rmrc.arm.proportions import damping_maximum, tidy
+from rmrc.arm.geometry import damping_maximum, tidy
 from rmrc.law.task import Array
 from rmrc.scenario import inline
 from rmrc.scenario.arm import ToolSection
