@@ -211,7 +211,7 @@ def test_a_variant_that_diverges_exits_3_by_its_name_and_the_others_are_kept(rmr
     assert good["scorecard"]["completed"] == 1
     at = bad["divergence"]
     assert err == (
-        'rmrc: error: variant "wrench=[0,1.0e+15,0,0,0,0]" diverged at tick '
+        'rmrc: error: variant "wrench=[0, 1000000000000000.0, 0, 0, 0, 0]" diverged at tick '
         f'{at["tick"]} ({at["time"]:.4f} s) at joint "{at["joint"]}": {at["reason"]}\n'
     )
     assert "diverged at" in out

@@ -45,7 +45,7 @@ def test_the_name_of_a_file_is_printed_with_its_control_characters_made_visible(
 LONG = "a" * 10_000
 TOO_LONG = {
     "a choice": (["--set", f"control.inverse.method={LONG}"], 'characters)'),
-    "an angle": (["--set", f"arm.start=[{'1' * 10_000} degrees]"], 'characters)'),
+    "an angle": (["--set", f"arm.start=[{'1' * 10_000} degrees]"], "in rad or m"),
     "a key": (["--set", f"control.{LONG}=1"], "keep_out"),
     "a model": (["--set", f"arm.model={LONG}"], ""),
     "a site": (["--set", f"arm.site={LONG}"], "its sites: tip"),

@@ -153,8 +153,8 @@ def test_the_other_joints_make_up_for_a_servo_that_is_at_its_end():
 )
 def test_only_servos_of_one_driven_joint_count(beside, end):
     c = controller(arm(OTHER + '<position joint="b" kp="300" inheritrange="1"/>' + beside))
-    assert_allclose(c.arm.servo_positions[:, 1], [-2.8, end])
-    assert_allclose(c.arm.servo_positions[:, 0], [-np.inf, np.inf])
+    assert_allclose(c.arm.servo_limits[0][:, 1], [-2.8, end])
+    assert_allclose(c.arm.servo_limits[0][:, 0], [-np.inf, np.inf])
 
 
 def test_a_clamp_that_is_switched_off_limits_nothing():
@@ -162,7 +162,7 @@ def test_a_clamp_that_is_switched_off_limits_nothing():
     model = mujoco.MjModel.from_xml_string(
         text.replace("<default>", '<option><flag clampctrl="disable"/></option><default>')
     )
-    assert np.isinf(controller(model).arm.servo_positions).all()
+    assert np.isinf(controller(model).arm.servo_limits[0]).all()
 
 
 RATES = '<velocity joint="a" kv="30"/><velocity joint="b" gear="-2" kv="9" ctrlrange="-1 1"/>'

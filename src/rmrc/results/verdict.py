@@ -86,7 +86,9 @@ def _rates(run: Recorded) -> str:
     limit = np.array(run.rate_limit or (math.inf,) * len(run.joints))
     scale = np.where(np.isfinite(limit), limit, 1.0)
     plain, commands = np.abs(run["qdot_plain"]), np.abs(run["qdot_cmd"])
-    peak, j, causes = commands.max(axis=0), int((plain.max(axis=0) / scale).argmax()), list[str]()
+    with np.errstate(over="ignore"):  # of a limit near 0
+        j = int((plain.max(axis=0) / scale).argmax())
+    peak, causes = commands.max(axis=0), list[str]()
     if plain[:, j].max() > MORE * peak[j]:
         ticks = [plain[:, j].argmax(), commands[:, j].argmax()]
         status = np.bitwise_or.reduce(run.columns["status"][ticks].astype(np.int64))

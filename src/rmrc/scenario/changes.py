@@ -213,6 +213,8 @@ def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
     """
     axes = list[list[Change]]()
     for name, listed in values.items():
+        if isinstance(listed, str):
+            raise ScenarioError.about(f"vary {brief(name)}", f"must be a list of values, got {listed!r}")
         try:
             axes.append([changes_of({name: value})[0] for value in listed])
         except ValueError as error:

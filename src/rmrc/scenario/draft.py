@@ -18,6 +18,7 @@ from rmrc.scenario.reading import Document, split
 from rmrc.scenario.sections import PROFILE, Sections, parse_key
 from rmrc.scenario.wording import block
 from rmrc.support import shipped
+from rmrc.support.brief import cut
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin, Problem, join
 
@@ -34,6 +35,10 @@ class Scenario(Sections):
     """
 
     _draft: "Draft | None" = PrivateAttr(None)
+
+    def __repr__(self) -> str:
+        """Return its keys and values, as many as fit on a screen."""
+        return cut(super().__repr__())
 
     def __eq__(self, other: object) -> bool:
         """Return whether the values are equal; their source is no part of them."""
