@@ -204,7 +204,7 @@ def test_a_sweep_can_be_plotted_and_a_search_is_told_from_it(rmrc, left):
     code, _, err = rmrc("plot", rows, "--panels", "rates")
     assert (code, err) == (2, says("rmrc: error: --panels: … rates … distributions, keys\n"))
     code, _, err = rmrc("plot", str(left / "approach_singularity.tune.parquet"))
-    assert (code, err) == (2, says("rmrc: error: … settings of a search, not … a sweep\n"))
+    assert (code, err) == (2, says("rmrc: error: … not of a sweep…\n"))
 
 
 def test_names_of_a_file_are_text_and_nothing_else(left, tmp_path):
