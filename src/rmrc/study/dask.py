@@ -12,24 +12,23 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, Future
 from contextlib import ExitStack, contextmanager, suppress
 from importlib import util
 from multiprocessing import resource_tracker
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from rmrc.scenario import inline
-from rmrc.study.runs import Parcel, Rows, Runs, finished
+from rmrc.study.runs import Parcel, Rows, Runs
 from rmrc.support import lifetime
-from rmrc.support.errors import ClusterError, RmrcError
+from rmrc.support.errors import ClusterError
 from rmrc.support.legible import shortened
 
-# Seconds: to reach a scheduler; without a worker until they are given up; between two looks for workers.
-_ANSWER, _GONE, _LOOK = 10.0, 30.0, 1.0
+# Seconds: to reach a scheduler; without a worker until they are given up; between two looks for a stop.
+_ANSWER, _GONE, _LOOK = 10.0, 30.0, 0.2
 _RESUME = "finished rows are kept; rerun the command to resume"
-# Loggers that write errors to stderr that are reported here in one line.
-_LOGGERS = ("distributed", "distributed.client", "tornado.application", "asyncio")
 
 
 def refuse(address: str) -> None:
@@ -65,40 +64,37 @@ def results(
         try:
             client = stack.enter_context(_client(address))
         except (OSError, ValueError, TypeError) as error:
-            told = f"no Dask scheduler responds there ({_brief(error)}); start one with `dask scheduler`"
-            raise _refused(address, f"{told}, or check for a firewall") from None
-        seen = looked = time.monotonic()
-
-        def is_over() -> bool:
-            nonlocal seen, looked
-            now = time.monotonic()
-            if now - looked > _LOOK:
-                looked, seen = now, now if client.nthreads() else seen
-            if now - seen > _GONE:
-                way_out = f"start some with `dask worker {address}`"
-                raise _refused(address, f"has had no workers for {_GONE:.0f} s; {way_out}; {_RESUME}")
-            return stop.is_set()
-
+            told = "no Dask scheduler responds there {}; start `dask scheduler`, or check for a firewall"
+            raise _refused(address, told, error) from None
+        done, seen, missing = SimpleQueue[Future[Rows]](), time.monotonic(), len(pieces)
         try:
             # a task, not scattered data, which is lost with the only worker that has it
-            sent = client.submit(_same, parcel, pure=False)
+            sent = client.submit(lambda parcel: parcel, parcel, pure=False)
             executor = client.get_executor(pure=False)
-            yield from finished([executor.submit(_work, sent, piece) for piece in pieces], is_over)
-        except RmrcError:
-            raise
-        except CancelledError:
-            raise _refused(address, f"the scheduler is lost; {_RESUME}") from None
+            for piece in pieces:
+                executor.submit(_work, sent, sent.key, piece).add_done_callback(done.put)
+            while missing and not stop.is_set():
+                try:
+                    future = done.get(timeout=_LOOK)
+                except Empty:
+                    seen = time.monotonic() if client.nthreads() else seen
+                    if time.monotonic() - seen > _GONE:
+                        break
+                    continue
+                missing, seen = missing - 1, time.monotonic()
+                yield future.result()
         except Exception as error:  # whatever a worker or Dask raises
-            raise _refused(address, f"{_brief(error)}; {_RESUME}") from None
+            what = "the scheduler is lost" if isinstance(error, CancelledError) else "a run failed {}"
+            raise _refused(address, f"{what}; {_RESUME}", error) from None
+        if missing and not stop.is_set():
+            way_out = f"start some with `dask worker {address}`"
+            raise _refused(address, f"has had no workers for {_GONE:.0f} s; {way_out}; {_RESUME}")
 
 
-def _refused(address: str, text: str) -> ClusterError:
-    return ClusterError(f"--cluster {address}: {text}")
-
-
-def _brief(error: BaseException) -> str:
-    """Return another's error on one short line."""
-    return shortened(" ".join(f"{type(error).__name__}: {error}".split()), 320)
+def _refused(address: str, text: str, error: BaseException | None = None) -> ClusterError:
+    """Return an error, with another's on one short line."""
+    brief = f"({shortened(' '.join(f'{type(error).__name__}: {error}'.split()), 320)})" if error else ""
+    return ClusterError(f"--cluster {address}: {text.format(brief)}")
 
 
 @contextmanager
@@ -107,13 +103,16 @@ def _client(address: str) -> Iterator[Any]:
     from distributed import Client, LocalCluster
 
     with ExitStack() as stack:
-        for logger in map(logging.getLogger, _LOGGERS):
-            stack.callback(logger.setLevel, logger.level)
-            logger.setLevel(logging.CRITICAL + 1)
+        logging.disable()  # Dask logs what is reported here in one line
+        stack.callback(logging.disable, logging.NOTSET)
         place: Any = address
         if address.startswith("local:"):
-            with _blocked():
-                count = int(address.removeprefix("local:"))
+            count = int(address.removeprefix("local:"))
+            with ExitStack() as masked:
+                if hasattr(signal, "pthread_sigmask"):  # signals of a terminal, not for the workers
+                    resource_tracker.ensure_running()  # which would unblock them
+                    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
+                    masked.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
                 place = LocalCluster(
                     n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None,
                     silence_logs=logging.CRITICAL, memory_limit=None,
@@ -135,20 +134,6 @@ async def _greet(address: str) -> None:
     await (await asyncio.wait_for(opened, _ANSWER)).close()
 
 
-@contextmanager
-def _blocked() -> Iterator[None]:
-    """Block Ctrl-C and SIGHUP, which a terminal sends to all processes, in those that are started here."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    resource_tracker.ensure_running()  # which would unblock them
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _close(opened: Any) -> None:
     """Close a client or a cluster, which may be lost."""
     with suppress(OSError, RuntimeError, CancelledError):
@@ -160,20 +145,16 @@ def _close(opened: Any) -> None:
 _unpacking, _runs = threading.Lock(), dict[str, Runs]()
 
 
-def _same(parcel: Parcel) -> Parcel:
-    return parcel
-
-
-def _work(parcel: Parcel, piece: Sequence[int]) -> Rows:
+def _work(parcel: Parcel, key: str, piece: Sequence[int]) -> Rows:
     """Return the rows of some runs, with the files unpacked once into Dask's own temporary folder."""
     from distributed import get_worker
 
     lifetime.ends_with_job = True
     with _unpacking:
-        if parcel.name not in _runs:
+        if key not in _runs:
             root = Path(tempfile.mkdtemp(prefix="rmrc-", dir=get_worker().local_directory)).resolve()
             parcel.unpack(root)
             _runs.clear()
-            _runs[parcel.name] = Runs(parcel, root)
-        runs = _runs[parcel.name]
+            _runs[key] = Runs(parcel, root)
+        runs = _runs[key]
     return runs.rows(piece, threading.Event())
