@@ -53,7 +53,7 @@ def swept(tmp_path_factory):
     sweep = Sweep(folder / "quick.yaml", folder=folder / "out", threads=1)
     counted = []
     sweep.run(counted.append)
-    assert (sum(counted), sweep.done, len(sweep)) == (RUNS, RUNS, RUNS)
+    assert (sum(counted), len(sweep.dataset.done), len(sweep)) == (RUNS, RUNS, RUNS)
     assert [entry.name for entry in (folder / "out").iterdir()] == ["quick.sweep.parquet"]
     return sweep, pq.read_table(sweep.dataset.file)
 

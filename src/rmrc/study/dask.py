@@ -9,7 +9,6 @@ import logging
 import re
 import signal
 import tempfile
-import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError, Future
@@ -18,6 +17,7 @@ from importlib import util
 from multiprocessing import resource_tracker
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from threading import Event, Lock
 from typing import Any
 
 from rmrc.scenario import inline
@@ -38,17 +38,13 @@ def refuse(address: str) -> None:
         ClusterError: The text is not an address, or Dask is not installed.
     """
     if not re.fullmatch(r"local:[1-9]\d{0,3}|(tcp|tls)://[^\s/]+:\d{1,5}", address):
-        raise ClusterError(
-            "--cluster: must be tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N "
-            f"worker processes on this machine, got {inline(address)}"
-        )
+        forms = "tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N processes here"
+        raise ClusterError(f"--cluster: must be {forms}, got {inline(address)}")
     if util.find_spec("distributed") is None:
         raise ClusterError("--cluster: needs Dask, which is not installed: pip install 'rmrc[cluster]'")
 
 
-def results(
-    address: str, parcel: Parcel, pieces: Sequence[Sequence[int]], stop: threading.Event
-) -> Iterator[Rows]:
+def results(address: str, parcel: Parcel, pieces: Sequence[Sequence[int]], stop: Event) -> Iterator[Rows]:
     """Yield the rows of pieces as they finish; after a stop, none.
 
     Args:
@@ -60,14 +56,12 @@ def results(
     Raises:
         ClusterError: It does not respond, has no workers, or is lost.
     """
+    what = "no Dask scheduler responds there {}; start `dask scheduler`, or check for a firewall"
+    done, missing, seen = SimpleQueue[Future[Rows]](), len(pieces), time.monotonic()
     with ExitStack() as stack:
         try:
             client = stack.enter_context(_client(address))
-        except (OSError, ValueError, TypeError) as error:
-            told = "no Dask scheduler responds there {}; start `dask scheduler`, or check for a firewall"
-            raise _refused(address, told, error) from None
-        done, seen, missing = SimpleQueue[Future[Rows]](), time.monotonic(), len(pieces)
-        try:
+            what = f"a run failed {{}}; {_RESUME}"
             # a task, not scattered data, which is lost with the only worker that has it
             sent = client.submit(lambda parcel: parcel, parcel, pure=False)
             executor = client.get_executor(pure=False)
@@ -83,12 +77,12 @@ def results(
                     continue
                 missing, seen = missing - 1, time.monotonic()
                 yield future.result()
+        except CancelledError:
+            raise _refused(address, f"the scheduler is lost; {_RESUME}") from None
         except Exception as error:  # whatever a worker or Dask raises
-            what = "the scheduler is lost" if isinstance(error, CancelledError) else "a run failed {}"
-            raise _refused(address, f"{what}; {_RESUME}", error) from None
+            raise _refused(address, what, error) from None
         if missing and not stop.is_set():
-            way_out = f"start some with `dask worker {address}`"
-            raise _refused(address, f"has had no workers for {_GONE:.0f} s; {way_out}; {_RESUME}")
+            raise _refused(address, f"no workers for {_GONE:.0f} s; start `dask worker {address}`; {_RESUME}")
 
 
 def _refused(address: str, text: str, error: BaseException | None = None) -> ClusterError:
@@ -107,15 +101,14 @@ def _client(address: str) -> Iterator[Any]:
         stack.callback(logging.disable, logging.NOTSET)
         place: Any = address
         if address.startswith("local:"):
-            count = int(address.removeprefix("local:"))
             with ExitStack() as masked:
                 if hasattr(signal, "pthread_sigmask"):  # signals of a terminal, not for the workers
                     resource_tracker.ensure_running()  # which would unblock them
                     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
                     masked.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
                 place = LocalCluster(
-                    n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None,
-                    silence_logs=logging.CRITICAL, memory_limit=None,
+                    n_workers=int(address.removeprefix("local:")), threads_per_worker=1, host="127.0.0.1",
+                    dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL, memory_limit=None,
                 )  # fmt: skip
             stack.callback(_close, place)
         else:
@@ -142,7 +135,7 @@ def _close(opened: Any) -> None:
 
 # On the workers ----------------------------------------------------------------------------------
 
-_unpacking, _runs = threading.Lock(), dict[str, Runs]()
+_unpacking, _runs = Lock(), dict[str, Runs]()
 
 
 def _work(parcel: Parcel, key: str, piece: Sequence[int]) -> Rows:
@@ -157,4 +150,4 @@ def _work(parcel: Parcel, key: str, piece: Sequence[int]) -> Rows:
             _runs.clear()
             _runs[key] = Runs(parcel, root)
         runs = _runs[key]
-    return runs.rows(piece, threading.Event())
+    return runs.rows(piece, Event())

@@ -96,13 +96,12 @@ class Dataset:
                 table = read_table(path, ["index"])
             except QuestionError as error:
                 raise QuestionError(f"{error}; {_MOVE}") from None
-            self.done.update(table["index"].to_pylist())
             with reading(path, "of this sweep"):
+                self.done.update(table["index"].to_pylist())
                 contents = Contents.read(about_of(table))
             differs = [key for key, text in identity.items() if contents.identity.get(key) != text]
             if differs:
-                what = f"belongs to another sweep ({', '.join(differs)} differ)"
-                raise ScenarioError.about(path, f"{what}; {_MOVE}")
+                raise ScenarioError.about(path, f"is of another sweep ({', '.join(differs)} differ); {_MOVE}")
             self.contents = contents
 
     def _files(self) -> list[Path]:
@@ -168,20 +167,19 @@ def write_table(
         about: Metadata as strict JSON, stored under the name `rmrc` in the file.
     """
     fields = [
-        pa.field(name, _TYPES[kind], metadata={"unit": unit, "meaning": meaning})
-        for name, kind, unit, meaning in columns
+        pa.field(c.name, _TYPES[c.kind], metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns
     ]
     metadata = {"rmrc": json.dumps(about, ensure_ascii=False, allow_nan=False)}
-    values = {name: [_cell(kind, row.get(name, ...)) for row in rows] for name, kind, *_ in columns}
+    values = {name: [_cell(row, name, kind) for row in rows] for name, kind, *_ in columns}
     with written_whole(path) as temporary:
         pq.write_table(pa.table(values, pa.schema(fields, metadata)), temporary)
 
 
-def _cell(kind: str, value: Any) -> Any:
-    """Return a value as its column has it; an ellipsis stands for a missing one."""
+def _cell(row: Mapping[str, Any], name: str, kind: str) -> Any:
+    """Return a value as its column has it."""
+    value = row.get(name, math.nan if kind == "number" else None)
     if kind == "number":
-        return math.nan if value is ... else as_number(value)
-    value = None if value is ... else value
+        return as_number(value)
     return inline(value) if kind == "text" and value is not None and not isinstance(value, str) else value
 
 

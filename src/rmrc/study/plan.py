@@ -23,8 +23,6 @@ _PLANT_SEED, _ENCODER_SEED = map(parse_key, ("plant.seed", "arm.encoder.seed"))
 # Weeks of one core, at some milliseconds each; and the largest number in a 64-bit column.
 _MOST_RUNS, _MOST_SEED = 10**7, 2**63 - 1
 
-Value = object  # in YAML: a number, a text, a switch, null, or a list or a mapping of these
-
 
 @dataclass(frozen=True)
 class Plan:
@@ -41,7 +39,7 @@ class Plan:
         origins: Origins of the values or bounds of each key, for messages.
     """
 
-    vary: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)
+    vary: Mapping[str, tuple[object, ...]] = field(default_factory=dict)
     draw: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     sampler: str = "random"
     samples: int = 1
@@ -52,11 +50,6 @@ class Plan:
 
     def __len__(self) -> int:
         """Return the number of runs."""
-        return self.count
-
-    @property
-    def count(self) -> int:
-        """The number of runs, which may be too large for `len`."""
         return math.prod(map(len, self.vary.values())) * self.samples * self.repeat
 
     @property
@@ -64,7 +57,7 @@ class Plan:
         """The varied and drawn keys, in the order of the columns."""
         return (*self.vary, *self.draw)
 
-    def values(self, index: int) -> dict[str, Value]:
+    def values(self, index: int) -> dict[str, object]:
         """Return the value of each key in one run.
 
         Args:
@@ -76,7 +69,7 @@ class Plan:
             (12, {'a': 1, 'b': 'x'}, {'a': 2, 'b': 'z'})
         """
         cell, sample = divmod(index // self.repeat, self.samples)
-        values: dict[str, Value] = dict.fromkeys(self.vary)
+        values: dict[str, object] = dict.fromkeys(self.vary)
         for key, choices in reversed([*self.vary.items()]):
             cell, i = divmod(cell, len(choices))
             values[key] = choices[i]
@@ -95,10 +88,9 @@ class Plan:
     def changes(self, index: int) -> tuple[Change, ...]:
         """Return the changes that make one run of the scenario, deeper keys later."""
         values, seed = self.values(index).items(), self.run_seed(index)
-        varied = [Change(parse_key(key), value, self.origins.get(key)) for key, value in values]
-        varied.sort(key=lambda change: len(change.key))
+        varied = (Change(parse_key(key), value, self.origins.get(key)) for key, value in values)
         seeds = Change(_PLANT_SEED, self.plant_seed + seed - self.seed), Change(_ENCODER_SEED, seed)
-        return (*varied, *seeds)
+        return (*sorted(varied, key=lambda change: len(change.key)), *seeds)
 
     def label(self, index: int) -> str:
         """Return one run in words: `run 17 (control.feedback=5, control.inverse.method=damped)`."""
@@ -121,11 +113,11 @@ def plan_of(scenario: Scenario) -> Plan:
     seed, plant_seed = (first if sweep.seed is None else sweep.seed for first in first_seeds)
     samples = sweep.samples if sweep.draw else 1
     plan = Plan(sweep.vary, sweep.draw, sweep.sampler, samples, sweep.repeat, seed, plant_seed, origins)
-    runs, last = plan.count, _MOST_SEED + 1 - samples * sweep.repeat
-    example = "for example --vary control.inverse.method=damped,pseudoinverse"
+    runs = math.prod(map(len, sweep.vary.values())) * samples * sweep.repeat
+    last = _MOST_SEED + 1 - samples * sweep.repeat
     for is_wrong, text in (
         (runs > _MOST_RUNS, f"{_MOST_RUNS} runs or fewer, got {runs}; lower sweep.samples or .repeat"),
-        (runs < 2, f"2 runs or more, got {runs}; {example}"),
+        (runs < 2, f"2 runs or more, got {runs}; use --vary control.inverse.method=damped,pseudoinverse"),
         (max(seed, plant_seed) > last, f"seeds up to {last}, got {seed}; lower sweep.seed"),
     ):
         if is_wrong:

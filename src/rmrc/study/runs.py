@@ -16,7 +16,7 @@ from rmrc.scenario import Draft, Scenario, schema_rows
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.dataset import Column, as_number
-from rmrc.study.plan import Plan, Value
+from rmrc.study.plan import Plan
 from rmrc.study.study import Study, ending
 
 # Metrics that differ from one execution to the next, which rows must not.
@@ -64,8 +64,7 @@ def pack(scenario: Scenario, plan: Plan) -> Parcel:
     for folder in folders:
         if folder not in packages.values():
             needed.update(path for path in folder.rglob("*") if path.is_file())
-    files = {path: path.read_bytes() for path in sorted(needed)}
-    return Parcel(draft, plan, files, folders)
+    return Parcel(draft, plan, {path: path.read_bytes() for path in sorted(needed)}, folders)
 
 
 class Runs:
@@ -80,8 +79,7 @@ class Runs:
         """
         self._plan, self._study = parcel.plan, Study(parcel.draft.moved(root) if root else parcel.draft)
         self._kept, self._lock = dict[int, Prepared](), threading.Lock()
-        versions = {name: text for name, text in facts.versions().items() if name != "rerun-sdk"}
-        self._versions = json.dumps(versions)
+        self._versions = json.dumps({k: v for k, v in facts.versions().items() if k != "rerun-sdk"})
 
     def check(self, index: int) -> Prepared:
         """Return a validated run, and keep it if there is room.
@@ -114,16 +112,14 @@ class Runs:
         rows = [self._row(*end) for end in ends]
         return [row for row in rows if row["status"] != "unfinished" or not stop.is_set()]
 
-    def _row(
-        self, index: int, world: Prepared, card: Scorecard, divergence: Divergence | None
-    ) -> dict[str, Any]:
+    def _row(self, index: int, world: Prepared, card: Scorecard, end: Divergence | None) -> dict[str, Any]:
         outcomes = list(check(card, world.scenario.expect))
         return {
             "index": index,
             **self._plan.values(index),
             "seed": self._plan.run_seed(index),
-            "status": ending(card, divergence),
-            "divergence": divergence and str(divergence),
+            "status": ending(card, end),
+            "divergence": end and str(end),
             "met": all(outcome.ok for outcome in outcomes) if outcomes else None,
             # an undefined name is null
             **{name: None if figure.value == "" else figure.value for name, figure in _kept(card)},
@@ -169,7 +165,7 @@ def columns_of(plan: Plan, worlds: Iterable[Prepared]) -> list[Column]:
     ]
 
 
-def _kind(values: Sequence[Value]) -> str:
+def _kind(values: Sequence[object]) -> str:
     """Return the type of a column with these values, some possibly missing."""
     known = [value for value in values if value is not None]
     if all(isinstance(value, bool) for value in known):

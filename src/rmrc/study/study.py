@@ -116,11 +116,8 @@ class Study:
         Raises:
             ScenarioError: As in `validated`.
         """
-
-        def label(index: int) -> str:
-            return f'{word} "{variants[index].label}"' if word else variants[index].label
-
-        return list(validated(lambda index: self.prepare(variants[index].changes), len(variants), label))
+        labels = [f'{word} "{variant.label}"' if word else variant.label for variant in variants]
+        return list(validated(lambda i: self.prepare(variants[i].changes), len(labels), labels.__getitem__))
 
     def compile(self, worlds: Sequence[Prepared]) -> None:
         """Load the compiled law, or compile it on first use, which takes seconds.
@@ -174,9 +171,8 @@ def validated(
                 problems.setdefault(problem, []).append(index)
     lines = list[Problem]()
     for problem, indices in list(problems.items())[:_MOST_PROBLEMS]:
-        more = f" and {len(indices) - 1} more" if len(indices) > 1 else ""
-        who = "" if len(indices) == count else f"{label(indices[0])}{more}"
-        lines.append(problem._replace(who=who))
+        who = label(indices[0]) + (f" and {len(indices) - 1} more" if len(indices) > 1 else "")
+        lines.append(problem._replace(who="" if len(indices) == count else who))
     if len(problems) > _MOST_PROBLEMS:
         lines.append(Problem((), f"and {len(problems) - _MOST_PROBLEMS} more problems of other variants"))
     if lines:

@@ -29,8 +29,8 @@ METRICS = (
     "orientation_error.max", "orientation_error.end", "sigma.min",
 )  # fmt: skip
 
-# Runs that a worker gets at once, at most, and parts of all runs at least.
-_AT_ONCE, _PARTS = 16, 16
+# Runs that a worker gets at once, at most, and pieces of all runs at least.
+_AT_ONCE, _PIECES = 16, 16
 # A part is written after a second [s], or this fraction of the time so far: what a killed process loses.
 _SECOND, _FRACTION = 1.0, 0.02
 
@@ -78,11 +78,6 @@ class Sweep:
         """Return the number of runs."""
         return len(self.plan)
 
-    @property
-    def done(self) -> int:
-        """Number of finished runs."""
-        return len(self.dataset.done)
-
     def check(self, on_runs: OnRuns = lambda _: None) -> Contents:
         """Validate every run before the first one starts, unless there are rows of an earlier start.
 
@@ -125,7 +120,7 @@ class Sweep:
         """
         contents = self.check()
         missing = [index for index in range(len(self)) if index not in self.dataset.done]
-        size = min(_AT_ONCE, -(-len(missing) // _PARTS) or 1)
+        size = min(_AT_ONCE, -(-len(missing) // _PIECES) or 1)
         pieces = [missing[first : first + size] for first in range(0, len(missing), size)]
         with interruptible() as stop:
             started = written = time.monotonic()

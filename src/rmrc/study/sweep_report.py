@@ -59,8 +59,7 @@ def plot(
                 bins = np.geomspace(seen.min(), seen.max(), BINS + 1) if scale == "log" else BINS
                 axes.hist(seen, bins, color=paints(1)[0])  # type: ignore[arg-type]
                 axes.set(xlabel=_label(swept, name), ylabel="runs", xscale=scale)
-        if path is not None:
-            save(picture, [path])
+        save(picture, [path] if path else [])
     return picture
 
 
@@ -74,15 +73,14 @@ def _coordinates(swept: Swept, key: str) -> list[float] | list[str]:
 
 
 def _label(swept: Swept, name: str) -> str:
-    unit = swept.units[name]
-    return plain(name) + (f" [{unit}]" if unit not in ("", "1") else "")
+    return plain(name) + (f" [{swept.units[name]}]" if swept.units[name] not in ("", "1") else "")
 
 
 def page(swept: Swept) -> Page:
     """Return the report page of a sweep."""
     ends, extremes = swept.sheets()
-    complete, count = swept.rows["status"].count("complete"), len(swept.rows["index"])
-    page = Page(ends.title, f"{complete} of {count} runs completed the path.")
+    ended = swept.rows["status"]
+    page = Page(ends.title, f"{ended.count('complete')} of {len(ended)} runs completed the path.")
     rows = sorted({i for pair in swept.extremes().values() for i in pair})
     settings = [tuple(_text(swept.rows[key][i]) for key in ("index", *swept.varied)) for i in rows]
     for title, sheet in (

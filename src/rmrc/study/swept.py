@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from rmrc.show.sheets import Sheet, number
 from rmrc.study.dataset import Contents, Table, about_of, read_table
-from rmrc.support.errors import QuestionError
 from rmrc.support.files import reading
 
 
@@ -43,7 +42,7 @@ class Swept:
 
         Raises:
             OSError: It cannot be opened.
-            QuestionError: It is another kind of file, or has no rows.
+            QuestionError: It is another kind of file.
         """
         table = read_table(path) if table is None else table
         rows = table.to_pydict()
@@ -53,8 +52,6 @@ class Swept:
             keys = list(units)[1 : list(units).index("seed")]
             varied = [key for key in keys if len(set(map(str, rows[key]))) > 1]
             figures = {name: np.array(rows[name], float) for name in contents.metrics}
-        if not rows["index"]:
-            raise QuestionError(f"{path}: has no rows to show")
         figures = {name: values for name, values in figures.items() if np.isfinite(values).any()}
         return cls(path.name.removesuffix(".parquet").removesuffix(".sweep"), rows, units, varied, figures)
 
