@@ -58,7 +58,7 @@ OWNERS = {
             "rmrc.show.run_figure",
             "rmrc.show.textbook_figures",
             "rmrc.study.plotting",
-            "rmrc.study.sweep_figure",
+            "rmrc.study.sweep_report",
             "rmrc.tuning.figure",
             "rmrc.film.film",
             "rmrc.film.strip",

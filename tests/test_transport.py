@@ -19,7 +19,7 @@ from rmrc.results.columns import COLUMNS
 from rmrc.scenario import Scenario, load
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.rows import NOT_KEPT
+from rmrc.study.runs import NOT_KEPT
 from rmrc.support.errors import ScenarioError
 from wording import says
 

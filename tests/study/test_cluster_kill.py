@@ -140,7 +140,7 @@ def test_a_scheduler_that_goes_away_ends_the_sweep_with_a_line_and_its_rows(path
         code, out, err = ended(alone)
         assert (code, out) == (2, "")
         assert err == (
-            f"rmrc: error: --cluster {address}: has had no workers for 30 s; start some with `dask worker {address}`; "
+            f"rmrc: error: --cluster {address}: no workers for 30 s; start `dask worker {address}`; "
             "finished rows are kept; rerun the command to resume\n"
         )
         worker = dask("worker", address, "--nthreads", "2")

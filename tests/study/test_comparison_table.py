@@ -20,7 +20,7 @@ from rmrc.show.sheets import as_markdown
 from rmrc.show.terminal import render
 from rmrc.study import compare_table
 from rmrc.study.compare_table import flipped
-from rmrc.study.study import Ran
+from rmrc.study.study import Result
 
 PLANE, SPACE = ("x", "y"), ("x", "y", "z", "rx", "ry", "rz")
 
@@ -47,7 +47,7 @@ def row(label="inverse", run=None, expect=None, **values):
     figures = {name: Figure(value, card[name].unit, "") for name, value in values.items()}
     card = Scorecard(card.name, card.joints, {**card.figures, **figures})
     outcomes = tuple(check(card, expect or {}))
-    return label, Ran(0, None, card, outcomes, run.divergence, interrupted=False, run=run)
+    return label, Result(None, run, card, outcomes, "complete")
 
 
 def table(rows):

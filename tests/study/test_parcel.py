@@ -52,7 +52,7 @@ def test_rows_of_a_worker_that_sees_no_file_are_the_same(path, tmp_path, is_made
     assert {file.name for file in parcel.files} == {"arm.xml", "world.xml", "t.stl"}
     here, there = rows_there(parcel, tmp_path)
     assert repr(here) == repr(there)  # with NaN
-    assert here[0]["scenario"] != here[1]["scenario"]
+    assert here[0]["control.feedback"] != here[1]["control.feedback"]
 
 
 def test_packages_tools_and_recorded_motions_are_packed_also_those_that_vary(path, tmp_path):

@@ -163,8 +163,8 @@ def compare(
     for label, one in zip(job.labels, job.results, strict=True):
         for line in warnings(one.scorecard, one.prepared.scenario.expect):
             complain(f'variant "{label}": {line}')
-        if one.divergence:
-            complain(f'error: variant "{label}" {one.divergence}')
+        if one.run.divergence:
+            complain(f'error: variant "{label}" {one.run.divergence}')
     runs = job.runs.values()
     ticks, planned = sum(map(len, runs)), sum(run.planned for run in runs)
     code = _cut_short(job, f"interrupted at tick {ticks} of {planned}, counting all variants")

@@ -83,11 +83,12 @@ def sweep(
         with progress("checking", len(work), quiet, unit="runs") as on_runs:
             work.check(on_runs)
     name = work.scenario.name
-    with progress(f"{name}: {len(work)} runs", len(work), quiet, work.done, "runs") as on_runs:
+    with progress(f"{name}: {len(work)} runs", len(work), quiet, len(work.dataset.done), "runs") as on_runs:
         try:
             work.run(on_runs)
         except KeyboardInterrupt:
-            complain(f"interrupted after {work.done} of {len(work)} runs; rerun the command to resume")
+            done = f"{len(work.dataset.done)} of {len(work)} runs"
+            complain(f"interrupted after {done}; rerun the command to resume")
             raise typer.Exit(EXIT_INTERRUPTED) from None
     console, swept = output(quiet), Swept.of(work.dataset.file)
     console.print(render(swept.sheets()))

@@ -9,7 +9,7 @@ from rmrc.results.metrics import joint_changes
 from rmrc.results.run import Run
 from rmrc.scenario.choices import IN_RUNS
 from rmrc.show.sheets import UNDEFINED, Sheet, number
-from rmrc.study.study import Ran
+from rmrc.study.study import Result
 
 # A joint that ends this far from its start has flipped [rad]; a sliding one by that share of the
 # characteristic length. Tracking errors are a hundred times smaller, and an elbow on its other side is far
@@ -28,7 +28,7 @@ _FIGURES = (
 )  # fmt: skip
 
 
-def table(name: str, labels: Sequence[str], results: Sequence[Ran]) -> Sheet:
+def table(name: str, labels: Sequence[str], results: Sequence[Result]) -> Sheet:
     """Return the table.
 
     Args:
@@ -61,7 +61,7 @@ def flipped(run: Run) -> str:
     return ", ".join(joint for joint, is_far in zip(run.joints, far, strict=True) if is_far) or "no"
 
 
-def _column(results: Sequence[Ran], metric: str, title: str) -> tuple[str, ...]:
+def _column(results: Sequence[Result], metric: str, title: str) -> tuple[str, ...]:
     """Return the heading of a metric with its units, and its cells; nothing if no variant has it."""
     figures = [result.scorecard.get(metric) for result in results]
     units = dict.fromkeys(unit for figure in figures if figure for unit in figure.unit.split(" or "))
@@ -72,13 +72,13 @@ def _column(results: Sequence[Ran], metric: str, title: str) -> tuple[str, ...]:
     return f"{title}\n{heading}", *cells
 
 
-def _label(label: str, result: Ran) -> str:
+def _label(label: str, result: Result) -> str:
     """Return the label, and below it the progress of an incomplete run."""
     if result.run.divergence:
         return f"{label}\ndiverged at {result.run.divergence.time:.3f} s"
     return label if result.run.is_complete else f"{label}\nunfinished"
 
 
-def _expect(result: Ran) -> str:
+def _expect(result: Result) -> str:
     missed = sum(not outcome.ok for outcome in result.outcomes)
     return (f"missed {missed}" if missed else "met") if result.outcomes else UNDEFINED

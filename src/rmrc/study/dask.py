@@ -9,27 +9,26 @@ import logging
 import re
 import signal
 import tempfile
-import threading
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, Future
 from contextlib import ExitStack, contextmanager, suppress
 from importlib import util
 from multiprocessing import resource_tracker
 from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Event, Lock
 from typing import Any
 
 from rmrc.scenario import inline
-from rmrc.study.runs import Parcel, Rows, Runs, finished
+from rmrc.study.runs import Parcel, Rows, Runs
 from rmrc.support import lifetime
-from rmrc.support.errors import ClusterError, RmrcError
+from rmrc.support.errors import ClusterError
 from rmrc.support.legible import shortened
 
-# Seconds: to reach a scheduler; without a worker until they are given up; between two looks for workers.
-_ANSWER, _GONE, _LOOK = 10.0, 30.0, 1.0
+# Seconds: to reach a scheduler; without a worker until they are given up; between two looks for a stop.
+_ANSWER, _GONE, _LOOK = 10.0, 30.0, 0.2
 _RESUME = "finished rows are kept; rerun the command to resume"
-# Loggers that write errors to stderr that are reported here in one line.
-_LOGGERS = ("distributed", "distributed.client", "tornado.application", "asyncio")
 
 
 def refuse(address: str) -> None:
@@ -39,17 +38,13 @@ def refuse(address: str) -> None:
         ClusterError: The text is not an address, or Dask is not installed.
     """
     if not re.fullmatch(r"local:[1-9]\d{0,3}|(tcp|tls)://[^\s/]+:\d{1,5}", address):
-        raise ClusterError(
-            "--cluster: must be tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N "
-            f"worker processes on this machine, got {inline(address)}"
-        )
+        forms = "tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N processes here"
+        raise ClusterError(f"--cluster: must be {forms}, got {inline(address)}")
     if util.find_spec("distributed") is None:
         raise ClusterError("--cluster: needs Dask, which is not installed: pip install 'rmrc[cluster]'")
 
 
-def results(
-    address: str, parcel: Parcel, pieces: Sequence[Sequence[int]], stop: threading.Event
-) -> Iterator[Rows]:
+def results(address: str, parcel: Parcel, pieces: Sequence[Sequence[int]], stop: Event) -> Iterator[Rows]:
     """Yield the rows of pieces as they finish; after a stop, none.
 
     Args:
@@ -61,44 +56,39 @@ def results(
     Raises:
         ClusterError: It does not respond, has no workers, or is lost.
     """
+    what = "no Dask scheduler responds there {}; start `dask scheduler`, or check for a firewall"
+    done, missing, seen = SimpleQueue[Future[Rows]](), len(pieces), time.monotonic()
     with ExitStack() as stack:
         try:
             client = stack.enter_context(_client(address))
-        except (OSError, ValueError, TypeError) as error:
-            told = f"no Dask scheduler responds there ({_brief(error)}); start one with `dask scheduler`"
-            raise _refused(address, f"{told}, or check for a firewall") from None
-        seen = looked = time.monotonic()
-
-        def is_over() -> bool:
-            nonlocal seen, looked
-            now = time.monotonic()
-            if now - looked > _LOOK:
-                looked, seen = now, now if client.nthreads() else seen
-            if now - seen > _GONE:
-                way_out = f"start some with `dask worker {address}`"
-                raise _refused(address, f"has had no workers for {_GONE:.0f} s; {way_out}; {_RESUME}")
-            return stop.is_set()
-
-        try:
+            what = f"a run failed {{}}; {_RESUME}"
             # a task, not scattered data, which is lost with the only worker that has it
-            sent = client.submit(_same, parcel, pure=False)
+            sent = client.submit(lambda parcel: parcel, parcel, pure=False)
             executor = client.get_executor(pure=False)
-            yield from finished([executor.submit(_work, sent, piece) for piece in pieces], is_over)
-        except RmrcError:
-            raise
+            for piece in pieces:
+                executor.submit(_work, sent, sent.key, piece).add_done_callback(done.put)
+            while missing and not stop.is_set():
+                try:
+                    future = done.get(timeout=_LOOK)
+                except Empty:
+                    seen = time.monotonic() if client.nthreads() else seen
+                    if time.monotonic() - seen > _GONE:
+                        break
+                    continue
+                missing, seen = missing - 1, time.monotonic()
+                yield future.result()
         except CancelledError:
             raise _refused(address, f"the scheduler is lost; {_RESUME}") from None
         except Exception as error:  # whatever a worker or Dask raises
-            raise _refused(address, f"{_brief(error)}; {_RESUME}") from None
+            raise _refused(address, what, error) from None
+        if missing and not stop.is_set():
+            raise _refused(address, f"no workers for {_GONE:.0f} s; start `dask worker {address}`; {_RESUME}")
 
 
-def _refused(address: str, text: str) -> ClusterError:
-    return ClusterError(f"--cluster {address}: {text}")
-
-
-def _brief(error: BaseException) -> str:
-    """Return another's error on one short line."""
-    return shortened(" ".join(f"{type(error).__name__}: {error}".split()), 320)
+def _refused(address: str, text: str, error: BaseException | None = None) -> ClusterError:
+    """Return an error, with another's on one short line."""
+    brief = f"({shortened(' '.join(f'{type(error).__name__}: {error}'.split()), 320)})" if error else ""
+    return ClusterError(f"--cluster {address}: {text.format(brief)}")
 
 
 @contextmanager
@@ -107,16 +97,18 @@ def _client(address: str) -> Iterator[Any]:
     from distributed import Client, LocalCluster
 
     with ExitStack() as stack:
-        for logger in map(logging.getLogger, _LOGGERS):
-            stack.callback(logger.setLevel, logger.level)
-            logger.setLevel(logging.CRITICAL + 1)
+        logging.disable()  # Dask logs what is reported here in one line
+        stack.callback(logging.disable, logging.NOTSET)
         place: Any = address
         if address.startswith("local:"):
-            with _blocked():
-                count = int(address.removeprefix("local:"))
+            with ExitStack() as masked:
+                if hasattr(signal, "pthread_sigmask"):  # signals of a terminal, not for the workers
+                    resource_tracker.ensure_running()  # which would unblock them
+                    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
+                    masked.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
                 place = LocalCluster(
-                    n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None,
-                    silence_logs=logging.CRITICAL, memory_limit=None,
+                    n_workers=int(address.removeprefix("local:")), threads_per_worker=1, host="127.0.0.1",
+                    dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL, memory_limit=None,
                 )  # fmt: skip
             stack.callback(_close, place)
         else:
@@ -135,20 +127,6 @@ async def _greet(address: str) -> None:
     await (await asyncio.wait_for(opened, _ANSWER)).close()
 
 
-@contextmanager
-def _blocked() -> Iterator[None]:
-    """Block Ctrl-C and SIGHUP, which a terminal sends to all processes, in those that are started here."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    resource_tracker.ensure_running()  # which would unblock them
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _close(opened: Any) -> None:
     """Close a client or a cluster, which may be lost."""
     with suppress(OSError, RuntimeError, CancelledError):
@@ -157,23 +135,19 @@ def _close(opened: Any) -> None:
 
 # On the workers ----------------------------------------------------------------------------------
 
-_unpacking, _runs = threading.Lock(), dict[str, Runs]()
+_unpacking, _runs = Lock(), dict[str, Runs]()
 
 
-def _same(parcel: Parcel) -> Parcel:
-    return parcel
-
-
-def _work(parcel: Parcel, piece: Sequence[int]) -> Rows:
+def _work(parcel: Parcel, key: str, piece: Sequence[int]) -> Rows:
     """Return the rows of some runs, with the files unpacked once into Dask's own temporary folder."""
     from distributed import get_worker
 
     lifetime.ends_with_job = True
     with _unpacking:
-        if parcel.name not in _runs:
+        if key not in _runs:
             root = Path(tempfile.mkdtemp(prefix="rmrc-", dir=get_worker().local_directory)).resolve()
             parcel.unpack(root)
             _runs.clear()
-            _runs[parcel.name] = Runs(parcel, root)
-        runs = _runs[parcel.name]
-    return runs.rows(piece, threading.Event())
+            _runs[key] = Runs(parcel, root)
+        runs = _runs[key]
+    return runs.rows(piece, Event())

@@ -47,13 +47,11 @@ class Contents(NamedTuple):
 
     Attributes:
         identity: All inputs of the rows as texts, by name: sweeps with equal identities are the same.
-        runs: Final number of rows.
         columns: Columns of a row.
         metrics: Names of the metrics of most interest.
     """
 
     identity: Mapping[str, str]
-    runs: int
     columns: Sequence[Column]
     metrics: Sequence[str]
 
@@ -75,6 +73,7 @@ class Dataset:
         folder: Folder of the parts.
         file: Final file with all rows.
         contents: Their description; None before there are rows.
+        done: Indices of the rows that are there.
     """
 
     def __init__(self, folder: Path, name: str, identity: Mapping[str, str]) -> None:
@@ -86,81 +85,51 @@ class Dataset:
             identity: Identity of the sweep.
 
         Raises:
-            ScenarioError: They belong to another sweep, or something else has their name.
+            QuestionError: Something else has their name.
+            ScenarioError: They belong to another sweep.
         """
         self.folder, self.file = folder / f"{name}.sweep", folder / f"{name}.sweep.parquet"
-        for path, is_right in ((self.file, Path.is_file), (self.folder, Path.is_dir)):
-            if path.exists() and not is_right(path):
-                raise ScenarioError.about(path, f"is not of a sweep; {_MOVE}")
         self.contents: Contents | None = None
+        self.done = set[int]()
         for path in self._files():
-            table = _read(path, [])
+            try:
+                table = read_table(path, ["index"])
+            except QuestionError as error:
+                raise QuestionError(f"{error}; {_MOVE}") from None
             with reading(path, "of this sweep"):
-                contents = Contents.read(left_of(table).about)
+                self.done.update(table["index"].to_pylist())
+                contents = Contents.read(about_of(table))
             differs = [key for key, text in identity.items() if contents.identity.get(key) != text]
             if differs:
-                what = f"belongs to another sweep ({', '.join(differs)} differ)"
-                raise ScenarioError.about(path, f"{what}; {_MOVE}")
+                raise ScenarioError.about(path, f"is of another sweep ({', '.join(differs)} differ); {_MOVE}")
             self.contents = contents
 
     def _files(self) -> list[Path]:
         return [self.file] if self.file.exists() else sorted(self.folder.glob("part-*.parquet"))
 
-    def done(self) -> set[int]:
-        """Return the indices of the rows that are there.
-
-        Raises:
-            QuestionError: A part is damaged.
-        """
-        return {index for path in self._files() for index in _read(path, ["index"])["index"].to_pylist()}
-
     def add(self, rows: Sequence[Mapping[str, Any]], contents: Contents) -> None:
         """Write some rows as a part."""
         if rows:
-            write_table(
-                self.folder / f"part-{rows[0]['index']:08d}.parquet",
-                contents.columns,
-                rows,
-                contents._asdict(),
-            )
+            path = self.folder / f"part-{rows[0]['index']:08d}.parquet"
+            write_table(path, contents.columns, rows, contents._asdict())
+            self.done.update(row["index"] for row in rows)
 
     def merge(self) -> None:
         """Make one file of all parts, in order, and remove them; keep other files and their folder.
 
         Raises:
             QuestionError: A part is damaged.
-            ScenarioError: They do not have each row once.
         """
         if self.file.exists():
             return
         parts = self._files()
-        tables = [_read(path) for path in parts]
-        table = pa.concat_tables([table.cast(tables[0].schema) for table in tables])
-        table = table.sort_by("index").combine_chunks()
-        if self.contents and table["index"].to_pylist() != list(range(self.contents.runs)):
-            raise ScenarioError.about(self.folder, "does not have each row once; remove it and rerun")
+        table = pa.concat_tables(map(read_table, parts)).sort_by("index").combine_chunks()
         with written_whole(self.file) as temporary:
             pq.write_table(table, temporary)
         for path in parts:
             path.unlink()
         with suppress(OSError):
             self.folder.rmdir()
-
-    def table(self) -> Table:
-        """Return all rows of the final file."""
-        return _read(self.file)
-
-
-def _read(path: Path, columns: Sequence[str] | None = None) -> Table:
-    """Return rows of a file of a sweep.
-
-    Raises:
-        QuestionError: It is damaged.
-    """
-    try:
-        return read_table(path, columns)
-    except QuestionError as error:
-        raise QuestionError(f"{error}; move it, or choose another --out") from None
 
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> Table:
@@ -178,33 +147,13 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> Table:
         return pq.ParquetFile(file).read(columns)
 
 
-class Left(NamedTuple):
-    """Contents of a file of rows from `sweep` or `tune`.
-
-    Attributes:
-        rows: Its columns, by name.
-        about: Metadata as JSON; "": none.
-    """
-
-    rows: Mapping[str, list[Any]]
-    about: str
-
-
-def read_left(path: Path) -> Left:
-    """Return the contents of a file of rows; raises as `read_table`."""
-    return left_of(read_table(path))
-
-
-def left_of(table: Table) -> Left:
-    """Return the contents of a table of rows."""
-    return Left(table.to_pydict(), (table.schema.metadata or {}).get(b"rmrc", b"").decode())
+def about_of(table: Table) -> str:
+    """Return the metadata of rows as JSON; "": none."""
+    return str((table.schema.metadata or {}).get(b"rmrc", b""), "utf-8")
 
 
 def write_table(
-    path: Path,
-    columns: Sequence[Column],
-    rows: Sequence[Mapping[str, Any]],
-    about: Mapping[str, Any] | None = None,
+    path: Path, columns: Sequence[Column], rows: Sequence[Mapping[str, Any]], about: Mapping[str, Any]
 ) -> None:
     """Write a file of rows atomically.
 
@@ -218,19 +167,17 @@ def write_table(
         about: Metadata as strict JSON, stored under the name `rmrc` in the file.
     """
     fields = [
-        pa.field(name, _TYPES[kind], metadata={"unit": unit, "meaning": meaning})
-        for name, kind, unit, meaning in columns
+        pa.field(c.name, _TYPES[c.kind], metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns
     ]
-    told = about and {"rmrc": json.dumps(about, ensure_ascii=False, allow_nan=False)}
-    values = {name: [_cell(kind, row.get(name, ...)) for row in rows] for name, kind, _, _ in columns}
+    metadata = {"rmrc": json.dumps(about, ensure_ascii=False, allow_nan=False)}
+    values = {name: [_cell(row, name, kind) for row in rows] for name, kind, *_ in columns}
     with written_whole(path) as temporary:
-        pq.write_table(pa.table(values, pa.schema(fields, told or None)), temporary)
+        pq.write_table(pa.table(values, pa.schema(fields, metadata)), temporary)
 
 
-def _cell(kind: str, value: Any) -> Any:
-    """Return a value as its column has it; an ellipsis stands for a missing one."""
-    if value is ...:
-        return math.nan if kind == "number" else None
+def _cell(row: Mapping[str, Any], name: str, kind: str) -> Any:
+    """Return a value as its column has it."""
+    value = row.get(name, math.nan if kind == "number" else None)
     if kind == "number":
         return as_number(value)
     return inline(value) if kind == "text" and value is not None and not isinstance(value, str) else value

@@ -9,7 +9,6 @@ samples and the same seeds, so that cells differ by the varied keys and not by c
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
 
@@ -23,8 +22,6 @@ _PLANT_SEED, _ENCODER_SEED = map(parse_key, ("plant.seed", "arm.encoder.seed"))
 
 # Weeks of one core, at some milliseconds each; and the largest number in a 64-bit column.
 _MOST_RUNS, _MOST_SEED = 10**7, 2**63 - 1
-
-Value = object  # in YAML: a number, a text, a switch, null, or a list or a mapping of these
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,7 @@ class Plan:
         origins: Origins of the values or bounds of each key, for messages.
     """
 
-    vary: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)
+    vary: Mapping[str, tuple[object, ...]] = field(default_factory=dict)
     draw: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     sampler: str = "random"
     samples: int = 1
@@ -60,7 +57,7 @@ class Plan:
         """The varied and drawn keys, in the order of the columns."""
         return (*self.vary, *self.draw)
 
-    def values(self, index: int) -> dict[str, Value]:
+    def values(self, index: int) -> dict[str, object]:
         """Return the value of each key in one run.
 
         Args:
@@ -72,12 +69,15 @@ class Plan:
             (12, {'a': 1, 'b': 'x'}, {'a': 2, 'b': 'z'})
         """
         cell, sample = divmod(index // self.repeat, self.samples)
-        values: dict[str, Value] = dict.fromkeys(self.vary)
+        values: dict[str, object] = dict.fromkeys(self.vary)
         for key, choices in reversed([*self.vary.items()]):
             cell, i = divmod(cell, len(choices))
             values[key] = choices[i]
-        point = _point(self.sampler, sample, len(self.draw), self.seed) if self.draw else ()
-        for u, (key, (low, high)) in zip(point, self.draw.items(), strict=True):
+        if self.sampler == "sobol":
+            point = sobol_point(sample, len(self.draw), self.seed)
+        else:
+            point = np.random.default_rng((self.seed, sample)).random(len(self.draw))
+        for u, (key, (low, high)) in zip(point.tolist(), self.draw.items(), strict=True):
             values[key] = min(low + u * (high - low), high)  # the rounding of a sum never exceeds the bound
         return values
 
@@ -88,26 +88,14 @@ class Plan:
     def changes(self, index: int) -> tuple[Change, ...]:
         """Return the changes that make one run of the scenario, deeper keys later."""
         values, seed = self.values(index).items(), self.run_seed(index)
-        varied = [Change(parse_key(key), value, self.origins.get(key)) for key, value in values]
-        varied.sort(key=lambda change: len(change.key))
+        varied = (Change(parse_key(key), value, self.origins.get(key)) for key, value in values)
         seeds = Change(_PLANT_SEED, self.plant_seed + seed - self.seed), Change(_ENCODER_SEED, seed)
-        return (*varied, *seeds)
+        return (*sorted(varied, key=lambda change: len(change.key)), *seeds)
 
     def label(self, index: int) -> str:
         """Return one run in words: `run 17 (control.feedback=5, control.inverse.method=damped)`."""
-        varied = ", ".join(f"{key}={_short(value)}" for key, value in self.values(index).items())
+        varied = ", ".join(f"{key}={inline(value)}" for key, value in self.values(index).items())
         return f"run {index} ({varied})" if varied else f"run {index}"
-
-
-@lru_cache(2000)  # each cell uses it again
-def _point(sampler: str, sample: int, count: int, seed: int) -> tuple[float, ...]:
-    if sampler == "sobol":
-        return tuple(sobol_point(sample, count, seed).tolist())
-    return tuple(np.random.default_rng((seed, sample)).random(count).tolist())
-
-
-def _short(value: Value) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else inline(value)
 
 
 def plan_of(scenario: Scenario) -> Plan:
@@ -120,25 +108,18 @@ def plan_of(scenario: Scenario) -> Plan:
     """
     sweep = scenario.sweep
     places = {key: f"sweep.vary.{key}" for key in sweep.vary} | {k: f"sweep.draw.{k}" for k in sweep.draw}
-    plan = Plan(
-        sweep.vary,
-        sweep.draw,
-        sweep.sampler,
-        sweep.samples if sweep.draw else 1,
-        sweep.repeat,
-        scenario.arm.encoder.seed if sweep.seed is None else sweep.seed,
-        scenario.plant.seed if sweep.seed is None else sweep.seed,
-        {key: Origin(scenario.locate(place), key=key) for key, place in places.items()},
-    )
-    runs, seeds = math.prod(map(len, plan.vary.values())), plan.samples * plan.repeat
-    problem = ""
-    if runs * seeds > _MOST_RUNS:
-        problem = f"must give {_MOST_RUNS} runs or fewer, got {runs * seeds}; lower sweep.samples or .repeat"
-    elif runs * seeds < 2:
-        way_out = "for example --vary control.inverse.method=damped,pseudoinverse"
-        problem = f"must give 2 runs or more, got {runs * seeds}; {way_out}"
-    elif max(plan.seed, plan.plant_seed) + seeds - 1 > _MOST_SEED:
-        problem = f"must have seeds up to {_MOST_SEED - seeds + 1}, got {plan.seed}; lower sweep.seed"
-    if problem:
-        raise ScenarioError([scenario.problem("sweep", problem)])
+    origins = {key: Origin(scenario.locate(place), key=key) for key, place in places.items()}
+    first_seeds = scenario.arm.encoder.seed, scenario.plant.seed
+    seed, plant_seed = (first if sweep.seed is None else sweep.seed for first in first_seeds)
+    samples = sweep.samples if sweep.draw else 1
+    plan = Plan(sweep.vary, sweep.draw, sweep.sampler, samples, sweep.repeat, seed, plant_seed, origins)
+    runs = math.prod(map(len, sweep.vary.values())) * samples * sweep.repeat
+    last = _MOST_SEED + 1 - samples * sweep.repeat
+    for is_wrong, text in (
+        (runs > _MOST_RUNS, f"{_MOST_RUNS} runs or fewer, got {runs}; lower sweep.samples or .repeat"),
+        (runs < 2, f"2 runs or more, got {runs}; use --vary control.inverse.method=damped,pseudoinverse"),
+        (max(seed, plant_seed) > last, f"seeds up to {last}, got {seed}; lower sweep.seed"),
+    ):
+        if is_wrong:
+            raise ScenarioError([scenario.problem("sweep", f"must have {text}")])
     return plan

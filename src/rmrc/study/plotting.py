@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from rmrc.results.run import Run, read_runs
 from rmrc.show.plot import plot as plot_runs
-from rmrc.study import sweep_figure
-from rmrc.study.dataset import Table, left_of
+from rmrc.study import sweep_report
+from rmrc.study.dataset import Table
 from rmrc.study.swept import Swept
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import quoted
@@ -43,9 +43,9 @@ def plot(
         file = Path(result)
         result = Swept.of(file) if file.suffix == ".parquet" else read_runs(file)
     elif not isinstance(result, Run | Mapping):
-        result = Swept.of(Path("the table"), left_of(result))
+        result = Swept.of(Path("the table"), result)
     if isinstance(result, Swept):
-        return sweep_figure.plot(result, to, panels, width, font)
+        return sweep_report.plot(result, to, panels, width, font)
     runs = {result.name: result} if isinstance(result, Run) else result
     for label, run in runs.items():
         if not len(run):

@@ -17,7 +17,7 @@ from rmrc.show.tables import markdown
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.simulation import Watcher
 from rmrc.study import compare_table
-from rmrc.study.study import Ran, Study
+from rmrc.study.study import Result, Study
 from rmrc.support.errors import RmrcError
 from rmrc.support.interruption import interruptible
 
@@ -59,7 +59,7 @@ class Job:
         self.name, self._records = self.worlds[0].scenario.name, record and folder is not None
         stem, suffixes = f"{self.name}{'.compare' * bool(variants)}", (".rrd", ".npz", ".json")
         self.files = [Path(folder, f"{stem}{suffix}") for suffix in suffixes[not record :]] if folder else []
-        self.results, self.interrupted, self.failures = list[Ran](), False, list[str]()
+        self.results, self.interrupted, self.failures = list[Result](), False, list[str]()
         refuse_excess(self.worlds, recorded=self._records)
         refuse_unwritable(self.files)
 
@@ -97,7 +97,7 @@ class Job:
                     recording.part_path.unlink(missing_ok=True)  # so that the columns have its room
                 on_ticks(len(part))
 
-            self.results = self._study.step(self.worlds, stop, [watch])
+            self.results = self._study.step(self.worlds, stop, watch)
             self.interrupted = stop.is_set()
             if not self.variants and len(self.results) > 1:
                 run, baseline = (result.run for result in self.results)

@@ -1,30 +1,29 @@
 """The runs of a sweep in one process: checked before the first one starts, then run, each to a row."""
 
-import hashlib
 import json
-import secrets
+import re
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future
-from functools import cached_property
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple, TypeAlias
 
 from rmrc.arm import files as files_of_model
 from rmrc.results import facts
-from rmrc.scenario import Draft, Scenario
+from rmrc.results.columns import Divergence
+from rmrc.results.expectations import check
+from rmrc.results.scorecard import Figure, Scorecard
+from rmrc.scenario import Draft, Scenario, schema_rows
 from rmrc.simulation.prepare import Prepared
+from rmrc.simulation.simulation import Simulation
+from rmrc.study.dataset import Column, as_number
 from rmrc.study.plan import Plan
-from rmrc.study.rows import NOT_KEPT
-from rmrc.study.study import Result, Study
+from rmrc.study.study import Study, ending
+
+# Metrics that differ from one execution to the next, which rows must not.
+NOT_KEPT = frozenset({"wall_time", "speed"})
 
 # Variants that are kept from their check until their run: 60 MB. Small sweeps are then prepared once.
 _MOST_KEPT = 2000
-# Seconds between two looks at what may end the wait for rows.
-_LOOK = 0.2
-# The sections of a scenario on which no run depends.
-_UNUSED = {"name", "expect", "look", "baseline", "sweep", "tune"}
 
 Rows: TypeAlias = list[dict[str, Any]]
 
@@ -33,26 +32,16 @@ class Parcel(NamedTuple):
     """All inputs of the runs of a sweep, for machines without its files.
 
     Attributes:
-        name: A name that no other parcel has.
         draft: Draft of the scenario.
         plan: The runs.
         files: Contents of the models, what these include, recorded motions and profiles.
         folders: Folders of packages.
     """
 
-    name: str
     draft: Draft
     plan: Plan
     files: Mapping[Path, bytes]
     folders: Sequence[Path]
-
-    @property
-    def digest(self) -> str:
-        """Hash of the names and the contents of the files."""
-        digest = hashlib.sha256()
-        for path, data in self.files.items():
-            digest.update(f"{path.name} {len(data)} ".encode() + data)
-        return digest.hexdigest()[:16]
 
     def unpack(self, root: Path) -> None:
         """Write the files below a folder, which is absolute."""
@@ -71,12 +60,11 @@ def pack(scenario: Scenario, plan: Plan) -> Parcel:
     draft, packages = scenario.draft, dict(scenario.arm.packages)
     named = draft.files()
     needed = {file for path in named if path.is_file() for file in files_of_model(path, packages)}
-    for folder in (path for path in named if path.is_dir() and path not in packages.values()):
-        needed.update(path for path in folder.rglob("*") if path.is_file())
     folders = [path for path in named if path.is_dir()]
-    return Parcel(
-        secrets.token_hex(8), draft, plan, {path: path.read_bytes() for path in sorted(needed)}, folders
-    )
+    for folder in folders:
+        if folder not in packages.values():
+            needed.update(path for path in folder.rglob("*") if path.is_file())
+    return Parcel(draft, plan, {path: path.read_bytes() for path in sorted(needed)}, folders)
 
 
 class Runs:
@@ -90,9 +78,8 @@ class Runs:
             root: Folder below which the files are; None: they are where they were.
         """
         self._plan, self._study = parcel.plan, Study(parcel.draft.moved(root) if root else parcel.draft)
-        self._kept, self._lock, self._digest = dict[int, Prepared](), threading.Lock(), parcel.digest
-        folders = {f"{path.parent}" for path in parcel.draft.files()}
-        self._places = [*sorted(folders, key=len, reverse=True), *([f"{root}"] if root else [])]
+        self._kept, self._lock = dict[int, Prepared](), threading.Lock()
+        self._versions = json.dumps({k: v for k, v in facts.versions().items() if k != "rerun-sdk"})
 
     def check(self, index: int) -> Prepared:
         """Return a validated run, and keep it if there is room.
@@ -118,58 +105,69 @@ class Runs:
         if stop.is_set():
             return []
         with self._lock:  # preparation holds the interpreter's lock, and shares arms
-            worlds = [
-                self._kept.pop(index) if index in self._kept else self._prepare(index) for index in indices
-            ]
-        results = self._study.watch(worlds, None, stop)
-        ended = (pair for pair in zip(indices, results, strict=True) if pair[1].status != "interrupted")
-        return [self._row(index, result) for index, result in ended]
+            worlds = [self._kept.pop(i) if i in self._kept else self._prepare(i) for i in indices]
+        simulation = Simulation(worlds, keep_columns=False)
+        simulation.step(None, stop)
+        ends = zip(indices, worlds, simulation.scorecards(), simulation.divergences(), strict=True)
+        rows = [self._row(*end) for end in ends]
+        return [row for row in rows if row["status"] != "unfinished" or not stop.is_set()]
 
-    def _row(self, index: int, result: Result) -> dict[str, Any]:
-        figures = {name: figure.value for name, figure in result.scorecard.figures.items()}
+    def _row(self, index: int, world: Prepared, card: Scorecard, end: Divergence | None) -> dict[str, Any]:
+        outcomes = list(check(card, world.scenario.expect))
         return {
             "index": index,
             **self._plan.values(index),
             "seed": self._plan.run_seed(index),
-            "status": result.status,
-            "divergence": result.divergence and str(result.divergence),
-            "met": all(outcome.ok for outcome in result.outcomes) if result.outcomes else None,
+            "status": ending(card, end),
+            "divergence": end and str(end),
+            "met": all(outcome.ok for outcome in outcomes) if outcomes else None,
             # an undefined name is null
-            **{
-                name: None if value == "" else value
-                for name, value in figures.items()
-                if name not in NOT_KEPT
-            },
-            "scenario": self._hash(result.prepared.scenario),
+            **{name: None if figure.value == "" else figure.value for name, figure in _kept(card)},
             "versions": self._versions,
         }
 
-    @cached_property
-    def _versions(self) -> str:
-        return json.dumps({name: text for name, text in facts.versions().items() if name != "rerun-sdk"})
 
-    def _hash(self, scenario: Scenario) -> str:
-        """Return a hash of the inputs of a run that does not depend on the places of its files."""
-        text = scenario.model_dump_json(exclude=_UNUSED)
-        for place in self._places:
-            text = text.replace(place, "")
-        return hashlib.sha256(f"{self._digest} {text}".encode()).hexdigest()[:16]
+def _kept(card: Scorecard) -> Iterable[tuple[str, Figure]]:
+    return ((name, figure) for name, figure in card.items() if name not in NOT_KEPT)
 
 
-def finished(futures: Sequence["Future[Rows]"], is_over: Callable[[], bool]) -> Iterator[Rows]:
-    """Iterate over results as they come; raises the error of a failed one.
+def columns_of(plan: Plan, worlds: Iterable[Prepared]) -> list[Column]:
+    """Return the columns of a sweep.
 
     Args:
-        futures: Of all.
-        is_over: Called now and then; ends the iteration.
+        plan: Its runs.
+        worlds: One run of each kind; metrics depend only on the joints and axes.
     """
-    done, remaining = SimpleQueue["Future[Rows]"](), len(futures)
-    for future in futures:
-        future.add_done_callback(done.put)
-    while remaining and not is_over():
-        try:
-            future = done.get(timeout=_LOOK)
-        except Empty:
-            continue
-        remaining -= 1
-        yield future.result()
+    known, keys = {row.key: row for row in schema_rows()}, list[Column]()
+    for key in plan.keys:
+        general = re.sub(r"\[\d+\]", "[]", key)
+        row = known.get(general) or known.get(general.removesuffix("[]"))
+        about = (row.unit, row.meaning) if row else ("", "a key of the scenario")
+        keys.append(Column(key, _kind(plan.vary.get(key, (0.0,))), *about))
+    units, figures = dict[str, dict[str, None]](), dict[str, Figure]()
+    for world in worlds:
+        (blank,) = Simulation([world], keep_columns=False).scorecards()
+        for name, figure in _kept(blank):
+            figures.setdefault(name, figure)
+            units.setdefault(name, {}).update(dict.fromkeys(figure.unit.split(" or ")))
+    return [
+        Column("index", "count", "1", "number of the run in the sweep, from 0"),
+        *keys,
+        Column("seed", "count", "1", "arm.encoder.seed of the run; plant.seed counts in step"),
+        Column("status", "text", "", "end of the run: complete, unfinished (time limit reached) or diverged"),
+        Column("divergence", "text", "", "time and cause of divergence; null if none"),
+        Column("met", "switch", "", "whether all expectations were met; null without expectations"),
+        *(
+            Column(name, "text" if figure.value == "" else "number", " or ".join(units[name]), figure.meaning)
+            for name, figure in figures.items()
+        ),
+        Column("versions", "text", "", "of everything that determines the bits, as JSON"),
+    ]
+
+
+def _kind(values: Sequence[object]) -> str:
+    """Return the type of a column with these values, some possibly missing."""
+    known = [value for value in values if value is not None]
+    if all(isinstance(value, bool) for value in known):
+        return "switch"
+    return "number" if all(as_number(value) is not None for value in known) else "text"

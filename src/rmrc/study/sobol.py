@@ -1,5 +1,7 @@
 """The Sobol sequence: points that fill a unit cube more evenly than random points, by index."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ _BITS = 32
 # A primitive polynomial over {0, 1} as a binary number, and the first direction numbers, of each dimension
 # [JoeKuo08, new-joe-kuo-6.21201]. The first dimension is van der Corput's sequence.
 _DIRECTIONS = (
-    (1, (1,)), (3, (1,)), (7, (1, 3)), (11, (1, 3, 1)), (13, (1, 1, 1)), (19, (1, 1, 3, 3)),
+    (1, (1,) * _BITS), (3, (1,)), (7, (1, 3)), (11, (1, 3, 1)), (13, (1, 1, 1)), (19, (1, 1, 3, 3)),
     (25, (1, 3, 5, 13)), (37, (1, 1, 5, 5, 17)), (41, (1, 1, 5, 5, 5)), (47, (1, 1, 7, 11, 19)),
     (55, (1, 1, 5, 1, 1)), (59, (1, 1, 1, 3, 11)), (61, (1, 3, 5, 5, 31)), (67, (1, 3, 3, 9, 7, 49)),
     (91, (1, 1, 1, 15, 21, 21)), (97, (1, 3, 1, 13, 27, 49)), (103, (1, 1, 1, 15, 7, 5)),
@@ -17,28 +19,20 @@ _DIRECTIONS = (
 )  # fmt: skip
 
 
-def _direction_numbers() -> NDArray[np.uint32]:
-    """Return v_k = m_k / 2ᵏ of every dimension as binary fractions, (20, 32).
+def _direction_numbers(polynomial: int, first: Sequence[int]) -> list[int]:
+    """Return v_k = m_k / 2ᵏ of a dimension as binary fractions.
 
     m_k = 2 a₁ m_{k-1} ⊕ … ⊕ 2ˢ m_{k-s} ⊕ m_{k-s}, with the coefficients a of the polynomial [JoeKuo08].
     """
-    table = np.empty((len(_DIRECTIONS), _BITS), np.uint32)
-    for row, (polynomial, first) in zip(table, _DIRECTIONS, strict=True):
-        degree, m = len(first), list(first)
-        for k in range(degree, _BITS):
-            if polynomial == 1:
-                m.append(1)
-                continue
-            new = m[k - degree] ^ (m[k - degree] << degree)
-            for i in range(1, degree):
-                if polynomial >> (degree - i) & 1:
-                    new ^= m[k - i] << i
-            m.append(new)
-        row[:] = [m[k] << (_BITS - 1 - k) for k in range(_BITS)]
-    return table
+    degree, m = len(first), list(first)
+    for k in range(degree, _BITS):
+        m.append(m[k - degree])
+        for i in range(1, degree + 1):
+            m[k] ^= (m[k - i] << i) * (polynomial >> (degree - i) & 1)
+    return [number << (_BITS - 1 - k) for k, number in enumerate(m)]
 
 
-_V = _direction_numbers()
+_V = np.array([_direction_numbers(*dimension) for dimension in _DIRECTIONS], np.uint32)  # (20, 32)
 
 
 def sobol_point(index: int, dimensions: int, seed: int | None = None) -> NDArray[np.float64]:

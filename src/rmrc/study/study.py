@@ -1,14 +1,13 @@
 """A study: variants of one scenario, prepared with shared parts, and the results of their runs.
 
-    variants --prepare_all--> worlds --compile--> --step or watch--> Result, one each
+    variants --prepare_all--> worlds --compile--> --step--> Result, one each
 
-`run` and `statics --hold` are a study of one variant, `compare` of a few, `sweep` of thousands, and `tune`
-uses one for its trials. Watchers receive the ticks: for progress, a recording, or a rule that stops.
+`run` and `statics --hold` are a study of one variant, `compare` of a few. `sweep` and `tune` prepare theirs
+with it.
 """
 
 import threading
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -16,7 +15,7 @@ from rmrc.results.columns import Divergence
 from rmrc.results.expectations import Outcome, check, refuse_unknown
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard
-from rmrc.scenario import Change, Draft, Scenario, Source, Variant, draft_of
+from rmrc.scenario import Change, Source, Variant, draft_of
 from rmrc.simulation.prepare import Cache, Prepared, prepare
 from rmrc.simulation.simulation import Simulation, Watcher
 from rmrc.support.errors import ScenarioError
@@ -25,61 +24,46 @@ from rmrc.support.problems import Problem
 # Called with the number of newly finished runs.
 OnRuns = Callable[[int], None]
 
+# Problems that are reported at once.
+_MOST_PROBLEMS = 20
+
 
 @dataclass(frozen=True, eq=False)
 class Result:
     """The result of one variant.
 
     Attributes:
-        index: Index of the variant.
         prepared: The world of the run.
+        run: The ticks so far.
         scorecard: Its metrics.
-        outcomes: Outcomes of the expectations that count: all that its scenario has.
-        divergence: Time and cause of its divergence.
-        interrupted: Whether the runs were interrupted.
+        outcomes: Outcomes of all expectations of its scenario.
+        status: Its end: as in `ending`, or `interrupted`.
     """
 
-    index: int
     prepared: Prepared
+    run: Run
     scorecard: Scorecard
     outcomes: tuple[Outcome, ...]
-    divergence: Divergence | None
-    interrupted: bool
-
-    @property
-    def status(self) -> str:
-        """Its end: `complete`, `diverged`, `interrupted`, or `unfinished` at the time limit."""
-        if self.divergence:
-            return "diverged"
-        if self.scorecard["completed"].value == 1.0:
-            return "complete"
-        return "interrupted" if self.interrupted else "unfinished"
+    status: str
 
     def facts(self) -> dict[str, Any]:
         """Return the facts about it, ready for strict JSON."""
         return {
             "status": self.status,
-            "divergence": self.divergence and asdict(self.divergence),
+            "divergence": self.run.divergence and asdict(self.run.divergence),
             "scorecard": self.scorecard.nested(),
             "expect": [outcome.facts() for outcome in self.outcomes],
-            "assumed": [*self.prepared.arm.notes, *(one.text for one in self.prepared.assumed)],
+            "assumed": [*self.prepared.arm.notes, *(fact.text for fact in self.prepared.assumed)],
             "scenario": self.prepared.scenario.model_dump(mode="json"),
+            "resting": [list(pair) for pair in self.run.resting],
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Ran(Result):
-    """A result with all its ticks.
-
-    Attributes:
-        run: The ticks so far.
-    """
-
-    run: Run
-
-    def facts(self) -> dict[str, Any]:
-        """Return the facts about it, including contacts at the start, ready for strict JSON."""
-        return super().facts() | {"resting": [list(pair) for pair in self.run.resting]}
+def ending(scorecard: Scorecard, divergence: Divergence | None) -> str:
+    """Return the end of a run: `complete`, `diverged`, or `unfinished` at the time limit."""
+    if divergence:
+        return "diverged"
+    return "complete" if scorecard["completed"].value == 1.0 else "unfinished"
 
 
 class Study:
@@ -92,11 +76,7 @@ class Study:
             base: The scenario, its file, or a draft, which may be invalid as long as the variants are valid.
             cache: Earlier results, such as the arm.
         """
-        self._base = base if isinstance(base, Scenario) else draft_of(base)
-        self._cache = cache or Cache()
-        if isinstance(self._base, Draft):
-            with suppress(ScenarioError):  # each variant reports it
-                self._base = self._base.scenario()
+        self._base, self._cache = draft_of(base), cache or Cache()
 
     def prepare(self, changes: Sequence[Change] = ()) -> Prepared:
         """Return a validated variant.
@@ -107,8 +87,7 @@ class Study:
         Raises:
             ScenarioError: Lists its problems.
         """
-        base = self._base.changed(*changes) if changes else self._base
-        prepared = prepare(base.scenario() if isinstance(base, Draft) else base, self._cache)
+        prepared = prepare(self._base.changed(*changes).scenario(), self._cache)
         refuse_unknown(prepared.scenario, prepared.arm.joints)
         return prepared
 
@@ -116,7 +95,7 @@ class Study:
         """Return the validated scenario, and its baseline if it has one.
 
         Raises:
-            ScenarioError: Lists the problems of both.
+            ScenarioError: Lists the problems of the first that has some.
         """
         world = self.prepare()
         if not world.scenario.baseline:
@@ -135,33 +114,10 @@ class Study:
             word: Word before a label in messages.
 
         Raises:
-            ScenarioError: Lists the problems of all variants; a problem of every variant appears once.
+            ScenarioError: As in `validated`.
         """
-        worlds, problems = list[Prepared](), dict[Problem, list[str]]()
-        for label, changes in variants:
-            try:
-                worlds.append(self.prepare(changes))
-            except ScenarioError as error:
-                for problem in error.problems:
-                    problems.setdefault(problem, []).append(f'{word} "{label}"' if word else label)
-        if problems:
-            raise ScenarioError(
-                problem._replace(who=name)
-                for problem, names in problems.items()
-                for name in ([""] if len(names) == len(variants) else names)
-            )
-        return worlds
-
-    def of(self, changes: Sequence[Change]) -> "Study":
-        """Return the study of a variant, which shares earlier results.
-
-        Args:
-            changes: Changes that make it.
-
-        Raises:
-            ScenarioError: Lists its problems.
-        """
-        return Study(self.prepare(changes).scenario, self._cache)
+        labels = [f'{word} "{variant.label}"' if word else variant.label for variant in variants]
+        return list(validated(lambda i: self.prepare(variants[i].changes), len(labels), labels.__getitem__))
 
     def compile(self, worlds: Sequence[Prepared]) -> None:
         """Load the compiled law, or compile it on first use, which takes seconds.
@@ -172,58 +128,52 @@ class Study:
         Simulation(worlds, keep_columns=False)
 
     def step(
-        self,
-        worlds: Sequence[Prepared],
-        stop: threading.Event | None = None,
-        watchers: Iterable[Watcher] = (),
-    ) -> list[Ran]:
+        self, worlds: Sequence[Prepared], stop: threading.Event | None = None, watcher: Watcher | None = None
+    ) -> list[Result]:
         """Return the results of a few variants, one after another on this thread, with all ticks.
 
         Args:
             worlds: The variants.
             stop: Event that ends the runs.
-            watchers: Called with each block of ticks, one after another.
+            watcher: Called with each block of ticks.
 
         Raises:
             ScenarioError: They do not fit into memory.
         """
-
-        def watch(index: int, part: Run) -> None:
-            for watcher in watchers:
-                watcher(index, part)
-
-        stop, simulation = stop or threading.Event(), Simulation(worlds)
-        runs = simulation.run(watch if watchers else None, stop)
-        results = _results(simulation, worlds, stop)
-        return [Ran(**vars(result), run=run) for result, run in zip(results, runs, strict=True)]
-
-    def watch(
-        self,
-        worlds: Sequence[Prepared],
-        watcher: Watcher | None,
-        stop: threading.Event,
-        threads: int = 1,
-    ) -> list[Result]:
-        """Return the results of a few variants; only a watcher sees their ticks.
-
-        Args:
-            worlds: The variants.
-            watcher: Called with each block of ticks, from any thread, one call at a time; None: nobody.
-            stop: Event that ends the runs.
-            threads: Number of threads.
-
-        Raises:
-            ScenarioError: They do not fit into memory.
-        """
-        simulation = Simulation(worlds, threads, keep_columns=False)
-        simulation.step(watcher, stop)
-        return _results(simulation, worlds, stop)
+        stop, simulation, results = stop or threading.Event(), Simulation(worlds), list[Result]()
+        runs = simulation.run(watcher, stop)
+        for world, run, card in zip(worlds, runs, simulation.scorecards(), strict=True):
+            status = ending(card, run.divergence)
+            status = "interrupted" if status == "unfinished" and stop.is_set() else status
+            results.append(Result(world, run, card, tuple(check(card, world.scenario.expect)), status))
+        return results
 
 
-def _results(simulation: Simulation, worlds: Sequence[Prepared], stop: threading.Event) -> list[Result]:
-    """Return the results of a simulation."""
-    ends = zip(worlds, simulation.scorecards(), simulation.divergences(), strict=True)
-    return [
-        Result(index, world, card, tuple(check(card, world.scenario.expect)), divergence, stop.is_set())
-        for index, (world, card, divergence) in enumerate(ends)
-    ]
+def validated(
+    prepare: Callable[[int], Prepared], count: int, label: Callable[[int], str]
+) -> Iterator[Prepared]:
+    """Iterate over variants that are valid; at the end, raise the problems of the others.
+
+    Args:
+        prepare: Returns a variant by index, or raises its problems.
+        count: Number of variants.
+        label: Returns the name of a variant in messages.
+
+    Raises:
+        ScenarioError: Lists the problems, each once, with the first variant that has it, unless all have it.
+    """
+    problems = dict[Problem, list[int]]()
+    for index in range(count):
+        try:
+            yield prepare(index)
+        except ScenarioError as error:
+            for problem in error.problems:
+                problems.setdefault(problem, []).append(index)
+    lines = list[Problem]()
+    for problem, indices in list(problems.items())[:_MOST_PROBLEMS]:
+        who = label(indices[0]) + (f" and {len(indices) - 1} more" if len(indices) > 1 else "")
+        lines.append(problem._replace(who="" if len(indices) == count else who))
+    if len(problems) > _MOST_PROBLEMS:
+        lines.append(Problem((), f"and {len(problems) - _MOST_PROBLEMS} more problems of other variants"))
+    if lines:
+        raise ScenarioError(lines)

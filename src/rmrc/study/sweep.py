@@ -1,10 +1,12 @@
 """A sweep: all runs are checked first, then run by threads here or by a cluster; finished rows are stored."""
 
+import hashlib
 import json
 import os
 import threading
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Sequence
+from concurrent.futures import as_completed
 from contextlib import closing
 from pathlib import Path
 
@@ -16,12 +18,9 @@ from rmrc.simulation.prepare import Prepared
 from rmrc.study import dask
 from rmrc.study.dataset import Contents, Dataset
 from rmrc.study.plan import plan_of
-from rmrc.study.rows import columns_of
-from rmrc.study.runs import Parcel, Rows, Runs, finished, pack
-from rmrc.study.study import OnRuns
-from rmrc.support.errors import ScenarioError
+from rmrc.study.runs import Parcel, Rows, Runs, columns_of, pack
+from rmrc.study.study import OnRuns, validated
 from rmrc.support.interruption import interruptible
-from rmrc.support.problems import Problem
 from rmrc.support.threads import side_by_side
 
 # The metrics of most interest.
@@ -30,8 +29,8 @@ METRICS = (
     "orientation_error.max", "orientation_error.end", "sigma.min",
 )  # fmt: skip
 
-# Problems that are reported; runs that a worker gets at once, at most, and parts of all runs at least.
-_MOST_PROBLEMS, _AT_ONCE, _PARTS = 20, 16, 16
+# Runs that a worker gets at once, at most, and pieces of all runs at least.
+_AT_ONCE, _PIECES = 16, 16
 # A part is written after a second [s], or this fraction of the time so far: what a killed process loses.
 _SECOND, _FRACTION = 1.0, 0.02
 
@@ -46,13 +45,9 @@ class Sweep:
     """
 
     def __init__(
-        self,
-        source: Source,
-        overrides: Sequence[str] = (),
-        folder: Path = Path("recordings"),
-        threads: int | None = None,
-        cluster: str | None = None,
-    ) -> None:
+        self, source: Source, overrides: Sequence[str] = (), folder: Path = Path("recordings"),
+        threads: int | None = None, cluster: str | None = None,
+    ) -> None:  # fmt: skip
         """Validate the scenario and its plan, and check that existing rows belong to this sweep.
 
         Args:
@@ -75,21 +70,15 @@ class Sweep:
             dask.refuse(cluster)
         self._threads, self._cluster = threads or os.cpu_count() or 1, cluster
         self._parcel = pack(self.scenario, self.plan)
-        self._runs = Runs(self._parcel)
-        self._identity = _identify(self._parcel)
+        self._runs, self._identity = Runs(self._parcel), _identify(self._parcel)
         self.dataset = Dataset(folder, self.scenario.name, self._identity)
-        refuse_unwritable([self.dataset.file])
+        refuse_unwritable([self.dataset.file, self.dataset.folder / "part"])
 
     def __len__(self) -> int:
         """Return the number of runs."""
         return len(self.plan)
 
-    @property
-    def done(self) -> int:
-        """Number of finished runs."""
-        return len(self.dataset.done())
-
-    def check(self, on_runs: OnRuns | None = None) -> Contents:
+    def check(self, on_runs: OnRuns = lambda _: None) -> Contents:
         """Validate every run before the first one starts, unless there are rows of an earlier start.
 
         Args:
@@ -103,42 +92,22 @@ class Sweep:
         """
         if self.dataset.contents is not None:
             return self.dataset.contents
-        problems, kinds, longest = dict[Problem, list[int]](), dict[object, Prepared](), None
-        for index in range(len(self)):
-            try:
-                world = self._runs.check(index)
-            except ScenarioError as error:
-                for problem in error.problems:
-                    problems.setdefault(problem, []).append(index)
-            else:
-                arm = world.arm
-                kinds.setdefault((arm.joints, *arm.is_slide.tolist(), world.scenario.task.axes), world)
-                longest = max(longest or world, world, key=lambda one: one.most_ticks)
-            if on_runs is not None:
-                on_runs(1)
-        self._raise_any(problems)
+        kinds, longest = dict[object, Prepared](), None
+        for world in validated(self._runs.check, len(self), self.plan.label):
+            arm = world.arm
+            kinds.setdefault((arm.joints, *arm.is_slide.tolist(), world.scenario.task.axes), world)
+            longest = max(longest or world, world, key=lambda one: one.most_ticks)
+            on_runs(1)
         if longest and not self._cluster:
             at_once = min(self._threads, len(self))
             refuse_excess([longest] * at_once, keep_columns=False, threads=at_once)
-        expected = (f"{PROFILE}.refused" if name == PROFILE else name for name in self.scenario.expect)
         columns = columns_of(self.plan, kinds.values())
+        expected = (f"{PROFILE}.refused" if name == PROFILE else name for name in self.scenario.expect)
         metrics = [name for name in dict.fromkeys((*METRICS, *expected)) if name in {c.name for c in columns}]
-        self.dataset.contents = Contents(self._identity, len(self), columns, metrics)
+        self.dataset.contents = Contents(self._identity, columns, metrics)
         return self.dataset.contents
 
-    def _raise_any(self, problems: Mapping[Problem, Sequence[int]]) -> None:
-        """Raise the problems of runs; one of every run appears once."""
-        told = list[Problem]()
-        for problem, indices in list(problems.items())[:_MOST_PROBLEMS]:
-            many = f"{len(indices)} runs, the first " if len(indices) > 1 else ""
-            who = "" if len(indices) == len(self) else many + self.plan.label(indices[0])
-            told.append(problem._replace(who=who))
-        if len(problems) > _MOST_PROBLEMS:
-            told.append(Problem((), f"and {len(problems) - _MOST_PROBLEMS} more problems of other runs"))
-        if told:
-            raise ScenarioError(told)
-
-    def run(self, on_runs: OnRuns | None = None) -> None:
+    def run(self, on_runs: OnRuns = lambda _: None) -> None:
         """Run what is missing, and make one file of all; Ctrl-C keeps finished rows.
 
         Args:
@@ -149,9 +118,9 @@ class Sweep:
             ClusterError: The cluster does not respond, has no workers, or is lost; existing rows are kept.
             KeyboardInterrupt: Ctrl-C.
         """
-        contents, done = self.check(), self.dataset.done()
-        missing = [index for index in range(len(self)) if index not in done]
-        size = min(_AT_ONCE, -(-len(missing) // _PARTS) or 1)
+        contents = self.check()
+        missing = [index for index in range(len(self)) if index not in self.dataset.done]
+        size = min(_AT_ONCE, -(-len(missing) // _PIECES) or 1)
         pieces = [missing[first : first + size] for first in range(0, len(missing), size)]
         with interruptible() as stop:
             started = written = time.monotonic()
@@ -160,8 +129,7 @@ class Sweep:
                 with closing(self._results(pieces, stop)) as results:
                     for some in results:
                         rows += some
-                        if on_runs is not None:
-                            on_runs(len(some))
+                        on_runs(len(some))
                         now = time.monotonic()
                         if now - written > max(_SECOND, _FRACTION * (now - started)):
                             self.dataset.add(rows, contents)
@@ -173,14 +141,14 @@ class Sweep:
             self.dataset.merge()
 
     def _results(self, pieces: Sequence[Sequence[int]], stop: threading.Event) -> Generator[Rows]:
-        """Yield the rows of pieces as they finish."""
+        """Yield the rows of pieces as they finish; after a stop, they soon end by themselves."""
         if self._cluster and pieces:
             yield from dask.results(self._cluster, self._parcel, pieces, stop)
             return
         with side_by_side(self._threads) as pool:
             try:
-                futures = [pool.submit(self._runs.rows, piece, stop) for piece in pieces]
-                yield from finished(futures, lambda: False)  # after a stop, they soon end by themselves
+                for future in as_completed([pool.submit(self._runs.rows, piece, stop) for piece in pieces]):
+                    yield future.result()
             except BaseException:
                 stop.set()
                 raise
@@ -192,4 +160,7 @@ def _identify(parcel: Parcel) -> dict[str, str]:
     # the order of the keys, which sorting hides, determines the run of an index
     values["sweep"] = [values.get("sweep"), parcel.plan.keys, parcel.plan.seed, parcel.plan.plant_seed]
     texts = {name: json.dumps(value, sort_keys=True, default=str) for name, value in values.items()}
-    return texts | {"files": parcel.digest}
+    digest = hashlib.sha256()
+    for path, data in parcel.files.items():
+        digest.update(f"{path.name} {len(data)} ".encode() + data)
+    return texts | {"files": digest.hexdigest()[:16]}

@@ -10,11 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.show.sheets import Sheet, number
-from rmrc.study.dataset import Contents, Left, read_left
-from rmrc.support.errors import QuestionError
+from rmrc.study.dataset import Contents, Table, about_of, read_table
 from rmrc.support.files import reading
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,52 +30,46 @@ class Swept:
     rows: Mapping[str, list[Any]]
     units: Mapping[str, str]
     varied: Sequence[str]
-    figures: Mapping[str, Array]
+    figures: Mapping[str, NDArray[np.float64]]
 
     @classmethod
-    def of(cls, path: Path, left: Left | None = None) -> "Swept":
+    def of(cls, path: Path, table: Table | None = None) -> "Swept":
         """Return the contents of a file.
 
         Args:
             path: The `.parquet` that `sweep` left.
-            left: Its contents, if already read.
+            table: Its contents, if already read.
 
         Raises:
             OSError: It cannot be opened.
-            QuestionError: It is another kind of file, or has no rows.
+            QuestionError: It is another kind of file.
         """
-        rows, about = left or read_left(path)
+        table = read_table(path) if table is None else table
+        rows = table.to_pydict()
         with reading(path, "of a sweep"):
-            contents = Contents.read(about)
+            contents = Contents.read(about_of(table))
             units = {column.name: column.unit for column in contents.columns}
             keys = list(units)[1 : list(units).index("seed")]
             varied = [key for key in keys if len(set(map(str, rows[key]))) > 1]
             figures = {name: np.array(rows[name], float) for name in contents.metrics}
-        if not rows["index"]:
-            raise QuestionError(f"{path}: has no rows to show")
         figures = {name: values for name, values in figures.items() if np.isfinite(values).any()}
         return cls(path.name.removesuffix(".parquet").removesuffix(".sweep"), rows, units, varied, figures)
 
     def extremes(self) -> dict[str, tuple[int, int]]:
         """Return the rows with the smallest and largest value of each metric, the first of equal ones."""
-        return {
-            name: (int(np.nanargmin(values)), int(np.nanargmax(values)))
-            for name, values in self.figures.items()
-        }
+        return {key: (int(np.nanargmin(v)), int(np.nanargmax(v))) for key, v in self.figures.items()}
 
     def sheets(self) -> list[Sheet]:
         """Return the tables of the summary."""
         rows, met = self.rows, [value for value in self.rows["met"] if value is not None]
         counts = [(status, str(count)) for status, count in sorted(Counter(rows["status"]).items())]
         counts += [("all expectations met", str(sum(met)))] if met else []
-        extremes = [
-            (f"{name} [{self.units[name]}]", *(text for i in ends for text in self._end(name, i)))
-            for name, ends in self.extremes().items()
-        ]
+        extremes = [(f"{name} [{self.units[name]}]", *self._ends(name)) for name in self.figures]
         return [
             Sheet(f"{self.name}: {len(rows['index'])} runs", ("", ""), counts),
             Sheet("", ("metric", "least", "run", "most", "run"), extremes),
         ]
 
-    def _end(self, name: str, i: int) -> tuple[str, str]:
-        return number(float(self.figures[name][i])), str(self.rows["index"][i])
+    def _ends(self, name: str) -> list[str]:
+        values, index = self.figures[name], self.rows["index"]
+        return [text for i in self.extremes()[name] for text in (number(float(values[i])), str(index[i]))]

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from rmrc.results.run import Run, Runs
 from rmrc.scenario import Source, draft_of, grid
-from rmrc.study.dataset import Table
+from rmrc.study.dataset import Table, read_table
 from rmrc.study.run import Job
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
@@ -87,7 +87,7 @@ def sweep(
     sobol: Mapping[str, tuple[float, float]] | None = None,
     samples: int | None = None, repeat: int | None = None, seed: int | None = None,
     out: str | os.PathLike[str] | None = None, threads: int | None = None, cluster: str | None = None,
-    on_runs: Callable[[int], None] | None = None,
+    on_runs: Callable[[int], None] = lambda _: None,
 ) -> Table:  # fmt: skip
     """Run thousands of variants of a scenario, on all cores or a cluster; the function behind `rmrc sweep`.
 
@@ -135,4 +135,4 @@ def sweep(
     with TemporaryDirectory(prefix="rmrc-") as temporary:
         work = Sweep(swept, (), Path(out or temporary), threads, cluster)
         work.run(on_runs)
-        return work.dataset.table()
+        return read_table(work.dataset.file)

@@ -7,8 +7,9 @@ from pathlib import Path
 from rmrc.show import run_page
 from rmrc.show.page import Page
 from rmrc.show.run_page import versions
-from rmrc.study import sweep_page
-from rmrc.study.dataset import Left, read_left
+from rmrc.study import sweep_report
+from rmrc.study.dataset import Table, about_of, read_table
+from rmrc.study.swept import Swept
 from rmrc.support.files import reading
 from rmrc.tuning.answer import sheets
 from rmrc.tuning.figure import front_figure
@@ -27,8 +28,9 @@ def page(path: Path) -> Page:
     with reading(path, "an output of run, compare, sweep or tune"):
         if path.suffix != ".parquet":
             return run_page.page(path)
-        left = read_left(path)
-        return _of_search(left) if "on_front" in left.rows else sweep_page.page(path, left)
+        table = read_table(path)
+        is_search = "on_front" in table.column_names
+        return _of_search(table) if is_search else sweep_report.page(Swept.of(path, table))
 
 
 def report(result: str | PathLike[str], path: str | PathLike[str] | None = None) -> Path:
@@ -51,8 +53,8 @@ def report(result: str | PathLike[str], path: str | PathLike[str] | None = None)
     return written
 
 
-def _of_search(left: Left) -> Page:
-    answer = json.loads(left.about)
+def _of_search(table: Table) -> Page:
+    answer = json.loads(about_of(table))
     facts, *tables = sheets(answer)
     verdict = "No tried setting keeps the limits."
     if answer["named"]:
@@ -69,10 +71,11 @@ def _of_search(left: Left) -> Page:
     made.table(facts)
     if answer["named"]:
         made.section("Error against peak rate")
-        rows = [dict(zip(left.rows, row, strict=True)) for row in zip(*left.rows.values(), strict=True)]
-        made.figure(front_figure(answer, rows), "Settings that keep the limits, and the Pareto front")
-    for table in tables:
-        made.table(table)
+        made.figure(
+            front_figure(answer, table.to_pylist()), "Settings that keep the limits, and the Pareto front"
+        )
+    for sheet in tables:
+        made.table(sheet)
     made.section("Notes")
     made.items(answer["lines"])
     made.section("Made with")

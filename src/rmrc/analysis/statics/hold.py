@@ -152,7 +152,7 @@ def hold_wrench(
         if on_ticks is not None:
             on_ticks(len(part))
 
-    run = study.step([prepared], stop, [watch])[0].run
+    run = study.step([prepared], stop, watch)[0].run
     if not len(run):
         raise DivergenceError(f"cannot hold: {run.divergence}")
     return settled(run) or result(run)

@@ -1,5 +1,6 @@
-"""Picture of a sweep: distributions of its metrics, and the first metric over each varied key."""
+"""Picture and report page of a sweep: distributions, ends of its runs, extremes of its metrics."""
 
+import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rmrc.show.figures import COLUMN, Picture, plain, save
+from rmrc.show.page import Page
 from rmrc.show.panels import paints
+from rmrc.show.run_page import versions
+from rmrc.show.sheets import Sheet, number
 from rmrc.study.swept import Swept
 from rmrc.support.errors import QuestionError
 
@@ -22,7 +26,7 @@ BINS, WIDE, MOST_WORDS = 20, 30.0, 12
 def plot(
     swept: Swept, path: Path | None, panels: Sequence[str] = (), width: float = 7.16, font: float = 8.0
 ) -> Figure:
-    """Draw a sweep.
+    """Draw a sweep: distributions of its metrics, and the first metric over each varied key.
 
     Args:
         swept: Its rows.
@@ -35,7 +39,7 @@ def plot(
         QuestionError: There are no numbers to draw.
     """
     panels, metrics = panels or PANELS, list(swept.figures)
-    keys = [key for key in swept.varied if len({str(word) for word in _coordinates(swept, key)}) > 1]
+    keys = [key for key in swept.varied if len(set(map(str, _coordinates(swept, key)))) > 1]
     cells = [(name, "") for name in metrics if "distributions" in panels]
     cells += [(name, key) for name in metrics[:1] for key in keys if "keys" in panels]
     if not cells:
@@ -55,8 +59,7 @@ def plot(
                 bins = np.geomspace(seen.min(), seen.max(), BINS + 1) if scale == "log" else BINS
                 axes.hist(seen, bins, color=paints(1)[0])  # type: ignore[arg-type]
                 axes.set(xlabel=_label(swept, name), ylabel="runs", xscale=scale)
-        if path is not None:
-            save(picture, [path])
+        save(picture, [path] if path else [])
     return picture
 
 
@@ -70,5 +73,31 @@ def _coordinates(swept: Swept, key: str) -> list[float] | list[str]:
 
 
 def _label(swept: Swept, name: str) -> str:
-    unit = swept.units[name]
-    return plain(name) + (f" [{unit}]" if unit not in ("", "1") else "")
+    return plain(name) + (f" [{swept.units[name]}]" if swept.units[name] not in ("", "1") else "")
+
+
+def page(swept: Swept) -> Page:
+    """Return the report page of a sweep."""
+    ends, extremes = swept.sheets()
+    ended = swept.rows["status"]
+    page = Page(ends.title, f"{ended.count('complete')} of {len(ended)} runs completed the path.")
+    rows = sorted({i for pair in swept.extremes().values() for i in pair})
+    settings = [tuple(_text(swept.rows[key][i]) for key in ("index", *swept.varied)) for i in rows]
+    for title, sheet in (
+        ("End of the runs", Sheet("", ends.headings, ends.rows)),
+        ("Extremes", extremes),
+        ("Settings of these runs", Sheet("", ("run", *swept.varied), settings)),
+    ):
+        page.section(title)
+        page.table(sheet)
+    if swept.figures:
+        page.section("Distributions of the metrics, and the first one over the varied keys")
+        picture = plot(swept, None, width=9.6, font=9.0)
+        page.figure(picture, "Number of runs by value, and one dot per run")
+    page.section("Made with")
+    page.table(versions(json.loads(swept.rows["versions"][0])))
+    return page
+
+
+def _text(value: object) -> str:
+    return number(value) if isinstance(value, float) else str(value)
