@@ -10,7 +10,7 @@ from rmrc.show.run_page import versions
 from rmrc.study import sweep_page
 from rmrc.study.dataset import Left, read_left
 from rmrc.support.files import reading
-from rmrc.tuning.answer import sheets
+from rmrc.tuning.answer import named, numbers, sheets, words
 from rmrc.tuning.figure import front_figure
 
 
@@ -52,29 +52,26 @@ def report(result: str | PathLike[str], path: str | PathLike[str] | None = None)
 
 
 def _of_search(left: Left) -> Page:
-    answer = json.loads(left.about)
-    facts, *tables = sheets(answer)
-    verdict = "No tried setting keeps the limits."
-    if answer["named"]:
-        best = answer["named"][0]
-        verdict = (
-            f"Recommended: {best['words']} ({best['numbers']}), with an error of "
-            f"{1e3 * best['error']:.3g} mm at a peak rate of {best['peak_rate']:.3g} rad/s."
-        )
-    made = Page(f"Tuning of {answer['name']}", verdict)
-    if answer["block"]:
+    about = json.loads(left.about)
+    rows = [dict(zip(left.rows, row, strict=True)) for row in zip(*left.rows.values(), strict=True)]
+    facts, *tables = sheets(about, rows)
+    verdict, best = "No tried setting keeps the limits.", next(iter(named(rows)), None)
+    if best:
+        result = f"{1e3 * best['error']:.3g} mm at a peak rate of {best['peak_rate']:.3g} rad/s"
+        verdict = f"Recommended: {words(best)} ({numbers(best)}), with an error of {result}."
+    made = Page(f"Tuning of {about['name']}", verdict)
+    if best:
         made.section("To paste", "The recommended control section.")
-        made.code(answer["block"], "Copy the block")
+        made.code(about["block"], "Copy the block")
     made.section("Trials")
     made.table(facts)
-    if answer["named"]:
+    if best:
         made.section("Error against peak rate")
-        rows = [dict(zip(left.rows, row, strict=True)) for row in zip(*left.rows.values(), strict=True)]
-        made.figure(front_figure(answer, rows), "Settings that keep the limits, and the Pareto front")
+        made.figure(front_figure(about["name"], rows), "Settings that keep the limits, and the Pareto front")
     for table in tables:
         made.table(table)
     made.section("Notes")
-    made.items(answer["lines"])
+    made.items(about["lines"])
     made.section("Made with")
-    made.table(versions(answer["versions"]))
+    made.table(versions(about["versions"]))
     return made

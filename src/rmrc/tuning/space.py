@@ -1,7 +1,8 @@
 """What a search may change: the choices and numbers of a control law, their bounds, and `--only`."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeAlias
@@ -15,6 +16,7 @@ from rmrc.scenario.choices import INVERSES, LIMITS, POLICIES, SCHEDULES, Paramet
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin, Problem
+from rmrc.tuning.options import Only
 from rmrc.tuning.robot import lengths_of
 
 METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS = (
@@ -37,8 +39,6 @@ _SEARCHED = _OF_INVERSES | _searched(POLICIES.parameters)
 NUMBERS = tuple(dict.fromkeys((*_OF_INVERSES, FEEDBACK, *_SEARCHED)))
 
 Point: TypeAlias = NDArray[np.float64]
-Only: TypeAlias = Sequence[str] | Mapping[str, Iterable[str | float]]
-"""Values by key, or a text `KEY=V1,V2,...` for each key."""
 
 
 class Structure(NamedTuple):
@@ -259,29 +259,24 @@ def read_only(only: Only) -> dict[str, tuple[Any, ...]]:
     Raises:
         ScenarioError: Lists the texts and keys that restrict nothing.
     """
-    restricted, problems = dict[str, tuple[Any, ...]](), list[Problem]()
-    for item in only.items() if isinstance(only, Mapping) else only:
-        key, values = item if isinstance(item, tuple) else _split(item)
-        if key in (*WORDS, *NUMBERS) and key not in restricted and "" not in values:
-            restricted[key] = tuple(values)
-            continue
-        why = f"is not a tunable key; choose from {', '.join((*WORDS, *NUMBERS))}"
-        why = "is given twice" if key in restricted else why
-        why = f"must be KEY=V1,V2,..., for example {METHOD}=damped,filtered" if "" in values else why
-        problems.append(Problem((), why, Origin(f"--only {key}")))
+    restricted, problems, keys = dict[str, tuple[Any, ...]](), list[Problem](), (*WORDS, *NUMBERS)
+    for key, values in only.items() if isinstance(only, Mapping) else map(_split, only):
+        if key not in keys:
+            wrong = f"is not a tunable key; choose from {', '.join(keys)}"
+            problems.append(Problem((), wrong, Origin(f"--only {key}")))
+        elif "" in values:
+            wrong = f"must be KEY=V1,V2,..., for example {METHOD}=damped,filtered"
+            problems.append(Problem((), wrong, Origin(f"--only {key}")))
+        restricted[key] = (*restricted.get(key, ()), *values)
     if problems:
         raise ScenarioError(problems)
     return restricted
 
 
-def _split(text: str) -> tuple[str, list[object]]:
+def _split(text: str) -> tuple[str, list[Any]]:
     key, _, values = text.partition("=")
-    each = [value.strip() for value in values.split(",")]
-    return key.strip(), [_number(value) if key.strip() in NUMBERS else value for value in each]
-
-
-def _number(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
+    each: list[Any] = [value.strip() for value in values.split(",")]
+    if key.strip() in NUMBERS:
+        with suppress(ValueError):  # preparing the scenario names what is no number
+            each = [float(value) for value in each]
+    return key.strip(), each
