@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from project import mostly_long
 from rmrc.show.asked import ASKED, Asked, sized
 from rmrc.show.figures import save
-from rmrc.tuning.figure import front_figure
+from rmrc.tuning.page import front_figure
 from rmrc.tuning.space import METHOD
 
 METHODS = ("damped", "filtered", "inverse", "jparse", "pseudoinverse", "selective", "truncated")

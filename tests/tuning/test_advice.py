@@ -97,7 +97,6 @@ def test_what_is_recommended_keeps_every_limit_on_each_delay_and_is_near_the_bes
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("unmargined")
 @pytest.mark.parametrize("name", SINGULAR)
 def test_near_a_singularity_what_is_recommended_keeps_every_limit_and_is_plain_only_if_nothing_else_does(
     name,

@@ -155,8 +155,6 @@ def test_what_is_recommended_for_an_assumed_robot_bears_its_margin(path):
         return bears(study, loops, GAIN_MARGIN)
 
     assert tuned.feasible and all(bear(tuned.verdict.front[::4]))
-    low, high = tuned.margins["recommended"]
-    assert GAIN_MARGIN <= low < high
     robot = {"delay": (0.0, DELAY), "lag": (0.0, LAG)}
     options = {**robot, "gain_margin": 1.0, "perturbed": 1, "runs": 160, "only": FEW}
     unasked = Tuning(path, FINE, **options)
@@ -164,9 +162,8 @@ def test_what_is_recommended_for_an_assumed_robot_bears_its_margin(path):
     best = found.verdict.recommended
     assert best.setting.feedback > 1.1 * tuned.verdict.recommended.setting.feedback  # negative control
     assert bear([best]) == [False]
-    assert any("gain margin" in line for line in about(unasked, found)["lines"])
     facts = dict(about(work, tuned)["facts"])
-    assert facts["robot"].startswith("assumed: delay 0 to 8 ms, lag 0 to 5 ms, encoder noise 1e-05 rad")
+    assert facts["robot"].startswith("assumed: delay 0 to 0.008 s, lag 0 to 0.005 s, noise 1e-05 rad")
 
 
 def test_the_worst_of_the_loops_counts(path):
@@ -177,7 +174,6 @@ def test_the_worst_of_the_loops_counts(path):
     assert best.outcomes[1].error < best.outcomes[0].error  # the quick loop is not the hard one
 
 
-@pytest.mark.usefixtures("unmargined")
 def test_what_breaks_a_limit_on_a_loop_between_is_not_recommended(path, monkeypatch):
     # no world shows it: what the search comes to first may rest at a singularity and leave it on another branch
     options = {"delay": "2ms..12ms", "perturbed": 1, "runs": 60, "only": FEW, "threads": 1}

@@ -99,9 +99,8 @@ def tune(
 
     Rates each setting by its worst result on the scenario and its perturbed scenarios, over all robots that
     --delay, --lag, --noise and --calibration or the scenario describe; without them, on an assumed modest
-    robot. Prints the Pareto front of peak rate and error, the gain margin of each recommendation, and a
-    control section to paste. Writes NAME.tune.yaml, .png and .parquet. Exit code 1: no setting keeps the
-    limits.
+    robot. Prints the Pareto front of peak rate and error, the recommendation, and a control section to
+    paste. Writes NAME.tune.yaml, .png and .parquet. Exit code 1: no setting keeps the limits.
     """
     from rmrc.results.leaving import refuse_unwritable
     from rmrc.scenario import angle

@@ -6,10 +6,8 @@ from typing import Any, TypeAlias
 
 from rmrc.results.facts import versions
 from rmrc.show.sheets import Sheet, number
-from rmrc.tuning.options import GAIN_MARGIN
 from rmrc.tuning.space import AT_SINGULARITY, NUMBERS, WORDS
 from rmrc.tuning.tune import Tuned, Tuning
-from rmrc.tuning.worlds import perturbation
 
 ROLES = ("recommended", "second best", "as written", "dominates as written")
 
@@ -19,12 +17,11 @@ Row: TypeAlias = Mapping[str, Any]
 def rows_of(tuned: Tuned) -> list[Row]:
     """Return a row per setting, in the order of trial: its keys, its worst outcome, and what became of it."""
     verdict = tuned.verdict
-    roles = dict(zip(ROLES, (verdict.recommended, verdict.second, tuned.own, verdict.better), strict=True))
+    better = verdict.better if verdict.better is not verdict.recommended else None
+    roles = dict(zip(ROLES, (verdict.recommended, verdict.second, tuned.own, better), strict=True))
     rows = list[Row]()
     for index, trial in enumerate(tuned.tried):
         names = [role for role, other in roles.items() if other is trial]
-        if len(names) > 1 and names[-1] == ROLES[-1]:  # the other role says enough
-            names.pop()
         about = {
             "index": index,
             "role": ", ".join(names) or None,
@@ -39,18 +36,12 @@ def rows_of(tuned: Tuned) -> list[Row]:
 def about(work: Tuning, tuned: Tuned) -> Row:
     """Return what the rows do not say, ready for JSON.
 
-    Its keys: the `name` of the scenario; a `title`; `facts` about the trials; gain `margins`; `lines` of
-    judgment; the `block` to paste; `versions`.
+    Its keys: the `name` of the scenario; `facts` about the trials; `lines` of judgment; the `block` to paste;
+    `versions`.
     """
-    count = f"{len(tuned.tried)} settings in {tuned.runs} runs"
     return {
         "name": work.scenario.name,
-        "title": f"{work.scenario.name}: {count}; {len(tuned.feasible)} keep the limits on every scenario",
-        "facts": list(_facts(work)),
-        "margins": [
-            (role, f"{math.sqrt(low * high):.3g}" if low and high < math.inf else f"> {low:.3g}")
-            for role, (low, high) in tuned.margins.items()
-        ],
+        "facts": list(_facts(work, tuned)),
         "lines": list(_lines(tuned)),
         "block": tuned.block,
         "versions": versions(),
@@ -59,9 +50,7 @@ def about(work: Tuning, tuned: Tuned) -> Row:
 
 def named(rows: Sequence[Row]) -> list[Row]:
     """Return the rows with a role, the recommended one first; none if there is no such."""
-    known = sorted(
-        (row for row in rows if row["role"]), key=lambda row: ROLES.index(row["role"].split(",")[0])
-    )
+    known = [row for role in ROLES for row in rows if (row["role"] or "").split(",")[0] == role]
     return known if known[0]["role"].startswith(ROLES[0]) else []
 
 
@@ -71,20 +60,17 @@ def front(rows: Sequence[Row]) -> list[Row]:
 
 
 def sheets(about: Row, rows: Sequence[Row]) -> list[Sheet]:
-    """Return the tables of an answer: facts, the front, the settings with a role, gain margins."""
-    facts = Sheet(about["title"], ("", ""), [tuple(fact) for fact in about["facts"]], frozenset({0, 1}))
-    if not named(rows):
-        return [facts]
+    """Return the tables of an answer: facts, and if there is a front, this and the settings with a role."""
     headings, units = (
         ("setting", "numbers", "error", "peak rate", "time", ""),
         ("", "", "m", "rad/s", "s", ""),
     )
-    tables = [
+    tables = {"Pareto front": front(rows), "Recommendations, and others": named(rows)}
+    return [Sheet(about["name"], ("", ""), [tuple(it) for it in about["facts"]], frozenset({0, 1}))] + [
         Sheet(title, headings, [units, *map(_cells, some)], frozenset({0, 1, 5}))
-        for title, some in (("Pareto front", front(rows)), ("Recommendations, and others", named(rows)))
+        for title, some in tables.items()
+        if some
     ]
-    margins = Sheet("Margins, on the slowest of the robots", ("loop margin of", "gain"), about["margins"])
-    return [facts, *tables, *([margins] if about["margins"] else [])]
 
 
 def words(row: Row) -> str:
@@ -105,18 +91,18 @@ def _cells(row: Row) -> tuple[str, ...]:
     return (words(row), numbers(row), *figures, row["role"] or "")
 
 
-def _facts(work: Tuning) -> Iterator[tuple[str, str]]:
-    """Yield on what the settings were tried."""
-    count, robot = len(work.scenarios) - 1, work.robot
-    off = f"and {count} perturbed scenario{'s' * (count != 1)}: {perturbation(work.nominal, work.options)}"
-    yield "tried on", f"the scenario {off if count else 'alone'}"
-    loop = f"{robot.origin}: {robot.words}" if robot.origin else robot.words or "as the scenario has it"
-    if work.options.margin > 1.0:
-        loop += f", with a gain margin of {work.options.margin:g}"
-    yield (
-        "robot",
-        loop if robot.words and not robot.origin else f"{loop}; give yours by --delay, --lag and --noise",
-    )
+def _facts(work: Tuning, tuned: Tuned) -> Iterator[tuple[str, str]]:
+    """Yield what was tried, and on what."""
+    robot, options = work.robot, work.options
+    feasible = f"{len(tuned.feasible)} keep the limits on every scenario"
+    yield "settings", f"{len(tuned.tried)} in {tuned.runs} runs; {feasible}"
+    start = f"start {math.degrees(options.start):.4g} deg"
+    sizes = f"{start}, target {options.offset:g} m, payload {options.payload:g} kg"
+    off = f" and {len(work.scenarios) - 1} perturbed by at most: {sizes}"
+    yield "tried on", f"the scenario{off if options.perturbed else ''}"
+    words = ": ".join(filter(None, (robot.origin, robot.words))) or "as the scenario has it"
+    hint = "" if robot.words and not robot.origin else "; give yours by --delay, --lag and --noise"
+    yield "robot", f"{words}, with a gain margin of at least {options.margin:g}{hint}"
     for reason in work.left_out:
         yield "not possible", reason
 
@@ -140,7 +126,3 @@ def _lines(tuned: Tuned) -> Iterator[str]:
         error, rate = (a / b if b else 1.0 for a, b in zip(better.worst[:2], own.worst[:2], strict=True))
         ratios = f"{error:.3g} times its error at {rate:.3g} times its peak rate"
         yield f"The setting as written is dominated: {which} has {ratios}."
-    low, high = tuned.margins.get("recommended", (0.0, math.inf))
-    if high <= GAIN_MARGIN:
-        margin = f"its gain margin is {math.sqrt(low * high):.3g}, below {GAIN_MARGIN:g}"
-        yield f"Warning: {margin}; a slower robot needs less feedback, by --gain-margin {GAIN_MARGIN:g}."

@@ -65,20 +65,14 @@ class Options:
         Raises:
             ScenarioError: Lists those that are too small or not finite.
         """
-        least = {
-            "perturbed": 0, "seed": 0, "start": 0, "offset": 0, "payload": 0, "gain_margin": 1, "slower": 1,
-            "runs": 2 * (self.perturbed + 1), "threads": 1,
-        }  # fmt: skip
-        values = {name: getattr(self, name) for name in least}
-        problems = [
-            Problem(
-                (),
-                f"must be finite and >= {least[name]}, got {value:g}",
-                Origin(f"--{name.replace(chr(95), chr(45))}"),
-            )
-            for name, value in values.items()
-            if value is not None and not least[name] <= value < math.inf
-        ]
+        least = dict.fromkeys(("perturbed", "seed", "start", "offset", "payload"), 0)
+        least |= {"gain_margin": 1, "slower": 1, "runs": 2 * (self.perturbed + 1), "threads": 1}
+        problems = list[Problem]()
+        for name, low in least.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value < math.inf:
+                wrong = f"must be finite and >= {low}, got {value:g}"
+                problems.append(Problem((), wrong, Origin(f"--{name.replace('_', '-')}")))
         if problems:
             raise ScenarioError(problems)
 

@@ -83,21 +83,18 @@ class Robot:
 
     def slowest(self, scenario: Scenario) -> Range:
         """Return the largest delay and the largest lag [s]; those of the scenario if the robot has none."""
-        own = {"delay": scenario.plant.delay, "lag": float(np.max(scenario.plant.lag))}
-        delay, lag = (self.ranges[name][1] if name in self.ranges else own[name] for name in own)
-        return delay, lag
+        plant = scenario.plant
+        delay, lag = self.ranges.get("delay", (plant.delay,)), self.ranges.get("lag", (np.max(plant.lag),))
+        return delay[-1], float(lag[-1])
 
     @property
     def words(self) -> str:
-        """The given properties in words: `delay 0 to 8 ms, lag 5 ms, encoder noise 1e-05 rad`."""
-        parts = []
-        for name, (low, high) in self.ranges.items():
-            scale, unit = (1e3, "ms") if _UNITS[name] == "s" else (1.0, "rad")
-            least = f"{scale * low:.4g} to " if low < high else ""
-            parts.append(f"{'encoder ' * (name == 'noise')}{name} {least}{scale * high:.4g} {unit}")
-        if self.calibration:
-            parts.append(f"links off by up to {self.calibration:.3g}, joints by {self.calibration:.3g} rad")
-        return ", ".join(parts)
+        """The properties in words: `delay 0 to 0.008 s, lag 0.005 s, noise 1e-05 rad`."""
+        ranges = {**self.ranges, **({"calibration": (0.0, self.calibration)} if self.calibration else {})}
+        return ", ".join(
+            f"{name} {f'{low:.4g} to ' * (low < high)}{high:.4g} {_UNITS[name]}"
+            for name, (low, high) in ranges.items()
+        )
 
 
 def lengths_of(nominal: Prepared) -> NDArray[np.float64]:
@@ -189,6 +186,5 @@ def _read(text: str, unit: str) -> Range:
 def _has_loop(scenario: Scenario) -> bool:
     """Return whether a scenario describes its loop."""
     plant, encoder = scenario.plant, scenario.arm.encoder
-    numbers: list[Any] = [plant.delay, plant.lag, plant.jitter, plant.loss]
-    numbers += [encoder.noise, encoder.resolution, encoder.delay]
-    return plant.resonance.frequency is not None or any(np.any(number) for number in numbers)
+    numbers: list[Any] = [plant.delay, plant.lag, plant.jitter, plant.loss, plant.resonance.frequency]
+    return any(np.any(number) for number in (*numbers, encoder.noise, encoder.resolution, encoder.delay))

@@ -23,10 +23,7 @@ METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS = (
     f"control.{choices.key}" for choices in (INVERSES, SCHEDULES, POLICIES, LIMITS)
 )
 FEEDBACK = "control.feedback"
-WORDS: Mapping[str, tuple[str, ...]] = {
-    METHOD: INVERSES.names, SCHEDULE: SCHEDULES.names, AT_SINGULARITY: POLICIES.names,
-    ON_EXCESS: LIMITS.names,
-}  # fmt: skip
+WORDS = (METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS)
 
 
 def _searched(parameters: Iterable[Parameter]) -> dict[str, Parameter]:
@@ -71,7 +68,7 @@ class Structure(NamedTuple):
     @property
     def words(self) -> dict[str, str]:
         """Key and value of each part that there is."""
-        parts = dict(zip((METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS), self, strict=True))
+        parts = dict(zip(WORDS, self, strict=True))
         return {key: value for key, value in parts.items() if value}
 
 
@@ -231,12 +228,10 @@ class Space:
         low, high = self.limits[key]
         return min(max(math.log(value / low) / math.log(high / low), 0.0), 1.0) if value > 0.0 else 0.0
 
-    def usual(self, structure: Structure, numbers: Mapping[str, float] | None = None) -> Setting:
-        """Return a structure with given numbers, and otherwise those of the scenario or its defaults."""
-        known = {**self.own, **(numbers or {})}
-        values = [known[key] for key in structure.keys]
-        allowed = [self.only.get(key, (value,)) for key, value in zip(structure.keys, values, strict=True)]
-        fitting = [value if value in some else some[0] for value, some in zip(values, allowed, strict=True)]
+    def usual(self, structure: Structure) -> Setting:
+        """Return a structure with the numbers of the scenario or its defaults."""
+        allowed = {key: self.only.get(key, (self.own[key],)) for key in structure.keys}
+        fitting = (self.own[key] if self.own[key] in some else some[0] for key, some in allowed.items())
         return Setting(structure, tuple(fitting))
 
     def with_feedback(self, setting: Setting, feedback: float) -> Setting:
@@ -261,11 +256,9 @@ def read_only(only: Only) -> dict[str, tuple[Any, ...]]:
     """
     restricted, problems, keys = dict[str, tuple[Any, ...]](), list[Problem](), (*WORDS, *NUMBERS)
     for key, values in only.items() if isinstance(only, Mapping) else map(_split, only):
-        if key not in keys:
-            wrong = f"is not a tunable key; choose from {', '.join(keys)}"
-            problems.append(Problem((), wrong, Origin(f"--only {key}")))
-        elif "" in values:
-            wrong = f"must be KEY=V1,V2,..., for example {METHOD}=damped,filtered"
+        wrong = f"must be KEY=V1,V2,..., for example {METHOD}=damped,filtered" if "" in values else ""
+        wrong = wrong if key in keys else f"is not a tunable key; choose from {', '.join(keys)}"
+        if wrong:
             problems.append(Problem((), wrong, Origin(f"--only {key}")))
         restricted[key] = (*restricted.get(key, ()), *values)
     if problems:

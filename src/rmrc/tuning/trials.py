@@ -68,15 +68,10 @@ class Outcome(NamedTuple):
 
 def worst(outcomes: Sequence[Outcome]) -> Outcome:
     """Return the worst of each of several runs."""
-    figures = zip(*(outcome[:4] for outcome in outcomes), strict=True)
-    error, peak_rate, time, roughness = (max(values) for values in figures)
-    tightest = max(outcomes, key=lambda outcome: outcome.excess)
+    largest = ("error", "peak_rate", "time", "roughness", "ended", "condition")
+    values = {name: max(getattr(outcome, name) for outcome in outcomes) for name in largest}
     completed = min(outcome.completed for outcome in outcomes)
-    ended = any(outcome.ended for outcome in outcomes)
-    condition = max(outcome.condition for outcome in outcomes)
-    return Outcome(
-        error, peak_rate, time, roughness, completed, tightest.excess, tightest.missed, ended, condition
-    )
+    return max(outcomes, key=lambda outcome: outcome.excess)._replace(completed=completed, **values)
 
 
 @dataclass(frozen=True)
@@ -144,29 +139,24 @@ class Limits:
     def _peaks(self, card: Scorecard) -> Iterator[tuple[float, str]]:
         """Yield the relative excess over the limits of the joints, and in words."""
         most = str(card["joint_jerk_cmd.peak_joint"].value)
-        for joint, rate, acceleration, jerk in zip(
-            self.joints, self.rate, self.acceleration, self.jerk, strict=True
-        ):
-            limits = {f"joint_rate.{joint}.peak": rate, f"joint_acceleration.{joint}.peak": acceleration}
-            if joint == most:
-                limits["joint_jerk_cmd.peak"] = jerk
+        for i, joint in enumerate(self.joints):
+            limits = {"joint_rate": self.rate[i], "joint_acceleration": self.acceleration[i]}
             for name, limit in limits.items():
                 if limit < math.inf:
-                    yield _over(card, name, limit, 1.0 + TOLERANCE)
+                    yield _over(card, f"{name}.{joint}.peak", limit, 1.0 + TOLERANCE)
+            if joint == most and self.jerk[i] < math.inf:
+                yield _over(card, "joint_jerk_cmd.peak", self.jerk[i], 1.0 + TOLERANCE)
 
     def progress(self, run: Run) -> tuple[Point, bool]:
         """Return the objectives of a run so far, and whether it exceeded the limit of a joint already."""
         off = run["pose_error"] * np.isin(AXES, run.axes)
-        error = max(_longest(off[:, :3]), self.length * _longest(off[:, 3:]))
+        position, angle = (float(np.linalg.norm(it, axis=1).max()) for it in (off[:, :3], off[:, 3:]))
+        error = max(position, self.length * angle)
         rates = np.abs(run["qdot"]).max(axis=0)
         accelerations = np.abs(np.diff(run["qdot"], axis=0)).max(axis=0) / run.period
         over = np.maximum(rates / self.rate, accelerations / self.acceleration)
         point = Point(float((rates / self.scale).max()), error, len(run) * run.period)
         return point, bool(over.max() > 1.0 + TOLERANCE)
-
-
-def _longest(vectors: NDArray[np.float64]) -> float:
-    return float(np.linalg.norm(vectors, axis=1).max())
 
 
 def _over(card: Scorecard, name: str, limit: float, factor: float = 1.0) -> tuple[float, str]:

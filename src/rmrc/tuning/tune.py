@@ -15,24 +15,11 @@ from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
 from rmrc.support.problems import Problem
 from rmrc.textbook.stability import edge_gain
+from rmrc.tuning import space
 from rmrc.tuning.options import Options
-from rmrc.tuning.robot import Range, Robot, robot_of
+from rmrc.tuning.robot import Robot, robot_of
 from rmrc.tuning.search import Search
-from rmrc.tuning.space import (
-    AT_SINGULARITY,
-    FEEDBACK,
-    NUMBERS,
-    ON_EXCESS,
-    WORDS,
-    Setting,
-    Space,
-    Structure,
-    all_structures,
-    bounds,
-    meets_limits,
-    own_setting,
-    read_only,
-)
+from rmrc.tuning.space import Setting, Space, Structure, own_setting, read_only
 from rmrc.tuning.trials import OnRuns, Trials
 from rmrc.tuning.verdict import Trial, Verdict
 from rmrc.tuning.worlds import draw_scenarios, loops_between
@@ -50,8 +37,6 @@ class Tuned:
         verdict: The best of them.
         control: The recommended control section, ready for YAML; None if no setting is feasible.
         scenarios: The scenario itself, and the perturbed scenarios.
-        margins: Gain margins of the recommended and the second best setting, by role, on the slowest loop:
-            the largest factor on the feedback with which it is stable, and the smallest with which not.
         runs: Number of runs on scenarios.
         interrupted: Whether Ctrl-C ended it.
     """
@@ -62,7 +47,6 @@ class Tuned:
     verdict: Verdict
     control: Mapping[str, Any] | None
     scenarios: tuple[Variant, ...]
-    margins: Mapping[str, Range]
     runs: int
     interrupted: bool
 
@@ -131,47 +115,28 @@ class Tuning:
         with interruptible() as stop:
             (nominal,) = self._study.step([self.nominal], stop)
             edge = edge_gain(self.scenario.control.period, *self.robot.slowest(self.scenario)) / margin
-            limits = bounds(self.nominal, nominal.run, edge)
-            matters = ON_EXCESS in self._only or meets_limits(nominal.run)
+            limits = space.bounds(self.nominal, nominal.run, edge)
+            matters = space.ON_EXCESS in self._only or space.meets_limits(nominal.run)
             structures = tuple(it for it in self._structures if matters or not it.on_excess)
-            values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
-            space = Space(structures, limits, self._only, values)
+            values = {key: float(attrgetter(key)(self.scenario)) for key in space.NUMBERS}
+            possible = Space(structures, limits, self._only, values)
             trials = Trials(self._study, self.scenarios, self.loops, threads, stop, on_runs)
-            search = Search(space, trials, margin, options.runs, options.seed)
+            search = Search(possible, trials, margin, options.runs, options.seed)
             verdict = search.run(own_setting(self.scenario), options.slower)
             if verdict is None:
                 raise KeyboardInterrupt
-            runs = trials.done
-            margins = self._gain_margins(search, verdict, limits[FEEDBACK][1] * margin)
-            interrupted = stop.is_set()
+            runs, interrupted = trials.done, stop.is_set()
         best = verdict.recommended
-        return Tuned(
-            own=search.tried[0],
-            tried=tuple(search.tried),
-            feasible=tuple(search.feasible),
-            verdict=verdict,
-            control=self.written(best.setting).get("control", {}) if best else None,
-            scenarios=self.scenarios,
-            margins=margins,
-            runs=runs,
-            interrupted=interrupted,
-        )
-
-    def _gain_margins(self, search: Search, verdict: Verdict, limit: float) -> dict[str, Range]:
-        """Return the gain margins of the recommendations, by role, on the slowest loop."""
-        margins = dict[str, Range]()
-        for role, trial in {"recommended": verdict.recommended, "second best": verdict.second}.items():
-            if trial is not None and trial.setting.feedback > 0.0:
-                margin = search.gain_margin(trial.setting, limit)
-                margins |= {role: margin} if margin else {}
-        return margins
+        control = self.written(best.setting).get("control", {}) if best else None
+        own, tried, feasible = search.tried[0], tuple(search.tried), tuple(search.feasible)
+        return Tuned(own, tried, feasible, verdict, control, self.scenarios, runs, interrupted)
 
     def written(self, setting: Setting) -> dict[str, Any]:
         """Return the scenario as written, with a setting, and without keys that the setting does not read."""
         data = self.draft.changed(*setting.changes).values()
         if not setting.is_written:
-            read = (*setting.values, ON_EXCESS)  # rates are limited whatever it is
-            for key in (*WORDS, *NUMBERS):
+            read = (*setting.values, space.ON_EXCESS)  # rates are limited whatever it is
+            for key in (*space.WORDS, *space.NUMBERS):
                 if key not in read:
                     _remove(data, key.split("."))
         return data
@@ -181,10 +146,10 @@ class Tuning:
         structures, reasons = list[Structure](), dict[Problem, None]()
         control = self.scenario.control
         tried = [policy.name for policy in POLICIES.options if policy.is_tried]
-        usual = self._only.get(AT_SINGULARITY, (*tried, control.at_singularity))
+        usual = self._only.get(space.AT_SINGULARITY, (*tried, control.at_singularity))
         own = control.limits.on_excess
-        for structure in all_structures(name for name in POLICIES.names if name in usual):
-            values = {ON_EXCESS: own, **structure.words}
+        for structure in space.all_structures(name for name in POLICIES.names if name in usual):
+            values = {space.ON_EXCESS: own, **structure.words}
             is_asked = all(value in self._only.get(key, (value,)) for key, value in values.items())
             if not is_asked or structure.on_excess == own:  # that is one of the others
                 continue
@@ -195,7 +160,7 @@ class Tuning:
             else:
                 structures.append(structure)
         if not structures:
-            rule = f"{ON_EXCESS}: must be {own}, as the scenario has it, or optimal, with the method damped"
+            rule = f"{space.ON_EXCESS}: must be {own}, as in the scenario, or optimal with the method damped"
             raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons or (rule,))
         return tuple(structures), tuple(map(str, reasons))
 

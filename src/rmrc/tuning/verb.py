@@ -90,7 +90,7 @@ def write(work: Tuning, tuned: Tuned, folder: Path, picture: Path | None = None)
         The files.
     """
     from rmrc.show.figures import save
-    from rmrc.tuning.figure import front_figure
+    from rmrc.tuning.page import front_figure
 
     paths, rows = files(work, folder, picture), rows_of(tuned)
     write_table(paths[2], _COLUMNS, rows, about(work, tuned))

@@ -14,17 +14,6 @@ from rmrc.tuning.robot import Robot, lengths_of
 LOOPS = 6
 
 
-def perturbation(nominal: Prepared, options: Options) -> str:
-    """Return the sizes of the perturbations of a scenario, in words."""
-    parts = {
-        f"joints start within {np.degrees(options.start):.4g} deg": options.start,
-        f"target within {options.offset:g} m along each axis": has_points(nominal.scenario)
-        and options.offset,
-        f"payload up to {options.payload:g} kg more": options.payload,
-    }
-    return "; ".join(part for part, size in parts.items() if size) or "no perturbation"
-
-
 def draw_scenarios(nominal: Prepared, options: Options, robot: Robot) -> tuple[Variant, ...]:
     """Return the scenario itself and perturbed scenarios, drawn from the Sobol sequence.
 
@@ -44,7 +33,7 @@ def draw_scenarios(nominal: Prepared, options: Options, robot: Robot) -> tuple[V
     if options.payload and not nominal.plant.has_physics:
         wrong = f"must be 0 in an {scenario.plant.kind} plant, which has no loads; use another plant.kind"
         raise ScenarioError.about("--payload", wrong)
-    moved = [axis in scenario.task.axes and bool(options.offset) and has_points(scenario) for axis in "xyz"]
+    moved = [axis in scenario.task.axes and bool(options.offset) and _has_points(scenario) for axis in "xyz"]
     sizes = [arm.n if options.start else 0, sum(moved), len(robot.varied), bool(options.payload)]
     if sum(sizes) > MOST_DRAWN:
         wrong = f"at most {MOST_DRAWN} numbers can be drawn, got {sum(sizes)}; use --start 0"
@@ -90,12 +79,11 @@ def loops_between(nominal: Prepared, robot: Robot) -> tuple[Variant, ...]:
     return tuple(_named("the scenario itself", values) for values in loops)
 
 
-def has_points(scenario: Scenario) -> bool:
-    """Return whether a path has an absolute point for `target.offset`, and the task an axis for it."""
-    return not set("xyz").isdisjoint(scenario.task.axes) and any(
-        segment.arc is not None or (segment.line is not None and segment.line.to is not None)
-        for segment in scenario.target.path
-    )
+def _has_points(scenario: Scenario) -> bool:
+    """Return whether a path has an absolute point for `target.offset`."""
+    lines = (segment.line for segment in scenario.target.path)
+    has_arc = any(segment.arc is not None for segment in scenario.target.path)
+    return has_arc or any(line is not None and line.to is not None for line in lines)
 
 
 def _named(name: str, values: dict[str, object]) -> Variant:
