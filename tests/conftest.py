@@ -202,12 +202,6 @@ def undrawn():
 
 
 @pytest.fixture
-def unmargined(monkeypatch):
-    """Leave the margins of what `tune` recommends unmeasured, which take ten small searches: for tests of something else."""
-    monkeypatch.setattr("rmrc.tuning.tune.Tuning._gain_margins", lambda *_: {})
-
-
-@pytest.fixture
 def rmrc(tmp_path, monkeypatch, capfd):
     """Return a function: arguments -> (exit code, stdout, stderr), run in an empty folder."""
     monkeypatch.chdir(tmp_path)

@@ -59,7 +59,7 @@ OWNERS = {
             "rmrc.show.textbook_figures",
             "rmrc.study.plotting",
             "rmrc.study.sweep_report",
-            "rmrc.tuning.figure",
+            "rmrc.tuning.page",
             "rmrc.film.film",
             "rmrc.film.strip",
         ),

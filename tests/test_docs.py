@@ -429,7 +429,6 @@ def test_the_python_examples_of_a_page_print_what_it_says(monkeypatch, capsys, n
         assert capsys.readouterr().out.splitlines() == said
 
 
-@pytest.mark.usefixtures("unmargined")
 def test_the_python_example_of_the_readme_runs(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)  # it names what is shipped
     (block,) = (text.replace("runs=100", "runs=15") for text in fenced(README, "python"))

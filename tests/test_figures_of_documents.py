@@ -37,7 +37,6 @@ COARSE = {
 }
 
 
-@pytest.mark.usefixtures("unmargined")
 @pytest.mark.parametrize(
     "command",
     mostly_long(COMMANDS, 5, slow=[one for one in COMMANDS if " margins " in one or "workspace_6_3" in one]),

@@ -165,7 +165,7 @@ def test_a_file_that_cannot_be_written_in_the_end_is_an_error(short, tmp_path, m
         rmrc.run(short, out=tmp_path / "out", record=False)
 
 
-@pytest.mark.usefixtures("undrawn", "unmargined")
+@pytest.mark.usefixtures("undrawn")
 def test_tune_answers_with_a_section_and_writes_if_it_is_asked_to(short, tmp_path):
     only = {"control.inverse.damping.schedule": ["constant"], "control.feedback": [10, 15]}
     only["control.inverse.method"] = ["damped"]

@@ -18,7 +18,7 @@ from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.margins.margins import bears
 from rmrc.study.study import Study
-from rmrc.tuning.robot import GAIN_MARGIN
+from rmrc.tuning.options import GAIN_MARGIN
 from rmrc.tuning.trials import CHATTER, SATURATED
 from rmrc.tuning.tune import Tuning
 
@@ -76,7 +76,7 @@ def error_of(world, card):
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_what_is_recommended_keeps_every_limit_on_each_delay_and_is_near_the_best_of_a_grid(name, margin):
     path, late = ROOT / f"scenarios/{name}.yaml", {"plant.delay": max(DELAYS)}
-    found = Tuning(path, robot={"delay": "6ms..12ms"}, gain_margin=margin, runs=600).run()
+    found = Tuning(path, delay="6ms..12ms", gain_margin=margin, runs=600).run()
     best, settings, study = found.verdict.recommended, grid(), Study(load(path))
     bearing = np.ones(len(settings) + 1, bool)
     if margin > 1.0:
@@ -97,13 +97,12 @@ def test_what_is_recommended_keeps_every_limit_on_each_delay_and_is_near_the_bes
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("unmargined")
 @pytest.mark.parametrize("name", SINGULAR)
 def test_near_a_singularity_what_is_recommended_keeps_every_limit_and_is_plain_only_if_nothing_else_does(
     name,
 ):
     path = ROOT / f"scenarios/{name}.yaml"
-    best = Tuning(path, robot={"delay": "8ms"}, perturbed=1, runs=RUNS).run().verdict.recommended
+    best = Tuning(path, delay="8ms", perturbed=1, runs=RUNS).run().verdict.recommended
     worlds, ((card, *others),) = cards_of(name, [best.setting.values, *grid()], (0.008,))
     assert keeps(worlds[0], card)
     late = changes_of({**best.setting.values, "plant.delay": 0.008})

@@ -9,8 +9,6 @@ from rmrc.simulation.simulation import ASKED, Simulation
 from rmrc.study.study import Study
 from rmrc.tuning.tune import Tuning
 
-pytestmark = pytest.mark.usefixtures("unmargined")
-
 TEXT = f"""
 name: quick
 arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [30 deg, -60 deg]}}

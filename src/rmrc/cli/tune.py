@@ -99,29 +99,27 @@ def tune(
 
     Rates each setting by its worst result on the scenario and its perturbed scenarios, over all robots that
     --delay, --lag, --noise and --calibration or the scenario describe; without them, on an assumed modest
-    robot. Prints the Pareto front of peak rate and error, the gain margin of each recommendation, and a
-    control section to paste. Writes NAME.tune.yaml, .png and .parquet. Exit code 1: no setting keeps the
-    limits.
+    robot. Prints the Pareto front of peak rate and error, the recommendation, and a control section to
+    paste. Writes NAME.tune.yaml, .png and .parquet. Exit code 1: no setting keeps the limits.
     """
     from rmrc.results.leaving import refuse_unwritable
     from rmrc.scenario import angle
     from rmrc.tuning.tune import Tuning
-    from rmrc.tuning.worlds import Spread
+    from rmrc.tuning.verb import files
 
     drawable(picture)
     try:
         off = angle(start)
     except ValueError as error:
         raise ScenarioError.about("--start", str(error)) from None
-    spread = Spread(off, offset, payload)
     with interruption("interrupted before the first result"):
         work = Tuning(
-            scenario, set_ or (), only=only or (), perturbed=perturbed, seed=seed, spread=spread,
-            robot={"delay": delay, "lag": lag, "noise": noise, "calibration": calibration},
-            ideal=ideal, gain_margin=gain_margin, slower=slower, runs=runs, threads=threads,
+            scenario, set_ or (), only=only or (), perturbed=perturbed, start=off, offset=offset,
+            payload=payload, delay=delay, lag=lag, noise=noise, calibration=calibration, ideal=ideal,
+            gain_margin=gain_margin, slower=slower, runs=runs, seed=seed, threads=threads,
         )  # fmt: skip
         work.compile()
-        refuse_unwritable(work.files(out, picture))
+        refuse_unwritable(files(work, out, picture))
         with progress(f"{work.scenario.name}: {runs} runs", runs, quiet, unit="runs") as on_runs:
             tuned = work.run(on_runs)
     if tuned.interrupted:  # printed first: the picture takes longer than a user waits after Ctrl-C
@@ -134,16 +132,16 @@ def tune(
 
 def _show(work: "Tuning", tuned: "Tuned", places: tuple[Path, Path | None], quiet: bool) -> None:
     from rmrc.show.terminal import render
-    from rmrc.tuning.answer import answer_of, sheets
+    from rmrc.tuning.answer import about, rows_of, sheets
     from rmrc.tuning.verb import write
 
-    console, answer = output(quiet), answer_of(work, tuned)
-    console.print(render(sheets(answer)))
+    console, facts = output(quiet), about(work, tuned)
+    console.print(render(sheets(facts, rows_of(tuned))))
     if tuned.feasible:
-        for line in answer["lines"]:
+        for line in facts["lines"]:
             console.print(line, highlight=False)
-        console.print(f"\n{answer['block']}", highlight=False, soft_wrap=True)
+        console.print(f"\n{facts['block']}", highlight=False, soft_wrap=True)
     for path in write(work, tuned, *places):
         print_line(console, f"wrote {path}")
     if not tuned.feasible:
-        complain(answer["lines"][0])
+        complain(facts["lines"][0])

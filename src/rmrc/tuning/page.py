@@ -1,18 +1,26 @@
-"""`rmrc.report`: the report page of a verb's output, and that of a search."""
+"""`rmrc.report`: the report page of a verb's output, and that of a search with the picture of its front."""
 
 import json
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from rmrc.show import run_page
+from rmrc.show.figures import MARKERS, entitle, explain, lettering, plain, sheet
 from rmrc.show.page import Page
+from rmrc.show.panels import paints
 from rmrc.show.run_page import versions
 from rmrc.study import sweep_report
 from rmrc.study.dataset import Table, about_of, read_table
 from rmrc.study.swept import Swept
 from rmrc.support.files import reading
-from rmrc.tuning.answer import sheets
-from rmrc.tuning.figure import front_figure
+from rmrc.tuning.answer import Row, front, named, numbers, sheets, words
+from rmrc.tuning.space import METHOD
+
+# Markers of the roles, which are distinguished without colors.
+_SHAPES = "*DXP"
 
 
 def page(path: Path) -> Page:
@@ -54,30 +62,55 @@ def report(result: str | PathLike[str], path: str | PathLike[str] | None = None)
 
 
 def _of_search(table: Table) -> Page:
-    answer = json.loads(about_of(table))
-    facts, *tables = sheets(answer)
-    verdict = "No tried setting keeps the limits."
-    if answer["named"]:
-        best = answer["named"][0]
-        verdict = (
-            f"Recommended: {best['words']} ({best['numbers']}), with an error of "
-            f"{1e3 * best['error']:.3g} mm at a peak rate of {best['peak_rate']:.3g} rad/s."
-        )
-    made = Page(f"Tuning of {answer['name']}", verdict)
-    if answer["block"]:
+    about, rows = json.loads(about_of(table)), table.to_pylist()
+    verdict, best = "No tried setting keeps the limits.", next(iter(named(rows)), None)
+    if best:
+        result = f"{1e3 * best['error']:.3g} mm at a peak rate of {best['peak_rate']:.3g} rad/s"
+        verdict = f"Recommended: {words(best)} ({numbers(best)}), with an error of {result}."
+    made = Page(f"Tuning of {about['name']}", verdict)
+    if best:
         made.section("To paste", "The recommended control section.")
-        made.code(answer["block"], "Copy the block")
-    made.section("Trials")
-    made.table(facts)
-    if answer["named"]:
+        made.code(about["block"], "Copy the block")
         made.section("Error against peak rate")
-        made.figure(
-            front_figure(answer, table.to_pylist()), "Settings that keep the limits, and the Pareto front"
-        )
-    for sheet in tables:
-        made.table(sheet)
-    made.section("Notes")
-    made.items(answer["lines"])
+        made.figure(front_figure(about["name"], rows), "Settings that keep the limits, and the Pareto front")
+    made.section("Trials")
+    for table in sheets(about, rows):
+        made.table(table)
+    made.items(about["lines"])
     made.section("Made with")
-    made.table(versions(answer["versions"]))
+    made.table(versions(about["versions"]))
     return made
+
+
+def front_figure(name: str, rows: Sequence[Row]) -> Figure:
+    """Return the picture of the settings that keep the limits.
+
+    Args:
+        name: Name of the scenario.
+        rows: All settings, as `rmrc.tuning.verb.rows_of` returns them, one of them recommended.
+    """
+    feasible = [row for row in rows if row["feasible"]]
+    methods = sorted({row[METHOD] for row in feasible})
+    with lettering():
+        figure = sheet(9.0, 5.4)
+        axes = figure.add_subplot(xlabel="largest joint rate [rad/s]", ylabel="largest error [m]")
+        # a log scale has no 0: an arm that holds still in an ideal plant has no error
+        axes.set_yscale("log" if all(row["error"] > 0.0 for row in feasible) else "linear")
+        for i, (color, method) in enumerate(zip(paints(len(methods)), methods, strict=True)):
+            points = _columns([row for row in feasible if row[METHOD] == method])
+            (rings,) = axes.plot(*points, MARKERS[i % len(MARKERS)], color=color, label=plain(method))
+            rings.set_markersize(11.0 - i)  # methods are often equal: nested rings show how many there are
+            rings.set_markerfacecolor("none")
+        axes.step(*_columns(front(rows)), where="post", color="black", label="front", zorder=3)
+        for shape, row in zip(_SHAPES, named(rows), strict=False):
+            label = f"{row['role']}: {plain(words(row))}"
+            axes.plot(*_columns([row]), shape, ms=13.0, color="white", mec="black", label=label)
+        axes.grid(color="0.88")
+        entitle(figure, f"{plain(name)}: settings within all limits")
+        explain(figure, loc="outside right upper")
+    return figure
+
+
+def _columns(rows: Sequence[Row]) -> tuple[list[float], list[float]]:
+    """Return peak rates and errors."""
+    return [row["peak_rate"] for row in rows], [row["error"] for row in rows]

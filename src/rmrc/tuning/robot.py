@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +15,13 @@ from rmrc.scenario.values import quantity
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin, Problem
+from rmrc.tuning.options import Options
 
 Range = tuple[float, float]
-Given: TypeAlias = str | float | Sequence[float] | None
-"""A range as it is given: a number, a pair of them, a text such as `6ms..12ms`, or nothing."""
 
 # The assumed robot, by published loops, if nothing is known: commands take two periods and more, actuators
 # lag, and an encoder of 19 bits rounds to 1e-5 rad.
 DELAY, PERIODS, LAG, NOISE = 0.008, 2, 0.005, 1e-5
-# The factor on its feedback that a recommended setting must tolerate on an assumed robot.
-GAIN_MARGIN = 2.0
 
 _UNITS = {"delay": "s", "lag": "s", "noise": "rad", "calibration": "1"}
 _KEYS = {"delay": "plant.delay", "lag": "plant.lag", "noise": "arm.encoder.noise"}
@@ -40,14 +37,12 @@ class Robot:
             slides, times task.length, m]; those that are missing are as in the scenario.
         calibration: Errors of link lengths and joint zeros, to either side: share of a length, and angle
             [1, rad]; of slides, times task.length [m].
-        is_assumed: Whether nothing of its loop was given.
-        profile: Name of the profile with its published loop; "": none.
+        origin: `assumed`, or the profile with its published loop; "" if options or the scenario describe it.
     """
 
     ranges: Mapping[str, Range]
     calibration: float = 0.0
-    is_assumed: bool = False
-    profile: str = ""
+    origin: str = ""
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -88,21 +83,18 @@ class Robot:
 
     def slowest(self, scenario: Scenario) -> Range:
         """Return the largest delay and the largest lag [s]; those of the scenario if the robot has none."""
-        own = {"delay": scenario.plant.delay, "lag": float(np.max(scenario.plant.lag))}
-        delay, lag = (self.ranges[name][1] if name in self.ranges else own[name] for name in own)
-        return delay, lag
+        plant = scenario.plant
+        delay, lag = self.ranges.get("delay", (plant.delay,)), self.ranges.get("lag", (np.max(plant.lag),))
+        return delay[-1], float(lag[-1])
 
     @property
     def words(self) -> str:
-        """The given properties in words: `delay 0 to 8 ms, lag 5 ms, encoder noise 1e-05 rad`."""
-        parts = []
-        for name, (low, high) in self.ranges.items():
-            scale, unit = (1e3, "ms") if _UNITS[name] == "s" else (1.0, "rad")
-            least = f"{scale * low:.4g} to " if low < high else ""
-            parts.append(f"{'encoder ' * (name == 'noise')}{name} {least}{scale * high:.4g} {unit}")
-        if self.calibration:
-            parts.append(f"links off by up to {self.calibration:.3g}, joints by {self.calibration:.3g} rad")
-        return ", ".join(parts)
+        """The properties in words: `delay 0 to 0.008 s, lag 0.005 s, noise 1e-05 rad`."""
+        ranges = {**self.ranges, **({"calibration": (0.0, self.calibration)} if self.calibration else {})}
+        return ", ".join(
+            f"{name} {f'{low:.4g} to ' * (low < high)}{high:.4g} {_UNITS[name]}"
+            for name, (low, high) in ranges.items()
+        )
 
 
 def lengths_of(nominal: Prepared) -> NDArray[np.float64]:
@@ -110,27 +102,26 @@ def lengths_of(nominal: Prepared) -> NDArray[np.float64]:
     return np.where(nominal.arm.is_slide, nominal.task.length, 1.0)
 
 
-def robot_of(scenario: Scenario, given: Mapping[str, Given], *, ideal: bool) -> Robot:
+def robot_of(scenario: Scenario, options: Options) -> Robot:
     """Return the uncertainty about a scenario's robot, assumed if neither options nor scenario describe it.
 
     Args:
-        scenario: Its `tune` has the properties that are not given; if its plant or its encoders have a loop
-            of their own, nothing is assumed.
-        given: Ranges by name, as options.
-        ideal: Whether to keep the loop of the scenario.
+        scenario: Its `tune` has the properties that the options do not have; if its plant or its encoders
+            have a loop of their own, nothing is assumed.
+        options: Options of the search.
 
     Raises:
         ScenarioError: Lists the problems of the ranges.
     """
-    options = {name: value for name, value in given.items() if value is not None}
-    if ideal:
-        if options:
-            names = " and ".join(f"--{name}" for name in options)
+    asked = {name: getattr(options, name) for name in _UNITS if getattr(options, name) is not None}
+    if options.ideal:
+        if asked:
+            names = " and ".join(f"--{name}" for name in asked)
             raise ScenarioError.about("--ideal", f"uses the loop of the scenario, got {names} as well")
         return Robot({})
     ranges, problems = dict[str, Range](), list[Problem]()
     for name, unit in _UNITS.items():
-        value = options.get(name, getattr(scenario.tune, name))
+        value = asked.get(name, getattr(scenario.tune, name))
         try:
             ranges |= {} if value is None else {name: read_range(value, unit)}
         except ValueError as error:
@@ -140,27 +131,22 @@ def robot_of(scenario: Scenario, given: Mapping[str, Given], *, ideal: bool) -> 
     calibration = ranges.pop("calibration", (0.0, 0.0))[1]
     if ranges or _has_loop(scenario):
         return Robot(ranges, calibration)
-    profile, published = _published(scenario)
+    profile = scenario.control.limits.profile or scenario.expect.get(PROFILE)
+    published = _published(profile) if isinstance(profile, str) else {}
     if published:
-        return Robot(published, calibration, profile=profile)
+        return Robot(published, calibration, f"profile {profile}")
     late = max(PERIODS * scenario.control.period, DELAY)
-    assumed = {"delay": (0.0, late), "lag": (0.0, LAG), "noise": (NOISE, NOISE)}
-    return Robot(assumed, calibration, is_assumed=True)
+    return Robot({"delay": (0.0, late), "lag": (0.0, LAG), "noise": (NOISE, NOISE)}, calibration, "assumed")
 
 
-def _published(scenario: Scenario) -> tuple[str, dict[str, Range]]:
-    """Return the profile that a scenario names, and its properties of the loop."""
-    name = scenario.control.limits.profile or scenario.expect.get(PROFILE)
-    if not isinstance(name, str):
-        return "", {}
-    profile = load_profile(name)
-    loop, rounding = profile.loop, profile.loop.encoder_resolution
-    ranges = {
-        name: read_range(it.value, "s") for name, it in (("delay", loop.delay), ("lag", loop.lag)) if it
-    }
-    if rounding:  # acts like noise that is uniform within a step
-        ranges["noise"] = read_range(rounding.value / math.sqrt(12.0), "rad")
-    return profile.name, ranges
+def _published(profile: str) -> dict[str, Range]:
+    """Return the properties of the loop that a profile has."""
+    loop = load_profile(profile).loop
+    known = {"delay": loop.delay, "lag": loop.lag}
+    ranges = {name: read_range(it.value, "s") for name, it in known.items() if it}
+    if loop.encoder_resolution:  # acts like noise that is uniform within a step
+        ranges["noise"] = read_range(loop.encoder_resolution.value / math.sqrt(12.0), "rad")
+    return ranges
 
 
 def read_range(given: str | float | Sequence[float], unit: str) -> Range:
@@ -168,12 +154,12 @@ def read_range(given: str | float | Sequence[float], unit: str) -> Range:
 
     Args:
         given: A number, two of them, or a text: `8ms`, `6ms..12ms`, `0..1e-5`.
-        unit: Unit of numbers without one; the unit of a text's last number is that of all.
+        unit: Unit of numbers without one.
 
     Raises:
         ValueError: It is no range, negative, or the largest comes first.
 
-    >>> read_range("6..12ms", "s"), read_range(0.008, "s")
+    >>> read_range("6ms..12ms", "s"), read_range(0.008, "s")
     ((0.006, 0.012), (0.008, 0.008))
     """
     if isinstance(given, str):
@@ -186,12 +172,10 @@ def read_range(given: str | float | Sequence[float], unit: str) -> Range:
 
 
 def _read(text: str, unit: str) -> Range:
-    low, dots, high = text.partition("..")
+    low, _, high = text.partition("..")
     try:
-        most, has_unit = quantity(high if dots else low, unit)
-        least, is_whole = quantity(low, unit)
-        if has_unit and not is_whole:  # `6..12ms`
-            least, _ = quantity(f"{low.strip()} {high.strip().lstrip('+-0123456789.eE')}", unit)
+        least, _ = quantity(low, unit)
+        most, has_unit = quantity(high or low, unit)
     except ValueError as error:
         raise ValueError(f"must be a range such as {_EXAMPLES[unit]}, got {text}, which {error}") from None
     if unit == "s" and most >= 1.0 and not has_unit:  # the unit must be explicit
@@ -202,6 +186,5 @@ def _read(text: str, unit: str) -> Range:
 def _has_loop(scenario: Scenario) -> bool:
     """Return whether a scenario describes its loop."""
     plant, encoder = scenario.plant, scenario.arm.encoder
-    numbers: list[Any] = [plant.delay, plant.lag, plant.jitter, plant.loss]
-    numbers += [encoder.noise, encoder.resolution, encoder.delay]
-    return plant.resonance.frequency is not None or any(np.any(number) for number in numbers)
+    numbers: list[Any] = [plant.delay, plant.lag, plant.jitter, plant.loss, plant.resonance.frequency]
+    return any(np.any(number) for number in (*numbers, encoder.noise, encoder.resolution, encoder.delay))

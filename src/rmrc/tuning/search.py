@@ -18,7 +18,6 @@ import numpy as np
 from rmrc.study.sobol import sobol_point
 from rmrc.tuning.front import Point, area, front
 from rmrc.tuning.neighbors import neighbors
-from rmrc.tuning.robot import Range
 from rmrc.tuning.space import FEEDBACK, Setting, Space
 from rmrc.tuning.trials import Outcome, Trials
 from rmrc.tuning.verdict import ALIKE, Trial, Verdict, best, judge
@@ -41,9 +40,6 @@ _WORTH = 5e-4
 _SHARES = (1.0, 0.94, 0.88, 0.8, 0.7, 0.5, 0.25)
 # Inverses with some g(σ) σ above 1: less feedback may be less stable than more.
 _ABOVE_1 = ("transpose", "jparse")
-# Ratio of two factors between which a gain margin is known; the least factor, and the largest relative to the
-# expected one.
-_ACCURACY, _LEAST, _MOST = 1.06, 0.01, 10.0
 _STABLE = Outcome(0.0, 0.0, 0.0, 0.0, 1.0, -1.0, "")
 
 
@@ -72,7 +68,8 @@ class Search:
     @property
     def feasible(self) -> list[Trial]:
         """Settings that keep all limits on all worlds, within the restrictions of the search."""
-        return [trial for trial in self._sound if self._is_whole(trial)]
+        worlds = range(self._trials.worlds)
+        return [trial for trial in self._sound if all(world in trial.outcomes for world in worlds)]
 
     def run(self, own: Setting, slower: float) -> Verdict | None:
         """Use the runs, as long as there is time, and return the verdict; None: interrupted too early.
@@ -95,14 +92,14 @@ class Search:
             if len(areas) > _PATIENCE and areas[-1] <= (1.0 + _GROWTH) * areas[-1 - _PATIENCE]:
                 break
             self._try(neighbors(self._space, self.tried, self._parents(), reference, _ROUND, random))
-        self._complete(self._finalists())
-        for _ in range(_SETTLED):  # on all worlds others may be better
-            if self._trials.done < self._budget:
+        for attempt in range(1 + _SETTLED):  # on all worlds others may be better
+            if attempt == 0 or self._trials.done < self._budget:
                 self._complete(self._finalists())
         while True:
             verdict = judge(self.feasible, self.tried, self.tried[0])
-            named = [trial for trial in (verdict.recommended, verdict.second) if trial]
-            if not self._confirm(named):
+            named, loops = [it for it in (verdict.recommended, verdict.second) if it], self._trials.loops
+            jobs = [(trial, loop) for trial in named for loop in loops if loop not in trial.outcomes]
+            if not jobs or not self._run(jobs):
                 return verdict
 
     def _begin(self, own: Setting, slower: float) -> bool:
@@ -131,9 +128,6 @@ class Search:
         least = min(2, self._trials.worlds)
         known = [trial for trial in self.tried if len(trial.outcomes) >= least and trial.keeps_limits]
         return [trial for trial in known if self._space.allows(trial.setting)]
-
-    def _is_whole(self, trial: Trial) -> bool:
-        return all(world in trial.outcomes for world in range(self._trials.worlds))
 
     def _line(self, some: Sequence[Trial]) -> list[Trial]:
         """Return the front of some, as far as its errors are of use, by rising peak rate."""
@@ -242,12 +236,6 @@ class Search:
         self._run([(trial, world) for trial in some for world in worlds if world not in trial.outcomes])
         self._check_margin(some)
 
-    def _confirm(self, named: Sequence[Trial]) -> bool:
-        """Run the scenario itself on more loops; return whether something was done."""
-        loops = self._trials.loops
-        jobs = [(trial, loop) for trial in named for loop in loops if loop not in trial.outcomes]
-        return bool(jobs) and self._run(jobs)
-
     # Margins ----------------------------------------------------------------------------------
 
     def _lower_feedback(self) -> None:
@@ -282,24 +270,6 @@ class Search:
                     other.margin = _STABLE
             left = [trial for trial in left if trial.margin is None]
         return True
-
-    def gain_margin(self, setting: Setting, limit: float) -> Range | None:
-        """Return the factors on its feedback between which a loop becomes unstable; None: interrupted.
-
-        Args:
-            setting: With a feedback.
-            limit: Expected feedback at the stability limit [1/s].
-        """
-        low, high = self._margin if self._margin > 1.0 else 0.0, math.inf
-        factor = max(low, limit / setting.feedback) / math.sqrt(_ACCURACY)
-        while high > low * _ACCURACY and _LEAST < factor < _MOST * limit / setting.feedback:
-            if factor > low:
-                (is_stable,) = self._trials.bears([setting], factor)
-                if is_stable is None:
-                    return None
-                low, high = (factor, high) if is_stable else (low, factor)
-            factor = low * _ACCURACY**2 if high == math.inf else math.sqrt(low * high) if low else 0.5 * high
-        return low, high
 
 
 def _rank(trial: Trial) -> tuple[float, bool, float]:

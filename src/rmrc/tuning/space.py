@@ -1,7 +1,8 @@
 """What a search may change: the choices and numbers of a control law, their bounds, and `--only`."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeAlias
@@ -15,16 +16,14 @@ from rmrc.scenario.choices import INVERSES, LIMITS, POLICIES, SCHEDULES, Paramet
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin, Problem
+from rmrc.tuning.options import Only
 from rmrc.tuning.robot import lengths_of
 
 METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS = (
     f"control.{choices.key}" for choices in (INVERSES, SCHEDULES, POLICIES, LIMITS)
 )
 FEEDBACK = "control.feedback"
-WORDS: Mapping[str, tuple[str, ...]] = {
-    METHOD: INVERSES.names, SCHEDULE: SCHEDULES.names, AT_SINGULARITY: POLICIES.names,
-    ON_EXCESS: LIMITS.names,
-}  # fmt: skip
+WORDS = (METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS)
 
 
 def _searched(parameters: Iterable[Parameter]) -> dict[str, Parameter]:
@@ -37,8 +36,6 @@ _SEARCHED = _OF_INVERSES | _searched(POLICIES.parameters)
 NUMBERS = tuple(dict.fromkeys((*_OF_INVERSES, FEEDBACK, *_SEARCHED)))
 
 Point: TypeAlias = NDArray[np.float64]
-Only: TypeAlias = Sequence[str] | Mapping[str, Iterable[str | float]]
-"""Values by key, or a text `KEY=V1,V2,...` for each key."""
 
 
 class Structure(NamedTuple):
@@ -71,7 +68,7 @@ class Structure(NamedTuple):
     @property
     def words(self) -> dict[str, str]:
         """Key and value of each part that there is."""
-        parts = dict(zip((METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS), self, strict=True))
+        parts = dict(zip(WORDS, self, strict=True))
         return {key: value for key, value in parts.items() if value}
 
 
@@ -231,12 +228,10 @@ class Space:
         low, high = self.limits[key]
         return min(max(math.log(value / low) / math.log(high / low), 0.0), 1.0) if value > 0.0 else 0.0
 
-    def usual(self, structure: Structure, numbers: Mapping[str, float] | None = None) -> Setting:
-        """Return a structure with given numbers, and otherwise those of the scenario or its defaults."""
-        known = {**self.own, **(numbers or {})}
-        values = [known[key] for key in structure.keys]
-        allowed = [self.only.get(key, (value,)) for key, value in zip(structure.keys, values, strict=True)]
-        fitting = [value if value in some else some[0] for value, some in zip(values, allowed, strict=True)]
+    def usual(self, structure: Structure) -> Setting:
+        """Return a structure with the numbers of the scenario or its defaults."""
+        allowed = {key: self.only.get(key, (self.own[key],)) for key in structure.keys}
+        fitting = (self.own[key] if self.own[key] in some else some[0] for key, some in allowed.items())
         return Setting(structure, tuple(fitting))
 
     def with_feedback(self, setting: Setting, feedback: float) -> Setting:
@@ -259,29 +254,22 @@ def read_only(only: Only) -> dict[str, tuple[Any, ...]]:
     Raises:
         ScenarioError: Lists the texts and keys that restrict nothing.
     """
-    restricted, problems = dict[str, tuple[Any, ...]](), list[Problem]()
-    for item in only.items() if isinstance(only, Mapping) else only:
-        key, values = item if isinstance(item, tuple) else _split(item)
-        if key in (*WORDS, *NUMBERS) and key not in restricted and "" not in values:
-            restricted[key] = tuple(values)
-            continue
-        why = f"is not a tunable key; choose from {', '.join((*WORDS, *NUMBERS))}"
-        why = "is given twice" if key in restricted else why
-        why = f"must be KEY=V1,V2,..., for example {METHOD}=damped,filtered" if "" in values else why
-        problems.append(Problem((), why, Origin(f"--only {key}")))
+    restricted, problems, keys = dict[str, tuple[Any, ...]](), list[Problem](), (*WORDS, *NUMBERS)
+    for key, values in only.items() if isinstance(only, Mapping) else map(_split, only):
+        wrong = f"must be KEY=V1,V2,..., for example {METHOD}=damped,filtered" if "" in values else ""
+        wrong = wrong if key in keys else f"is not a tunable key; choose from {', '.join(keys)}"
+        if wrong:
+            problems.append(Problem((), wrong, Origin(f"--only {key}")))
+        restricted[key] = (*restricted.get(key, ()), *values)
     if problems:
         raise ScenarioError(problems)
     return restricted
 
 
-def _split(text: str) -> tuple[str, list[object]]:
+def _split(text: str) -> tuple[str, list[Any]]:
     key, _, values = text.partition("=")
-    each = [value.strip() for value in values.split(",")]
-    return key.strip(), [_number(value) if key.strip() in NUMBERS else value for value in each]
-
-
-def _number(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
+    each: list[Any] = [value.strip() for value in values.split(",")]
+    if key.strip() in NUMBERS:
+        with suppress(ValueError):  # preparing the scenario names what is no number
+            each = [float(value) for value in each]
+    return key.strip(), each

@@ -68,15 +68,10 @@ class Outcome(NamedTuple):
 
 def worst(outcomes: Sequence[Outcome]) -> Outcome:
     """Return the worst of each of several runs."""
-    figures = zip(*(outcome[:4] for outcome in outcomes), strict=True)
-    error, peak_rate, time, roughness = (max(values) for values in figures)
-    tightest = max(outcomes, key=lambda outcome: outcome.excess)
+    largest = ("error", "peak_rate", "time", "roughness", "ended", "condition")
+    values = {name: max(getattr(outcome, name) for outcome in outcomes) for name in largest}
     completed = min(outcome.completed for outcome in outcomes)
-    ended = any(outcome.ended for outcome in outcomes)
-    condition = max(outcome.condition for outcome in outcomes)
-    return Outcome(
-        error, peak_rate, time, roughness, completed, tightest.excess, tightest.missed, ended, condition
-    )
+    return max(outcomes, key=lambda outcome: outcome.excess)._replace(completed=completed, **values)
 
 
 @dataclass(frozen=True)
@@ -85,7 +80,6 @@ class Limits:
 
     Attributes:
         joints: Names.
-        units: `rad` or `m`.
         scale: 1, or task.length of a joint that slides.
         length: task.length [m].
         rate: Largest rate of each joint; infinite for none.
@@ -94,7 +88,6 @@ class Limits:
     """
 
     joints: tuple[str, ...]
-    units: tuple[str, ...]
     scale: NDArray[np.float64]
     length: float
     rate: NDArray[np.float64]
@@ -107,7 +100,7 @@ class Limits:
         arm, law = prepared.arm, prepared.law
         jerk = np.broadcast_to(prepared.scenario.control.limits.jerk or math.inf, arm.n)
         limits = law.rate_limit, law.acceleration_limit, jerk
-        return cls(arm.joints, tuple(arm.units), lengths_of(prepared), prepared.task.length, *limits)
+        return cls(arm.joints, lengths_of(prepared), prepared.task.length, *limits)
 
     def measure(
         self, card: Scorecard, longest: float, divergence: Divergence | None = None, *, ended: bool = False
@@ -126,9 +119,14 @@ class Limits:
 
         rates = np.array([figure(f"joint_rate.{joint}.peak") for joint in self.joints])
         error = max(figure("position_error.max"), self.length * figure("orientation_error.max"))
-        time, completed = figure("duration"), figure("completed")
-        excesses = [(-1.0, ""), *self._peaks(card), *_smooth(card, time)]
-        excesses.append((time / longest - 1.0 - 1e-9, f"it takes {time:.4g} s, and {longest:.4g} is allowed"))
+        time, completed, refused = figure("duration"), figure("completed"), figure("profile.refused")
+        excesses = [(-1.0, ""), *self._peaks(card), _over(card, "chatter", CHATTER)]
+        if time > 0.0:
+            excesses.append(_over(card, "torque_limited.time", SATURATED * time))
+        if refused > 0.0:
+            excesses.append((refused, f"the profile refuses {refused:g} commands"))
+        over, words = _over(card, "duration", longest)
+        excesses.append((over - 1e-9, words))
         if completed != 1.0 and not ended:
             over = 1.0 / completed - 1.0 if completed > 0.0 else math.inf
             excesses.append((over, f"{completed:.0%} of the path is completed in {time:.4g} s"))
@@ -141,22 +139,19 @@ class Limits:
     def _peaks(self, card: Scorecard) -> Iterator[tuple[float, str]]:
         """Yield the relative excess over the limits of the joints, and in words."""
         most = str(card["joint_jerk_cmd.peak_joint"].value)
-        each = zip(self.joints, self.units, self.rate, self.acceleration, self.jerk, strict=True)
-        for joint, unit, rate, acceleration, jerk in each:
-            for what, limit, name, per in (
-                ("rate", rate, f"joint_rate.{joint}.peak", "/s"),
-                ("acceleration", acceleration, f"joint_acceleration.{joint}.peak", "/s²"),
-                ("commanded jerk", jerk if joint == most else math.inf, "joint_jerk_cmd.peak", "/s³"),
-            ):
+        for i, joint in enumerate(self.joints):
+            limits = {"joint_rate": self.rate[i], "joint_acceleration": self.acceleration[i]}
+            for name, limit in limits.items():
                 if limit < math.inf:
-                    peak = float(card[name].value)
-                    words = f"the {what} of {joint} is {peak:.4g} {unit}{per}, and {limit:.4g} is allowed"
-                    yield peak / (limit * (1.0 + TOLERANCE)) - 1.0, words
+                    yield _over(card, f"{name}.{joint}.peak", limit, 1.0 + TOLERANCE)
+            if joint == most and self.jerk[i] < math.inf:
+                yield _over(card, "joint_jerk_cmd.peak", self.jerk[i], 1.0 + TOLERANCE)
 
     def progress(self, run: Run) -> tuple[Point, bool]:
         """Return the objectives of a run so far, and whether it exceeded the limit of a joint already."""
         off = run["pose_error"] * np.isin(AXES, run.axes)
-        error = max(_longest(off[:, :3]), self.length * _longest(off[:, 3:]))
+        position, angle = (float(np.linalg.norm(it, axis=1).max()) for it in (off[:, :3], off[:, 3:]))
+        error = max(position, self.length * angle)
         rates = np.abs(run["qdot"]).max(axis=0)
         accelerations = np.abs(np.diff(run["qdot"], axis=0)).max(axis=0) / run.period
         over = np.maximum(rates / self.rate, accelerations / self.acceleration)
@@ -164,25 +159,11 @@ class Limits:
         return point, bool(over.max() > 1.0 + TOLERANCE)
 
 
-def _longest(vectors: NDArray[np.float64]) -> float:
-    return float(np.linalg.norm(vectors, axis=1).max())
-
-
-def _smooth(card: Scorecard, time: float) -> Iterator[tuple[float, str]]:
-    """Yield the relative excess over chatter, torque and profile limits, and in words."""
-    chatter, saturated = float(card["chatter"].value), float(card["torque_limited.time"].value)
-    refused, most = float(card["profile.refused"].value), SATURATED * time
-    words = (
-        f"the acceleration of {card['chatter_joint'].value} changes its sign {chatter:.4g} times per second"
-    )
-    yield chatter / CHATTER - 1.0, f"{words}, and {CHATTER:g} is allowed"
-    words = (
-        f"the actuator of {card['torque_limited.first_joint'].value} is at its limit for {saturated:.4g} s"
-    )
-    yield saturated / most - 1.0 if most else -1.0, f"{words}, and {most:.4g} is allowed"
-    if refused > 0.0:
-        words = f"the profile refuses {refused:g} commands"
-        yield refused, f"{words}, the first for the {card['profile.first_condition'].value}"
+def _over(card: Scorecard, name: str, limit: float, factor: float = 1.0) -> tuple[float, str]:
+    """Return the relative excess of a metric over a limit times a factor, and in words."""
+    figure = card[name]
+    words = f"{name} is {figure.value:.4g} {figure.unit}, and {limit:.4g} is allowed"
+    return float(figure.value) / (limit * factor) - 1.0, words
 
 
 class Trials:

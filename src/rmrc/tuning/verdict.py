@@ -92,14 +92,11 @@ def judge(feasible: Iterable[Trial], tried: Iterable[Trial], own: Trial) -> Verd
         return Verdict(nearest=nearest)
     points = {trial.worst.point: trial for trial in reversed(preferred)}
     chosen = [list(points.values())[i] for i in front(list(points))]
-    rivals = [trial for trial in preferred if _inverse(trial) != _inverse(recommended)]
+    inverse = recommended.setting.structure.inverse
+    rivals = [trial for trial in preferred if trial.setting.structure.inverse != inverse]
     better = [trial for trial in preferred if dominates(trial.worst.point, own.worst.point)]
-    return Verdict(
-        tuple(chosen),
-        recommended,
-        best(rivals),
-        recommended if recommended in better else best(better),
-    )
+    dominating = recommended if recommended in better else best(better)
+    return Verdict(tuple(chosen), recommended, best(rivals), dominating)
 
 
 def best(trials: Iterable[Trial]) -> Trial | None:
@@ -112,7 +109,8 @@ def best(trials: Iterable[Trial]) -> Trial | None:
     alike = _least([trial for trial in able if trial.is_bounded] or able, lambda it: it.worst.error, ALIKE)
     alike = _least(alike, lambda trial: trial.worst.roughness, ALIKE)
     alike = _least(alike, lambda trial: trial.setting.feedback, SLOW)
-    alike = [trial for trial in alike if _structure(trial) == _structure(alike[0])]
+    settings = {trial: (trial.setting.structure, trial.setting.is_written) for trial in alike}
+    alike = [trial for trial in alike if settings[trial] == settings[alike[0]]]
     return min(alike, key=lambda trial: (trial.worst.error, trial.worst.time), default=None)
 
 
@@ -120,11 +118,3 @@ def _least(trials: Sequence[Trial], figure: Callable[[Trial], float], share: flo
     """Return those with the smallest metric, or more by at most a share."""
     most = min(map(figure, trials), default=0.0) * (1.0 + share)
     return [trial for trial in trials if figure(trial) <= most]
-
-
-def _inverse(trial: Trial) -> tuple[str, str]:
-    return trial.setting.structure.inverse
-
-
-def _structure(trial: Trial) -> tuple[object, bool]:
-    return trial.setting.structure, trial.setting.is_written
