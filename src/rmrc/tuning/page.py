@@ -74,8 +74,8 @@ def _of_search(table: Table) -> Page:
         made.section("Error against peak rate")
         made.figure(front_figure(about["name"], rows), "Settings that keep the limits, and the Pareto front")
     made.section("Trials")
-    for table in sheets(about, rows):
-        made.table(table)
+    for each in sheets(about, rows):
+        made.table(each)
     made.items(about["lines"])
     made.section("Made with")
     made.table(versions(about["versions"]))
