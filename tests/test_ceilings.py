@@ -6,9 +6,9 @@ import tokenize
 
 from project import ROOT
 
-SOURCE_LINES = 35_200
-SOURCE_MODULES = 342
-TEST_LINES = 37_650
+SOURCE_LINES = 28_800
+SOURCE_MODULES = 302
+TEST_LINES = 33_400
 
 # Tokens that make no line a line of code.
 LAYOUT = {
