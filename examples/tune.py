@@ -4,7 +4,7 @@ import rmrc
 
 # To 5 mm from full reach: beyond reach, every setting has an error.
 scenario = rmrc.load("approach_singularity").set({"target.path[0].line.to": [1.995, 0]})
-# A short search over the damped inverses alone; without these options it takes all of them and 2000 runs.
+# A short search over the damped inverses alone; without these options it takes all of them and 560 runs.
 tuned = rmrc.tune(
     scenario,
     only={"control.inverse.method": ["damped", "filtered"], "control.at_singularity": ["damp"]},
