@@ -53,7 +53,7 @@ def test_a_directory_in_the_way_of_a_file_is_told_before_anything_moves(rmrc, qu
     arguments, _ = VERBS[verb]
     code, out, err = rmrc(*arguments)
     assert (code, out) == (2, "")
-    reason = "… sweep… --out" if verb == "sweep" else "… directory"
+    reason = "… not a regular file… --out" if verb == "sweep" else "… directory"
     assert err == says(f"rmrc: error: recordings/{name}: {reason}\n")
     assert left(quick) == [name]
 
