@@ -1,0 +1,51 @@
+"""What needs no picture loads neither rerun nor matplotlib, and so runs on a machine without them."""
+
+import subprocess
+import sys
+
+from project import ROOT
+
+PROGRAM = """
+import sys
+for name in ("rerun", "matplotlib"):
+    sys.modules[name] = None  # an import of it fails
+from rmrc.cli import main
+for line in sys.argv[1:]:
+    sys.argv = ["rmrc", *line.split()]
+    try:
+        main()
+    except SystemExit as ended:
+        print("ended", ended.code)
+"""
+SCENARIO, ARM = f"{ROOT}/scenarios/approach_singularity.yaml", f"{ROOT}/models/ur5e.xml"
+LINES = [
+    f"run {SCENARIO} --no-record",
+    f"compare {SCENARIO} --vary control.feedback=2,5 --no-record",
+    f"sweep {SCENARIO} --vary control.feedback=2,5",
+    f"margins {SCENARIO}",
+    f"inspect {ARM}",
+    f"check {ARM}",
+    f"new {ARM} --out ur5e.yaml",
+    "schema",
+]
+
+
+def codes(folder, *lines):
+    command = [sys.executable, "-c", PROGRAM, *lines]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=True)
+    return [int(line.split()[1]) for line in done.stdout.splitlines() if line.startswith("ended ")]
+
+
+def test_verbs_without_a_picture_need_neither(tmp_path):
+    assert codes(tmp_path, *LINES) == [0] * len(LINES)
+
+
+def test_a_recording_and_a_plot_need_them(tmp_path):
+    """The negative control: the program above does keep them away."""
+    rows = f"sweep {SCENARIO} --vary control.feedback=2,5"
+    assert (
+        0
+        not in codes(tmp_path, f"run {SCENARIO}", rows, "plot recordings/approach_singularity.sweep.parquet")[
+            ::2
+        ]
+    )
