@@ -357,3 +357,13 @@ def test_ctrl_c_in_a_comparison_exits_130_and_keeps_what_ran(tmp_path):
     recording = tmp_path / "recordings/long.compare.rrd"
     assert len(read_columns(recording, "inverse")["time"]) == ticks[0]
     assert ticks[1] == 0  # variants run one after another
+
+
+def test_a_command_to_copy_begins_as_the_program_was_called(tmp_path):
+    """A fresh clone has no `rmrc` that a shell finds: what is printed after `python -m rmrc` must work as it is."""
+    words = ["run", f"{ROOT}/scenarios/line_tracking.yaml"]
+    done = subprocess.run(
+        [sys.executable, "-m", "rmrc", *words], cwd=tmp_path, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    (line,) = (line for line in done.stdout.splitlines() if line.startswith("look at it: "))
+    assert line == f"look at it: {sys.executable} -m rmrc replay recordings/line_tracking.rrd"
