@@ -75,6 +75,38 @@ def test_what_misleads_hangs_or_crashes_is_refused_at_once_in_one_line(tmp_path,
     assert capfd.readouterr().err == ""
 
 
+POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:9f\nsize 84\n"
+OTHERS = {
+    "arm.sdf": ('<?xml version="1.0"?><sdf version="1.6"><model name="arm"/></sdf>', "… SDF … `sdf2mjcf …"),
+    "world.urdf": ('<!-- a world --><sdf version="1.9"/>', "… SDF …"),
+    "arm.srdf": ('<robot name="arm"><disable_collisions link1="a" link2="b"/></robot>', "… SRDF … that URDF"),
+    "arm.dae": ('<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"/>', "… COLLADA, a mesh …"),
+    "arm.usda": ("#usda 1.0\n", "… USD … export …"),
+    "arm.usd": (b"PXR-USDC\0\0\x80", "… USD …"),
+    "link.STL": (b"\0" * 84, "… STL, a mesh …"),
+    "link.obj": ("v 0 0 0\n", "… OBJ, a mesh …"),
+    "arm.yaml": ("arm: {model: arm.urdf}\n", "… YAML … arm.model … `rmrc run` …"),
+    "arm.urdf": (POINTER, "… a pointer of Git LFS … `git lfs pull` …"),
+    "page.urdf": ("<!DOCTYPE html>\n<html><head><meta charset=utf-8></head>&nbsp;</html>", "… HTML … download …"),
+    "arm.mjcf": (model(), "… give MJCF the ending .xml"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_another_format_is_named_with_the_way_out(tmp_path, name):
+    text, message = OTHERS[name]
+    assert refusal(tmp_path / name, text) == says(message)
+
+
+def test_a_mesh_that_git_lfs_has_not_fetched_is_named(tmp_path):
+    mesh = '<asset><mesh name="m" file="link.stl"/></asset>'
+    text = model(head=mesh, world='<geom type="mesh" mesh="m"/>')
+    (tmp_path / "link.stl").write_text(POINTER)
+    assert refusal(tmp_path / "model.xml", text) == says("… Git LFS: link.stl; … `git lfs pull` …")
+    (tmp_path / "link.stl").write_bytes(tetrahedron(1.0))
+    arms.load(tmp_path / "model.xml")
+
+
 def test_what_a_file_includes_is_looked_at_too(tmp_path):
     (tmp_path / "gains.xml").write_text("<mujoco>\n<option timestep='nan'/></mujoco>")
     (tmp_path / "model.xml").write_text(model(head='<include file="gains.xml"/>'))

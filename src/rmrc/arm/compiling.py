@@ -3,7 +3,7 @@
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import mujoco
 
 from rmrc.arm import urdf
-from rmrc.arm.scan import check_file
+from rmrc.arm.scan import POINTER, check_file
 from rmrc.support.errors import ModelError, ModelWarning
 from rmrc.support.legible import listed
 
@@ -26,6 +26,7 @@ _BOUND = f"a model must compile within {MOST_MEMORY / 2**30:g} GiB of memory"
 _REMEDIES = {
     "allocate": _BOUND,
     "unknown exception": _BOUND,
+    "could not find decoder": "give MJCF the ending .xml",
     "opening file": "put it there, or correct meshdir, texturedir or assetdir of <compiler>",
     "'mujocoinclude'": "it is a fragment; give the file that includes it",
 }
@@ -62,12 +63,17 @@ def read(path: Path, packages: Mapping[str, Path] | None = None) -> Read:
     with in_our_words(path):
         robot = opened(path, packages)
         if robot is None:
-            spec = mujoco.MjSpec.from_file(str(path))
-            return Read(spec, spec.compile(), None, ())
+            try:
+                spec = mujoco.MjSpec.from_file(str(path))
+                return Read(spec, spec.compile(), None, ())
+            except ValueError:
+                for line in _pointers(mujoco.mju_getXMLDependencies(str(path))):
+                    raise ModelError(f"{path}: {line}") from None
+                raise
         failure = ValueError()
         for repairs in range(3):  # parsed anew, because a specification that failed keeps its error
             spec, notes = mujoco.MjSpec.from_string(robot.text), [*robot.notes]
-            notes += _drop_unreadable(spec) if repairs > 0 else []
+            notes += _drop_unreadable(spec) + _pointers(robot.meshes) if repairs > 0 else []
             notes += urdf.bound_masses(spec, failure) if repairs > 1 else []
             urdf.hide_collisions(spec)
             try:
@@ -102,6 +108,13 @@ def _drop_unreadable(spec: mujoco.MjSpec) -> list[str]:
         spec.delete(mesh)
     why = "without a missing mesh, or one in a format that MuJoCo cannot read"
     return [f"body {listed(dict.fromkeys(names))} {does} {why}" for does, names in bodies.items() if names]
+
+
+def _pointers(files: Iterable[str | Path]) -> list[str]:
+    """Return a note about files that only stand for those that Git LFS would fetch."""
+    present = [path for path in map(Path, files) if path.is_file()]
+    names = [path.name for path in present if path.read_bytes().startswith(POINTER.encode())]
+    return [f"only pointers of Git LFS: {listed(names)}; run `git lfs pull` there"] if names else []
 
 
 def _is_readable(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh) -> bool:

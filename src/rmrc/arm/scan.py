@@ -19,6 +19,17 @@ _MOST = 10_000
 _BOUNDS = {"inttotal": 1e3, **dict.fromkeys(("iterations", "ls_iterations", "ccd_iterations"), 1e4)}
 # The largest other number: no equation here makes it infinite.
 _LARGEST = 1e30
+# Other formats by the beginning of a file, its root, or the end of its name: what each is, and the way out.
+POINTER = "version https://git-lfs"
+_FORMATS = {
+    (POINTER,): "a pointer of Git LFS, not the file itself; run `git lfs pull` in its repository",
+    ("<!doctype html", "<html"): "an HTML page; download the file itself, not the page that shows it",
+    ("<sdf",): "SDF; convert it to MJCF, such as by `sdf2mjcf FILE arm.xml` of the package sdformat-mjcf",
+    ("<srdf",): "SRDF, which describes groups of the joints of a URDF; give that URDF",
+    ("<collada", ".stl", ".obj", ".ply", ".glb"): "{}, a mesh; give the URDF or MJCF file that names it",
+    ("#usda", "pxr-usdc", ".usd"): "USD; export it as URDF or MJCF where it was made",
+    (".yaml", ".yml"): "YAML; give the file that arm.model of a scenario names, or `rmrc run` the scenario",
+}
 # Characters that end a line or reverse the direction of the rest, and the one for bytes that are not UTF-8.
 _UNFIT = re.compile("[\x01-\x08\x0a-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ufffd]")
 
@@ -84,8 +95,20 @@ def _parsed(path: Path) -> tuple[ET.Element, dict[ET.Element, int]]:
     try:
         parser.Parse(text, True)
     except expat.ExpatError as error:
-        raise ModelError(f"{path}: must be XML, but is not: {error}") from None
-    return builder.close(), lines
+        known = _other_format(text[:99].lower()) or _other_format(path.suffix.lower())
+        raise ModelError(f"{path}: {known or f'must be XML, but is not: {error}'}") from None
+    root = builder.close()
+    tags = {child.tag for child in root} if root.tag == "robot" else {"link"}
+    is_srdf = "link" not in tags and not tags.isdisjoint(("group", "disable_collisions", "virtual_joint"))
+    if known := _other_format("<srdf" if is_srdf else f"<{root.tag.lower()}"):
+        raise ModelError(f"{path}: {known}")
+    return root, lines
+
+
+def _other_format(sign: str) -> str:
+    """Return which other format a file is in, and the way out; "" if none is known."""
+    ways = (way.format(sign[1:].upper()) for signs, way in _FORMATS.items() if sign.startswith(signs))
+    return next((f"must be URDF or MJCF, but is {way}" for way in ways), "")
 
 
 def _count(element: ET.Element) -> int:
