@@ -1,5 +1,8 @@
 """URDF files: packages, meshes, masses, limits, joints that follow; beside MuJoCo's own reading of them."""
 
+import json
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -9,9 +12,12 @@ from scipy.spatial.transform import Rotation
 from project import ROOT
 from replacing import replaced
 from rmrc import arm as arms
+from rmrc.analysis.check.check import check
+from rmrc.arm.frames import code_of
 from rmrc.recording.shapes import shapes_of
 from rmrc.support.errors import ModelError
 from stl import tetrahedron
+from wording import says
 
 ARM = ROOT / "tests/models/arm.urdf"
 
@@ -164,6 +170,128 @@ def test_what_will_not_do_is_one_line(folder, changes, says):
     with pytest.raises(ModelError) as caught:
         arms.load(replaced(folder, ARM, changes))
     assert says in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_properties_of_xacro_that_nothing_uses_are_ignored(folder):
+    unused = '<xacro:property name="length" value="0.5"/><link name="tool0"/>'
+    assert arms.load(replaced(folder, ARM, {'<link name="tool0"/>': unused})).joints == ("shoulder", "elbow")
+    with pytest.raises(ModelError, match="is a xacro file"):
+        arms.load(
+            replaced(folder, ARM, {'<link name="tool0"/>': unused, 'xyz="0.5 0 0"': 'xyz="${length} 0 0"'})
+        )
+
+
+@pytest.mark.parametrize(
+    "shape",
+    ['<sphere radius="0"/>', '<box size="0.1 0 0.1"/>', '<cylinder radius="0.1" length="0.0"/>', '<mesh filename="a.stl" scale="0 1 1"/>', ""],
+)  # fmt: skip
+def test_a_shape_without_a_size_is_left_out_and_its_link_named(folder, arm, shape):
+    marker = f'<link name="tool0"><visual><geometry>{shape}</geometry></visual></link>'
+    marked = arms.load(replaced(folder, ARM, {'<link name="tool0"/>': marker}))
+    assert "a shape of link tool0 has size 0 or none, and is left out" in marked.notes
+    assert marked.model.ngeom == arm.model.ngeom
+
+
+LIMIT = 'lower="-2" upper="1" velocity="1.5" effort="40"/>'
+SOFT = '<safety_controller soft_lower_limit="{}" soft_upper_limit="{}" k_velocity="10"/>'
+
+
+@pytest.mark.parametrize(
+    ("changes", "code", "words"),
+    [
+        ({LIMIT: LIMIT.replace('"-2"', '"3"')}, "range-reversed", "shoulder (3 to 1)"),
+        ({LIMIT: LIMIT.replace('lower="-2"', "")}, "range-reversed", "shoulder (0 to 1)"),
+        ({LIMIT: LIMIT + SOFT.format(-1, 1)}, "unused", "shoulder (-1 to 1)"),
+        ({'<limit velocity="0"': '<limit lower="-3" upper="3" velocity="0"'}, "unused", "elbow (-3 to 3)"),
+        ({LIMIT: 'drake:acceleration="5" ' + LIMIT}, "unused", "drake:acceleration … control.limits … shoulder (5)"),
+        ({LIMIT: LIMIT.replace('"1.5"', '"-1.5"')}, "unused", "velocity … shoulder (-1.5)"),
+        ({LIMIT: LIMIT + '<mimic joint="nobody"/>'}, "unused", '<mimic> … shoulder ("nobody")'),
+        ({'rpy="0 1.5 0"': 'rpy="0 90 0"'}, "range-suspicious", "rad … degrees: flange (0 90 0)"),
+        # soft limits that change nothing need no word
+        ({LIMIT: LIMIT + SOFT.format(-2.5, 1.2)}, None, ""),
+    ],
+)  # fmt: skip
+def test_data_that_are_not_used_are_told_with_their_joint_and_value(folder, arm, changes, code, words):
+    changed = arms.load(replaced(folder, ARM, changes))
+    new = [note for note in changed.notes if note not in arm.notes and "is controlled" not in note]
+    assert [code_of(note) for note in new] == [code] * (code is not None)
+    assert all(str(note) == says(f"… {words}") for note in new)
+
+
+BOX = '<collision><origin xyz="0.25 0 0"/><geometry><box size="0.5 0.1 0.1"/></geometry></collision>'
+TUBE = '<collision><origin xyz="0.1 0 0"/><geometry><cylinder radius="0.05" length="0.2"/></geometry></collision>'
+HEAVY = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+RANGE = '<limit lower="-1" upper="1" effort="100" velocity="2"/>'
+
+
+def two_links(folder, first=HEAVY, second=HEAVY, limits=RANGE, length=0.5):
+    """Write an arm of two links in the plane x z, on a base with a shape and without a mass."""
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i - 1}"/><child link="l{i}"/>'
+        f'<origin xyz="{length * (i - 1)} 0 0"/><axis xyz="0 1 0"/>{limits}</joint>' for i in (1, 2)
+    )  # fmt: skip
+    links = f'<link name="l0">{BOX}</link><link name="l1">{first}</link><link name="l2">{second}</link>'
+    tool = (
+        '<joint name="t" type="fixed"><parent link="l2"/><child link="tool0"/><origin xyz="{} 0 0"/></joint>'
+    )
+    (folder / "two.urdf").write_text(
+        f'<robot name="two">{links}<link name="tool0"/>{joints}{tool.format(length)}</robot>'
+    )
+    return folder / "two.urdf"
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "masses"),
+    [
+        (BOX, HEAVY, {"l1": 1000 * 0.5 * 0.1 * 0.1}),
+        (BOX, TUBE, {"l1": 5.0, "l2": 1000 * np.pi * 0.05**2 * 0.2}),
+        (HEAVY, HEAVY.replace('"2"', '"-3"'), {"l2": 0.001}),
+        (HEAVY, HEAVY, {}),
+    ],
+)
+def test_masses_that_are_not_in_the_file_are_one_note_with_their_sum(tmp_path, first, second, masses):
+    """By the volumes of the shapes at the density of water; the base, which bears its own, needs no word."""
+    arm = arms.load(two_links(tmp_path, first, second))
+    told = [note for note in arm.notes if note.startswith("masses that the file lacks")]
+    assert len(told) == bool(masses) and all(code_of(note) == "assumed" for note in told)
+    for note in told:
+        assert f"{sum(masses.values()):.4g} kg in all: " in note and "l0" not in note
+        assert all(f"{name} {mass:.4g} kg" in note for name, mass in masses.items())
+        assert ("(-3 in the file)" in note) == ('"-3"' in second)
+
+
+def test_assumed_masses_are_told_where_torques_are(rmrc, tmp_path):
+    """The weight of 5 kg, 0.25 m from the first hinge: its torque is wrong by as much as the mass is."""
+    two_links(tmp_path, BOX, HEAVY)
+    line = "masses that the file lacks are assumed, 5 kg in all: l1 5 kg"
+    code, out, err = rmrc("statics", "two.urdf", "--wrench", "0,0,0", "--gravity", "--json")
+    assert code == 0 and line in err
+    weight = json.loads(out)["torque"]["gravity"]
+    assert_allclose(weight, [-9.81 * (5 * 0.25 + 2 * 0.5), 0.0], atol=1e-12)
+    assert line in rmrc("new", "two.urdf")[2]
+    assert line in " ".join((tmp_path / "two.yaml").read_text().replace("\n#", "").split())
+    code, _, err = rmrc("run", "two.yaml", "--set", "plant.kind=torque", "--no-record")
+    assert code == 0 and line in err
+
+
+@pytest.mark.parametrize(
+    ("limits", "length", "codes"),
+    [
+        ("", 0.5, {"range-missing", "rate-limit-missing", "torque-limit-missing"}),
+        (RANGE.replace('"-1"', '"-170"').replace('"1"', '"170"'), 0.5, {"range-suspicious"}),
+        (RANGE.replace('"-1"', '"-0.05"').replace('"1"', '"0.05"'), 0.5, {"range-suspicious"}),
+        (RANGE, 375.0, {"scale-suspicious"}),  # in mm
+        (RANGE, 0.375, set()),
+    ],
+)
+def test_a_check_of_a_urdf_names_no_mjcf(tmp_path, limits, length, codes):
+    """Nor the actuators that a URDF cannot have."""
+    found = check(two_links(tmp_path, limits=limits, length=length)).findings
+    told = {one.code: one for one in found}
+    assert codes == told.keys() & {"scale-suspicious", "range-suspicious", "plant-refused", *codes}
+    assert all("<limit" in told[code].way for code in codes - {"scale-suspicious", "range-suspicious"})
+    words = " ".join(f"{one.text} {one.way}" for one in found)
+    assert not re.search("MJCF|compiler|<joint|<key|actuatorfrcrange|ctrlrange|actuators", words)
 
 
 def test_names_that_are_there_twice_are_not_said_by_mujoco(folder, capfd):

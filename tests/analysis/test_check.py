@@ -69,6 +69,7 @@ FAULTS = {
     "diverged": {"third": 'axis="0 1 0" range="-2.5 2.5" damping="-1e9"'},
     "rank-deficient": {"second": 'axis="0 0 1" range="-2 2"'},
     "range-suspicious": {"compiler": '<compiler angle="degree"/>', "home": "0 0.01 0.02"},
+    "scale-suspicious": {"geom": '<geom size="60" contype="0" conaffinity="0" mass="1"/>'},
     "home-singular": {"home": "0.1 0.3 0"},
     "rate-limit-missing": {"actuator": NO_LIMITS},
     "torque-limit-missing": {"actuator": NO_LIMITS},
@@ -136,7 +137,8 @@ def test_every_code_is_tried():
         "plant-refused",
         "mujoco-warning",
     }  # of a bug, of actuators, and of MuJoCo: below
-    assumed = {"base-fixed", "assumed"}  # and of what was assumed: below
+    # of what was assumed: below; of data of a URDF: tests/test_urdf.py
+    assumed = {"base-fixed", "assumed", "range-reversed", "unused"}
     assert FAULTS.keys() | ALWAYS | {"joint-idle"} | never | assumed == CODES.keys()
 
 

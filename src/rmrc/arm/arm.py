@@ -61,6 +61,7 @@ class Arm:
         packages: Names and folders of a URDF's packages that were given.
         notes: Assumptions where the file leaves something open, one line each.
         home: Number of the keyframe that is `home`; None without one.
+        is_urdf: Whether the file is a URDF, which has no keyframes and actuators.
         stretch: Factor on all lengths of a body, by its name.
         frees_others: Whether those that no actuator holds are free to move in a plant, or locked.
     """
@@ -83,6 +84,7 @@ class Arm:
     notes: tuple[str, ...] = ()
     ties: tuple[str, ...] = ()
     home: int | None = None
+    is_urdf: bool = False
     stretch: Mapping[str, float] = field(default_factory=dict)
     frees_others: bool = False
     _rest: Array | None = None

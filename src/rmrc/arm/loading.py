@@ -9,6 +9,7 @@ import mujoco
 
 from rmrc.arm import urdf
 from rmrc.arm.actuators import limits
+from rmrc.arm.adapting import is_behind
 from rmrc.arm.arm import Arm
 from rmrc.arm.compiling import Read, compiled, in_our_words, opened, read
 from rmrc.arm.equalities import Follower, find_links, find_ties, followers
@@ -103,6 +104,9 @@ def _arm(path: Path, file: Read, joints: Sequence[str] | None, frame: NamedFrame
     if robot is not None and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0))):
         notes += apart
         model = compiled(path, spec)
+    if robot is not None:
+        moved = is_behind(model, int(model.jnt_bodyid[ids[0]]))
+        notes += urdf.assumed_masses(robot, model, moved)
     moving = {*driven, *(each.name for each in following if not each.pitch)}
     others = {name: links[name] for name in chain if name in links and links[name].leader not in ids}
     arm = Arm(
@@ -110,6 +114,7 @@ def _arm(path: Path, file: Read, joints: Sequence[str] | None, frame: NamedFrame
         is_slide=model.jnt_type[ids] == SLIDE, followers=following, position_limit=positions,
         rate_limit=rates, torque_limit=torques, keyframes=keys, model=model, _spec=spec, _links=others,
         frame=frame, notes=tuple(notes), home=home,
+        is_urdf=robot is not None,
     )  # fmt: skip
     ties = find_ties(model, arm.configuration("home"), arm.motion, arm.others.locked | arm.others.held)
     if not ties:

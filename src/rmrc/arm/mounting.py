@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm.compiling import compiled, in_our_words, read
 from rmrc.arm.frames import default_frame, note
+from rmrc.arm.urdf import assumed_masses
 from rmrc.arm.wiring import find, joints_above
 from rmrc.scenario.arm import ToolSection
 from rmrc.support.errors import ModelError
@@ -141,7 +142,9 @@ def _attach(
             spec.attach(held.spec, frame=body.add_frame(**frame), prefix=PREFIX)
     except ModelError as error:
         raise ModelError(str(error), "tool.model") from None
-    notes += [f"tool: {line}" for line in held.notes]
+    bodies = np.ones(held.model.nbody, np.bool_)
+    masses = assumed_masses(held.robot, held.model, bodies) if held.robot else []
+    notes += [f"tool: {line}" for line in (*held.notes, *masses)]
     return name
 
 

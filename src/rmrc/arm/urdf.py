@@ -2,7 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.arm.frames import note
 from rmrc.arm.scan import numbers
 from rmrc.support.errors import ModelError
 from rmrc.support.legible import listed
@@ -21,6 +22,13 @@ _LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6
 _HIDDEN = 3  # group of geoms that viewers hide
 
 
+_TURN = 6.5  # angles of a file in rad are smaller
+_SIZES = ("size", "radius", "length", "scale")  # attributes of shapes
+# Attributes of a limit that are used, and the types of joints that have both ends of a range.
+_LIMITS = ("lower", "upper", "velocity", "effort")
+_RANGED = ("revolute", "prismatic")
+
+
 class Urdf(NamedTuple):
     """The contents of a URDF file.
 
@@ -28,12 +36,14 @@ class Urdf(NamedTuple):
         text: Text for MuJoCo, with the paths of meshes absolute.
         meshes: These paths.
         velocity: The largest rate of each joint that has one, by its name [rad/s or m/s].
+        masses: The mass of each link, by its name [kg]; 0 without one.
         notes: Assumptions.
     """
 
     text: str
     meshes: tuple[Path, ...]
     velocity: Mapping[str, float]
+    masses: Mapping[str, float]
     notes: tuple[str, ...]
 
 
@@ -46,37 +56,100 @@ def read(path: Path, robot: ET.Element, packages: Mapping[str, Path]) -> Urdf:
         packages: Folders of packages, by their names; others are searched upward from the file.
 
     Raises:
-        ModelError: It is a xacro file.
+        ModelError: It is a xacro file; properties alone, which nothing uses, do not make it one.
     """
+    text = ET.tostring(robot, "unicode")
+    if "<xacro:" in text and re.search(r"<xacro:(?!property\b)|\$[{(]", text):
+        how = f"xacro {path.name} > {path.name.partition('.')[0]}.expanded.urdf"
+        raise ModelError(f"{path}: is a xacro file, which must be expanded first: {how}")
     meshes, unknown = _find_meshes(path.absolute(), robot, packages)
-    shapes, gray = dict[str, ET.Element](), 0
-    for element in robot.iter():
-        if element.tag.startswith("xacro:"):
-            how = f"xacro {path.name} > {path.name.partition('.')[0]}.expanded.urdf"
-            raise ModelError(f"{path}: is a xacro file, which must be expanded first: {how}")
-        if element.tag in ("visual", "collision"):
-            if shapes.setdefault(element.get("name", ""), element) is not element:
-                element.attrib.pop("name", None)  # MuJoCo would print that it is not the first of its name
-        elif element.tag == "color":
-            rgba = numbers(element.get("rgba", ""))
-            if len(rgba) != 4 or min(rgba) < 0.0 or max(rgba) > 1.0:
-                element.set("rgba", "0.5 0.5 0.5 1")
-                gray += 1
-    floating = []
-    for joint in robot.findall("joint[@type='floating']"):
+    joints, links = robot.findall("joint"), robot.findall("link")
+    floating = [joint for joint in joints if joint.get("type") == "floating"]
+    for joint in floating:
         joint.set("type", "fixed")
-        floating.append(joint.get("name", ""))
-    limits = ((joint.get("name", ""), joint.find("limit")) for joint in robot.findall("joint"))
-    rates = {name: numbers(limit.get("velocity", "")) for name, limit in limits if limit is not None}
-    # in many published files, 0 means unknown
-    velocity = {name: rate[0] for name, rate in rates.items() if rate and rate[0] > 0.0}
     notes = {
-        f"joint {listed(floating)}, which is floating in the file, is fixed": floating,
-        f"a color must be four numbers from 0 to 1; {gray} in the file are gray instead": gray,
+        f"joint {listed(map(_name, floating))}, which is floating in the file, is fixed": floating,
+        **_mend_shapes(robot, links),
         f"package {listed(unknown)} was not found above the file; give --package NAME=FOLDER": unknown,
     }
-    lines = tuple(note for note, applies in notes.items() if applies)
-    return Urdf(ET.tostring(robot, "unicode"), meshes, velocity, lines)
+    lines = *(note for note, applies in notes.items() if applies), *_unused(joints)
+    rates = {_name(each): _number(each.find("limit"), "velocity") for each in joints}
+    # in many published files, 0 means unknown
+    velocity = {name: rate for name, rate in rates.items() if rate > 0.0}
+    masses = {_name(link): _number(link.find("inertial/mass"), "value") for link in links}
+    return Urdf(ET.tostring(robot, "unicode"), meshes, velocity, masses, lines)
+
+
+def _name(element: ET.Element) -> str:
+    return element.get("name", "")
+
+
+def _number(element: ET.Element | None, key: str) -> float:
+    """Return a number of an element; 0 without it."""
+    return next(iter(numbers("" if element is None else element.get(key, ""))), 0.0)
+
+
+def _mend_shapes(robot: ET.Element, links: Sequence[ET.Element]) -> dict[str, object]:
+    """Leave out shapes without a size, names that are there twice, and colors that are none.
+
+    Returns:
+        Notes, and whether each applies.
+    """
+    names, empty, gray = set[str](), [], 0
+    for link in links:
+        for shape in [each for each in link if each.tag in ("visual", "collision")]:
+            form = shape.find("geometry/*")
+            if form is None or 0.0 in numbers(" ".join(form.get(key, "") for key in _SIZES)):
+                link.remove(shape)
+                empty.append(_name(link))
+            if _name(shape) in names:
+                shape.attrib.pop("name", None)  # MuJoCo would print that it is not the first of its name
+            names.add(_name(shape))
+    for color in robot.iter("color"):
+        rgba = numbers(color.get("rgba", ""))
+        if len(rgba) != 4 or min(rgba) < 0.0 or max(rgba) > 1.0:
+            color.set("rgba", "0.5 0.5 0.5 1")
+            gray += 1
+    return {
+        f"a shape of link {listed(dict.fromkeys(empty))} has size 0 or none, and is left out": empty,
+        f"a color must be four numbers from 0 to 1; {gray} in the file are gray instead": gray,
+    }
+
+
+def _unused(joints: Sequence[ET.Element]) -> list[str]:
+    """Return notes about data of joints that nothing here uses."""
+    leaders = {_name(joint) for joint in joints if joint.get("type") in (*_RANGED, "continuous")}
+    lines: dict[tuple[str, str], list[str]] = {}
+    for joint in joints:
+        for code, text, value in _unused_of(joint, leaders):
+            lines.setdefault((code, text), []).append(f"{_name(joint)} ({value})")
+    return [note(code, f"{text}: {listed(values)}") for (code, text), values in lines.items()]
+
+
+def _unused_of(joint: ET.Element, leaders: Collection[str]) -> Iterator[tuple[str, str, str]]:
+    """Yield code, text and value of each."""
+    tags = "limit", "safety_controller", "mimic", "origin"
+    limit, soft, mimic, origin = (joint.find(tag) for tag in tags)
+    lower, upper = _number(limit, "lower"), _number(limit, "upper")
+    low, high = _number(soft, "soft_lower_limit"), _number(soft, "soft_upper_limit")
+    values = {} if limit is None else limit.attrib
+    ends, is_ranged = f"{lower:g} to {upper:g}", joint.get("type") in _RANGED
+    stops = [key for key in ("lower", "upper") if key in values]
+    if is_ranged and stops and (len(stops) < 2 or lower >= upper):
+        yield "range-reversed", "a joint has a range only if its <limit> has lower and a larger upper", ends
+    if joint.get("type") == "continuous" and lower < upper:
+        yield "unused", "lower and upper of a continuous joint are not used", ends
+    if low < high and (low > lower or high < upper or lower >= upper):
+        yield "unused", "soft limits of <safety_controller> are not used, <limit> is", f"{low:g} to {high:g}"
+    for key, value in values.items():
+        if key not in _LIMITS or (key == "velocity" and _number(limit, key) < 0.0):
+            yield "unused", f"{key} of <limit> is not used; set control.limits of a scenario", value
+    if mimic is not None and mimic.get("joint") not in leaders:
+        why = "<mimic> is not used, as the file has no such joint that moves"
+        yield "unused", why, f'"{mimic.get("joint", "")}"'
+    angles = "" if origin is None else origin.get("rpy", "")
+    if max(map(abs, numbers(angles)), default=0.0) > _TURN:
+        yield "range-suspicious", "rpy of <origin> is read in rad, and seems to be in degrees", angles
 
 
 def _find_meshes(
@@ -148,6 +221,28 @@ def bound_masses(spec: mujoco.MjSpec, error: ValueError) -> list[str]:
     spec.compiler.balanceinertia = True
     least = f"{_LEAST_MASS:g} kg and {_LEAST_INERTIA:g} kg m^2 at least"
     return [f"each link gets {least}, and a possible inertia; MuJoCo: {' '.join(str(error).split())}"]
+
+
+def assumed_masses(robot: Urdf, model: mujoco.MjModel, bodies: NDArray[np.bool_]) -> list[str]:
+    """Return a note about links whose mass is not in the file.
+
+    MuJoCo computes it from the shapes for contact, as if they were full of water.
+
+    Args:
+        robot: The file.
+        model: The compiled model.
+        bodies: The bodies whose masses matter, (nbody,).
+    """
+    total, texts = 0.0, []
+    for b in np.flatnonzero(bodies):
+        name, mass = model.body(b).name, float(model.body_mass[b])
+        written, least = robot.masses.get(name, 1.0), 0.0 if model.body_jntnum[b] else _LEAST_MASS
+        if written < 0.0 or (written == 0.0 and mass > least):
+            total += mass
+            texts.append(f"{name} {mass:.4g} kg" + (f" ({written:g} in the file)" if written else ""))
+    what = f"masses that the file lacks are assumed, {total:.4g} kg in all: {listed(texts)}"
+    how = f"shapes for contact weigh 1000 kg/m^3, links without any {_LEAST_MASS:g} kg"
+    return [f"{what}; {how}; torques depend on them: add <inertial>"] if texts else []
 
 
 def keep_apart(spec: mujoco.MjSpec, model: mujoco.MjModel, qpos: NDArray[np.float64]) -> list[str]:

@@ -198,11 +198,12 @@ class Model(Physical):
         if undriven := arm.drives.undriven(arm.data_at(arm.configuration("home"))):
             idle = arm.drives.idle
             others = f"; it cannot command {arm.drives.named(idle)}" if idle else ""
+            ways = "add position, velocity or motor actuators, leave them out of arm.joints, or "
+            ways = "a URDF cannot have any: " if arm.is_urdf else ways
             yield (
                 "plant.kind",
                 f'"{self.name}" drives by the actuators of {arm.path}, none of which moves '
-                f"{listed(arm.joints[j] for j in undriven)} alone{others}; add position, velocity or motor "
-                f'actuators, leave them out of arm.joints, or take "{Servo.name}"',
+                f'{listed(arm.joints[j] for j in undriven)} alone{others}; {ways}take "{Servo.name}"',
             )
 
 

@@ -11,6 +11,7 @@ from rmrc.analysis.check.facts import Facts
 from rmrc.analysis.check.motion import BOUND
 from rmrc.analysis.inspect.directions import SLOW
 from rmrc.analysis.new.scaling import ASSUMED_RATE
+from rmrc.arm import Arm
 from rmrc.arm.frames import code_of
 from rmrc.arm.inventory import Contact
 from rmrc.results.verdict import SLIP_CURE
@@ -29,12 +30,14 @@ CODES: dict[str, tuple[Level, str]] = {
     "plant-refused": ("warning", "a plant cannot run this arm"),
     "diverged": ("error", "one second of motion diverged"),
     "rank-deficient": ("warning", "the Jacobian is rank-deficient in every configuration"),
-    "range-suspicious": ("warning", "a range seems to be in the other unit of angles"),
+    "range-suspicious": ("warning", "angles seem to be in the other unit"),
+    "range-reversed": ("warning", "a range of a URDF does not end above its beginning, and is not used"),
+    "scale-suspicious": ("warning", "the arm is so long that its lengths seem to be in mm"),
     "home-singular": ("warning", "the arm is singular at home, or nearly so"),
     "home-touch": ("warning", "bodies of the arm touch each other at home"),
     "rate-limit-missing": (
         "warning",
-        "a joint has no rate limit; MJCF has rate limits only in servos",
+        "a joint has no rate limit, which MJCF has only in servos",
     ),
     "torque-limit-missing": (
         "warning",
@@ -46,7 +49,8 @@ CODES: dict[str, tuple[Level, str]] = {
     "follower-slip": ("warning", "a follower left its equality during one second of motion"),
     "mujoco-warning": ("warning", "MuJoCo issued a warning during one second of motion"),
     "range-missing": ("note", "a joint has no range"),
-    "acceleration-limit": ("note", "MJCF cannot express acceleration limits"),
+    "acceleration-limit": ("note", "no acceleration limits are read from a model"),
+    "unused": ("note", "data of a URDF are not used"),
     "no-home": ("note", "there is no keyframe home; another configuration replaces it"),
     "frame": ("note", "other frames could be controlled instead"),
     "base-fixed": ("note", "the base has a free joint in the file, and is fixed"),
@@ -65,6 +69,9 @@ DIFFERENT = 1e-6
 DEEP = 1e-3
 # If all hinges have ranges below the first, or one above the second [rad], the units are mixed up.
 NARROW, WIDE = 0.12, 8.0 * np.pi
+# Arms are shorter [m].
+LONG = 50.0
+RADIANS = "write lower and upper of <limit> in rad, and velocity in rad/s"
 
 
 @dataclass(frozen=True)
@@ -104,7 +111,7 @@ def _start(facts: Facts) -> _Findings:
             yield (
                 "home-outside-limits",
                 f"joint {name} is at {at:.4g} {unit} at home, outside its range [{lower:.4g}, {upper:.4g}]",
-                'add <key name="home" qpos="..."/> within it, or set arm.start',
+                _way(arm, 'add <key name="home" qpos="..."/> within it, or set arm.start', "set arm.start"),
             )
     if "home" not in arm.keyframes:
         known = f"; its keyframes: {listed(sorted(arm.keyframes))}" if arm.keyframes else ""
@@ -131,8 +138,12 @@ def _geometry(facts: Facts) -> _Findings:
             "rank-deficient",
             f"{arm.n} joints move {task.rank} directions of the site in every configuration: some axes "
             "coincide",
-            "correct axis and pos of the joints that `rmrc inspect` reports as turning against each other",
+            "correct axes and places of the joints that `rmrc inspect` reports as turning against each other",
         )
+    size = _size(arm)
+    if size > LONG:
+        text = f"the arm, or a shape on it, is {size:.3g} m long, as if it were in mm"
+        yield "scale-suspicious", text, 'write m and kg m^2, and scale="0.001 0.001 0.001" of meshes in mm'
     if task.rank < 6:
         yield "axes", f"the arm moves {' '.join(task.axes)} of the site independently", "set task.axes"
 
@@ -144,31 +155,30 @@ def _limits(facts: Facts) -> _Findings:
     angles = width[hinges & limited]
     if angles.size and (angles < NARROW).all():
         text = f"the ranges of all hinges are below {NARROW:g} rad, as if radians had been read as degrees"
-        yield "range-suspicious", text, 'set <compiler angle="radian"/>'
-    for name in _named(facts, hinges & limited & (width > WIDE)):
-        yield (
-            "range-suspicious",
-            f"joint {name} has a range of {width[arm.joints.index(name)] / (2.0 * np.pi):.3g} turns",
-            'set <compiler angle="degree"/>, or write radians',
-        )
+        yield "range-suspicious", text, _way(arm, 'set <compiler angle="radian"/>', RADIANS)
+    wide = hinges & limited & (width > WIDE)
+    if wide.any():
+        sizes = map("{} {:.0f} rad".format, _named(facts, wide), width[wide])
+        text = f"ranges of more than {WIDE / (2.0 * np.pi):g} turns, as if degrees were rad: {listed(sizes)}"
+        way = _way(arm, 'set <compiler angle="degree"/>, or write radians', RADIANS)
+        yield "range-suspicious", text, way
     if missing := _named(facts, ~limited):
-        yield (
-            "range-missing",
-            f"no range of {', '.join(missing)}",
-            'set <joint range="..."/> where there are stops',
-        )
+        urdf = 'set <limit lower="..." upper="..."/> in rad or m, and no type="continuous",'
+        way = _way(arm, 'set <joint range="..."/>', urdf)
+        yield "range-missing", f"no range of {', '.join(missing)}", f"{way} where there are stops"
     if missing := _named(facts, ~np.isfinite(arm.rate_limit)):
         yield (
             "rate-limit-missing",
             f"no rate limit of {', '.join(missing)}; `rmrc new` assumes {ASSUMED_RATE:g} rad/s",
-            "set control.limits.rate, or control.limits.profile",
+            _way(arm, "set ", 'set velocity="..." of <limit>, ') + "control.limits.rate, or .profile",
         )
     if missing := _named(facts, ~np.isfinite(arm.torque_limit)):
         way = 'set <joint actuatorfrcrange="..."/> or forcerange of its actuator'
+        way = _way(arm, way, 'set <limit effort="..."/> in N m or N')
         yield "torque-limit-missing", f"no torque limit of {', '.join(missing)}", way
     yield (
         "acceleration-limit",
-        "no acceleration limits, which MJCF cannot express",
+        "no acceleration limits, which are not read from a model",
         "set control.limits.acceleration, or .profile",
     )
 
@@ -205,7 +215,8 @@ def _touching(facts: Facts) -> _Findings:
     met = [contact for contact in facts.contacts if contact.is_moved]
     if met:
         code = "home-contact" if met[0].depth > DEEP else "home-touch"
-        yield code, f"at home {_pairs(met)}", "set arm.start, or add <contact><exclude .../></contact>"
+        way = "set arm.start" + _way(facts.arm, ", or add <contact><exclude .../></contact>", "")
+        yield code, f"at home {_pairs(met)}", way
 
 
 def _moving(facts: Facts) -> _Findings:
@@ -214,11 +225,9 @@ def _moving(facts: Facts) -> _Findings:
             f"one second of motion on the {motion.plant} plant (seed {facts.seed}, {BOUND:g} rad about home)"
         )
         if motion.refused:
-            yield (
-                "plant-refused",
-                f"the {motion.plant} plant refuses it: {motion.refused}",
-                "choose another plant.kind",
-            )
+            refusal = f"the {motion.plant} plant refuses it: {motion.refused}"
+            if not (facts.arm.is_urdf and motion.plant == "model"):  # a URDF cannot have actuators
+                yield "plant-refused", refusal, "choose another plant.kind"
             continue
         if motion.diverged:
             way = "correct masses, armature or damping, or lower plant.timestep"
@@ -243,6 +252,21 @@ def _moving(facts: Facts) -> _Findings:
 
 
 JUDGES: tuple[Callable[[Facts], _Findings], ...] = (_start, _touching, _geometry, _limits, _moving, _model)
+
+
+def _way(arm: Arm, mjcf: str, urdf: str) -> str:
+    """Return the remedy in the language of the arm's file."""
+    return urdf if arm.is_urdf else mjcf
+
+
+def _size(arm: Arm) -> float:
+    """Return the length of an arm from its first joint to its site, or of a larger shape on it [m]."""
+    chain, model = arm.chain, arm.model
+    travel = np.diff(arm.position_limit[arm.is_slide])
+    links = np.linalg.norm([*chain.step[1:], chain.tip_step], axis=1)
+    moved = model.body_weldid[model.geom_bodyid] > 0
+    length = float(links.sum() + travel[np.isfinite(travel)].sum())
+    return max(length, float(model.geom_rbound[moved].max(initial=0.0)))
 
 
 def _named(facts: Facts, which: NDArray[np.bool_]) -> list[str]:

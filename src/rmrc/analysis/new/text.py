@@ -11,6 +11,7 @@ from rmrc.analysis.inspect import words
 from rmrc.analysis.new.move import BESIDE, Move
 from rmrc.analysis.new.scaling import ASSUMED_RATE, PATH_SHARE, Scales
 from rmrc.arm import Arm
+from rmrc.arm.frames import code_of
 from rmrc.arm.geometry import damping_maximum, tidy
 from rmrc.law.task import Array
 from rmrc.scenario import inline
@@ -110,7 +111,8 @@ def _arm(scales: Scales, move: Move, seen: Seen) -> str:
         "packages": "folders of the packages named in the file",
         "stretch": "factor on all lengths of a body",
     }
-    lines = ["arm:"]
+    notes = (visible(note) for note in arm.notes if code_of(note) == "assumed")
+    lines = [line for note in notes for line in comment(f"ASSUMED: {note}")] + ["arm:"]
     for key, value in identity(arm, seen).items():
         lines.append(f"  {key}: {inline(value)}{f'   # {told[key]}' if key in told else ''}")
     if move.is_home:
@@ -173,7 +175,7 @@ def _control(scales: Scales, move: Move) -> str:
     lines += comment(_rates_said(scales), 4)
     lines.append(f"    rate: {inline([float(value) for value in scales.rate])}")
     lines += comment(
-        "no limit on accelerations, which MJCF cannot express; set it as `acceleration`, in rad/s^2", 4
+        "no limit on accelerations: none is read from a model; set it as `acceleration`, in rad/s^2", 4
     )
     lines.append(
         "    on_excess: scale   # beyond a limit all joints are scaled alike: the site keeps its direction"
