@@ -73,9 +73,8 @@ def read(path: Path, robot: ET.Element, packages: Mapping[str, Path]) -> Urdf:
         f"package {listed(unknown)} was not found above the file; give --package NAME=FOLDER": unknown,
     }
     lines = *(note for note, applies in notes.items() if applies), *_unused(joints)
-    rates = {_name(each): _number(each.find("limit"), "velocity") for each in joints}
-    # in many published files, 0 means unknown
-    velocity = {name: rate for name, rate in rates.items() if rate > 0.0}
+    rates = ((_name(joint), _number(joint.find("limit"), "velocity")) for joint in joints)
+    velocity = {name: rate for name, rate in rates if rate > 0.0}  # in many published files, 0 means unknown
     masses = {_name(link): _number(link.find("inertial/mass"), "value") for link in links}
     return Urdf(ET.tostring(robot, "unicode"), meshes, velocity, masses, lines)
 
@@ -128,8 +127,8 @@ def _unused(joints: Sequence[ET.Element]) -> list[str]:
 
 def _unused_of(joint: ET.Element, leaders: Collection[str]) -> Iterator[tuple[str, str, str]]:
     """Yield code, text and value of each."""
-    tags = "limit", "safety_controller", "mimic", "origin"
-    limit, soft, mimic, origin = (joint.find(tag) for tag in tags)
+    limit, soft = joint.find("limit"), joint.find("safety_controller")
+    mimic, origin = joint.find("mimic"), joint.find("origin")
     lower, upper = _number(limit, "lower"), _number(limit, "upper")
     low, high = _number(soft, "soft_lower_limit"), _number(soft, "soft_upper_limit")
     values = {} if limit is None else limit.attrib
