@@ -19,7 +19,7 @@ from rmrc.simulation.tables import read_table
 from rmrc.support.errors import QuestionError, TargetError, did_you_mean
 from rmrc.support.files import reading
 from rmrc.support.legible import listed
-from rmrc.support.spatial import exp_rotation, normalize, pose_product, quat_multiply, rotate
+from rmrc.support.spatial import AXES, exp_rotation, normalize, pose_product, quat_multiply, rotate
 
 Array = NDArray[np.float64]
 
@@ -37,9 +37,14 @@ ROUNDING = 1e-6
 
 
 def read_motion(
-    file: Motion, joints: Sequence[str], pose_at: Callable[[Array], Array], origin: Array, start: Array
-) -> tuple[Array, Array]:
-    """Return the times of the rows of a file from 0 on, (r,) [s], and the poses of the site there, (r, 7).
+    file: Motion,
+    joints: Sequence[str],
+    pose_at: Callable[[Array], Array],
+    origin: Array,
+    start: Array,
+    axes: Sequence[str] = AXES,  # noqa: ARG001
+) -> tuple[Array, Array, tuple[str, ...]]:
+    """Return the rising times of the rows of a file from 0 on, (r,) [s], the poses there, (r, 7), and notes.
 
     Args:
         file: The file, and which of its columns count.
@@ -47,9 +52,10 @@ def read_motion(
         pose_at: Returns the pose of the site at joint positions, (n,).
         origin: Pose of the frame in which the file is written, (7,).
         start: Pose of the site from which a twist is integrated, (7,).
+        axes: Axes of the task: a file need not have the others.
 
     Returns:
-        Neighboring quaternions have a positive product.
+        Neighboring quaternions have a positive product. Each note says what was assumed about the file.
 
     Raises:
         TargetError: The file cannot be read, lacks columns, or holds no motion.
@@ -80,7 +86,7 @@ def read_motion(
         poses = _integrated(time, v, w, start)
     else:
         poses = pose_product(origin, rows)
-    return time - time[0], _checked(poses)
+    return time - time[0], _checked(poses), ()
 
 
 def _run_columns(path: Path, joints: Sequence[str]) -> Mapping[str, Array]:
