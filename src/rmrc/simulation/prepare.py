@@ -120,6 +120,7 @@ class Prepared:
         slow = fit.slow_servos(self.law.rate_limit, self.arm) if PLANTS[self.plant.name].own else ""
         texts = (
             self.springs, self.by_arm, _by_profile(self.scenario), _not_shown(self), slow,
+            *dict.fromkeys(self.reference.notes),
         )  # fmt: skip
         of_run = (Assumed(text, True) for text in texts if text)
         return (*self.plant.assumed(), *of_run, *_missing_limits(self))
@@ -249,7 +250,7 @@ def prepare_reference(scenario: Scenario, arm: Arm, q: Array, cache: Cache) -> R
     Raises:
         ScenarioError: The target cannot be timed.
     """
-    target, period = scenario.target, scenario.control.period
+    target, period, axes = scenario.target, scenario.control.period, scenario.task.axes
 
     def pose_at(start: Any) -> Array:
         if not isinstance(start, str) and len(start) != arm.n:
@@ -260,10 +261,10 @@ def prepare_reference(scenario: Scenario, arm: Arm, q: Array, cache: Cache) -> R
             raise TargetError(str(error)) from None
 
     def make() -> Reference:
-        return make_reference(target, arm.pose(q), period, Places(arm.base_pose, arm.joints, pose_at))
+        return make_reference(target, arm.pose(q), period, Places(arm.base_pose, arm.joints, pose_at, axes))
 
     # as text, which distinguishes 0.0 from -0.0
-    key = "reference", arm, q.tobytes(), target.model_dump_json(), period
+    key = "reference", arm, q.tobytes(), target.model_dump_json(), period, axes
     try:
         return cache.get(key, make)
     except TargetError as error:

@@ -118,12 +118,14 @@ class Reference:
         period: The control period [s].
         pieces: Pieces of the path.
         starts: Start of each piece, (p,) [s].
+        notes: What was assumed about the files of recorded motions, one line each.
     """
 
     ticks: int
     period: float
     pieces: tuple[Curve | Spline, ...]
     starts: Array
+    notes: tuple[str, ...] = ()
 
     @property
     def duration(self) -> float:

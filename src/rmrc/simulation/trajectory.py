@@ -57,11 +57,13 @@ class Places(NamedTuple):
         base: Pose of the arm's base, (7,).
         joints: Names of the joints.
         pose_at: Returns the pose of the site, (7,), at joint positions, (n,), or at a keyframe.
+        axes: Axes of the task.
     """
 
     base: Array = ORIGIN
     joints: tuple[str, ...] = ()
     pose_at: Callable[[str | Sequence[float] | Array], Array] = lambda _: ORIGIN
+    axes: tuple[str, ...] = spatial.AXES
 
 
 def make_reference(target: TargetSection, start_pose: ArrayLike, period: float, places: Places) -> Reference:
@@ -105,7 +107,7 @@ def make_reference(target: TargetSection, start_pose: ArrayLike, period: float, 
         )
     last = max(1, math.ceil(count - _TICK_ROUNDING))
     starts = np.minimum(starts, period * last)  # the last tick is the end itself, not a rounding before it
-    return Reference(last + 1, period, tuple(path.pieces), starts)
+    return Reference(last + 1, period, tuple(path.pieces), starts, tuple(path.notes))
 
 
 class _Path:
@@ -114,6 +116,7 @@ class _Path:
     def __init__(self, target: TargetSection, places: Places, start: Array) -> None:
         self._target, self._places, self._start, self.pose = target, places, start, start
         self.pieces: list[Curve | Spline] = []
+        self.notes: list[str] = []
 
     @np.errstate(over="ignore", invalid="ignore")  # `_end` reports results that are not finite
     def follow(self, name: str, value: Any) -> None:
@@ -233,11 +236,14 @@ class _Path:
 
     def _play(self, file: Motion) -> None:
         """Follow a recorded motion, from its first pose or from the present end of the path."""
-        origin = self._origin(file.frame)
+        places, origin = self._places, self._origin(file.frame)
         try:
-            time, poses = read_motion(file, self._places.joints, self._places.pose_at, origin, self.pose)
+            time, poses, notes = read_motion(
+                file, places.joints, places.pose_at, origin, self.pose, places.axes
+            )
         except TargetError as error:
             raise TargetError(f'"{file.path}": {error}') from None
+        self.notes += (f"{file.path.name}: {note}" for note in notes)
         if file.origin == "start":
             turn = spatial.quat_multiply(spatial.quat_conjugate(poses[0, 3:]), self.pose[3:])
             poses[:, :3] += self.pose[:3] - poses[0, :3]
