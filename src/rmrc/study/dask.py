@@ -72,7 +72,8 @@ def results(address: str, parcel: Parcel, pieces: Sequence[Sequence[int]], stop:
                 for task in finished.next_batch(block=False):
                     yield task.result()
                     seen = time.monotonic()
-                seen = time.monotonic() if client.nthreads() else seen
+                with suppress(OSError):  # a scheduler that is lost cancels the tasks
+                    seen = time.monotonic() if client.nthreads() else seen
                 if time.monotonic() - seen > _GONE:
                     problem = f"no workers for {_GONE:.0f} s; start `dask worker {address}`; {_RESUME}"
                     break
