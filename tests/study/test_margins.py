@@ -235,7 +235,7 @@ def test_what_was_found_is_kept_when_it_is_interrupted(short):
 
     found = rmrc.margins(short.prepare().scenario, accuracy=0.005, threads=1, on_runs=interrupt)
     assert found.interrupted and found.is_stable and found.runs == sum(finished)
-    assert found.gain.low >= 1.0
+    assert found.gain.low >= 1.0 and "Interrupted" in " ".join(report(found).sheets[1].notes)
 
 
 def test_a_law_that_never_looks_bears_any_delay_and_the_answer_says_why(short):

@@ -84,3 +84,5 @@ def _notes(margins: Margins) -> Iterator[str]:
     endless = [f"{margin.name} {number(margin.bound)}" for margin in margins.all if margin.high == math.inf]
     if endless:
         yield f'">": stable in all runs; the search ends at {", ".join(endless)}.'
+    if margins.interrupted:
+        yield "Interrupted: the limits have the precision reached until then."
