@@ -51,11 +51,11 @@ if TYPE_CHECKING:
     from rmrc.scenario import Scenario, load, loads
     from rmrc.simulation.prepare import Prepared, prepare
     from rmrc.simulation.simulation import Simulation
-    from rmrc.study.filming import render
     from rmrc.study.margins.margins import margins
-    from rmrc.study.plotting import plot
+    from rmrc.study.pictures import plot, render
+    from rmrc.study.run import compare, run
     from rmrc.study.study import Study
-    from rmrc.study.verbs import compare, run, sweep
+    from rmrc.study.sweep import sweep
     from rmrc.support.errors import (
         ClusterError,
         DivergenceError,
@@ -93,11 +93,11 @@ if not TYPE_CHECKING:  # type checkers use the imports above, and report names t
         "rmrc.scenario": ("Scenario", "load", "loads"),
         "rmrc.simulation.prepare": ("Prepared", "prepare"),
         "rmrc.simulation.simulation": ("Simulation",),
-        "rmrc.study.filming": ("render",),
         "rmrc.study.margins.margins": ("margins",),
-        "rmrc.study.plotting": ("plot",),
+        "rmrc.study.pictures": ("plot", "render"),
+        "rmrc.study.run": ("compare", "run"),
         "rmrc.study.study": ("Study",),
-        "rmrc.study.verbs": ("compare", "run", "sweep"),
+        "rmrc.study.sweep": ("sweep",),
         "rmrc.support.errors": tuple(name for name in __all__ if name.endswith(("Error", "Warning"))),
         "rmrc.tuning.page": ("report",),
         "rmrc.tuning.verb": ("tune",),

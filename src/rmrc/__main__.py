@@ -1,6 +1,5 @@
 """`python -m rmrc`, and the script `rmrc`: the command line in a process of its own."""
 
-import gc
 import sys
 
 try:
@@ -13,7 +12,6 @@ except KeyboardInterrupt:  # while modules are read, which takes a while: no tra
 def main() -> None:
     """Run the command line, and end the process."""
     lifetime.ends_with_job = True
-    gc.set_threshold(50_000)  # Python's own 700 suits small programs: searching them takes a tenth of a sweep
     command_line()
 
 

@@ -16,7 +16,7 @@ from rmrc.film import camera, opengl
 from rmrc.film.film import Cut, Film, render
 from rmrc.film.opengl import PictureError
 from rmrc.scenario import loads
-from rmrc.study.filming import worlds_of
+from rmrc.study.pictures import worlds_of
 from rmrc.support.errors import QuestionError
 from wording import says
 

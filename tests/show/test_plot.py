@@ -16,9 +16,10 @@ from rmrc.scenario import load
 from rmrc.show.panels import GRAY, NAMES, OVER_TIME, SPANS, thinned
 from rmrc.show.plot import plot
 from rmrc.simulation.prepare import prepare
-from rmrc.study.plotting import plot as plot_any
-from rmrc.study.verbs import compare, sweep
-from rmrc.study.verbs import run as run_scenario
+from rmrc.study.pictures import plot as plot_any
+from rmrc.study.run import compare
+from rmrc.study.run import run as run_scenario
+from rmrc.study.sweep import sweep
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import AXES
 from wording import says

@@ -10,7 +10,6 @@ from project import ROOT
 from rmrc.recording.single import read_columns
 from rmrc.results.run import Run
 from rmrc.results.scorecard import scorecard
-from rmrc.show import tables
 from rmrc.study.run import Job
 from wording import says
 
@@ -95,19 +94,6 @@ def test_what_no_baseline_changes_is_refused_when_it_is_read(name):
         near(baseline={name: 1})
 
 
-def test_a_baseline_that_diverges_ends_alone(tmp_path):
-    wild = {
-        "control.feedback": 1500.0,
-        "control.limits.on_excess": "none",
-        "control.inverse.method": "pseudoinverse",
-    }
-    run = rmrc.run(near(baseline=wild), out=tmp_path)
-    assert run.divergence is None and run.is_complete and same(run, rmrc.run(near()))
-    if run.baseline.divergence is not None:
-        assert f"diverged at {run.baseline.divergence.time:.3g} s" in run.verdict
-    assert json.loads((tmp_path / "near.json").read_text())["baseline"]["status"] in ("diverged", "complete")
-
-
 def test_comparisons_and_sweeps_leave_it_out():
     vary = {"control.feedback": [5, 10]}
     assert len(Job(near(baseline=PLAIN), variants=rmrc.scenario.grid(vary)).worlds) == 2
@@ -115,12 +101,3 @@ def test_comparisons_and_sweeps_leave_it_out():
     assert repr(rows[0].to_pylist()) == repr(rows[1].to_pylist())
     with pytest.raises(rmrc.ScenarioError, match=r"baseline\.control\.feedback.*cannot be (varied|changed)"):
         near(**{"sweep.vary": {"baseline.control.feedback": [1, 2]}})
-
-
-def test_a_figure_stands_beside_that_of_the_scenario_and_what_neither_has_is_left_out():
-    run = rmrc.run(near(baseline=PLAIN))
-    text = tables.markdown(run.scorecard, (), run.baseline.scorecard)
-    assert "| joint | at \\[s\\] | rms | baseline peak |" in text
-    assert "RATE_LIMITED" not in tables.markdown(run.baseline.scorecard, ())
-    for absent in ("JERK_LIMITED", "| tau", "secondary", "joint_jerk_cmd"):
-        assert absent not in text

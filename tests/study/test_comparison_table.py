@@ -15,7 +15,6 @@ from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, scorecard
 from rmrc.scenario import Check
 from rmrc.scenario.choices import IN_RUNS
-from rmrc.show import sheets
 from rmrc.show.sheets import as_markdown
 from rmrc.show.terminal import render
 from rmrc.study import compare_table
@@ -150,21 +149,3 @@ def test_what_ended_early_says_so_and_has_no_posture_to_come_back_to():
         r"\n\[red\] .* -  +-\ndiverged at 0\.612 s\nb .* -  +-\nunfinished\nc .* -  +-\nunfinished$", text
     )
     assert "nan" not in text
-
-
-METHODS = ("inverse", "pseudoinverse", "damped", "selectively_damped", "jparse")
-
-
-@pytest.mark.parametrize("width", [100, 80, 60])
-@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
-def test_a_full_table_fits_a_terminal_and_no_number_is_cut_or_broken(width, scale):
-    names = tuple(f"theta_{i}" for i in range(1, 7))
-    run = run_of(joints=names, axes=SPACE, moved=(*(0.0,) * 5, 1.0))
-    figures = [name for name in VALUES if name.startswith(("joint", "tau"))]
-    figures += [f"status_time.{one.name}" for one in IN_RUNS]
-    rows = [row(method, run, **dict.fromkeys(figures, 1.234567 * scale)) for method in METHODS]
-    lines = printed(rows, width)
-    assert max(map(len, lines)) <= width and "…" not in "".join(lines)
-    for method in METHODS:
-        cells = [cell for line in lines if line.split()[:1] == [method] for cell in line.split()]
-        assert cells.count(sheets.number(1.234567 * scale)) == len(figures)

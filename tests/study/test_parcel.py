@@ -40,7 +40,7 @@ def rows_there(parcel, tmp_path):
     parcel.unpack(tmp_path / "worker")
     (tmp_path / "project").rename(tmp_path / "hidden")
     there = Runs(parcel, tmp_path / "worker")
-    assert there.check(0).arm.path.is_relative_to(tmp_path / "worker")
+    assert there.prepare(0).arm.path.is_relative_to(tmp_path / "worker")
     return here, there.rows([0, 1], threading.Event())
 
 
@@ -80,6 +80,6 @@ def test_packages_tools_and_recorded_motions_are_packed_also_those_that_vary(pat
     assert names <= {file.name for file in parcel.files}
     parcel.unpack(tmp_path / "worker")
     project.rename(tmp_path / "hidden")
-    arm = Runs(parcel, tmp_path / "worker").check(3).arm
+    arm = Runs(parcel, tmp_path / "worker").prepare(3).arm
     assert arm.model.nmesh > 0
     assert arm.model.body_mass[-1] == 2.0

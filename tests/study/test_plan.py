@@ -1,7 +1,6 @@
 """A plan is a function of an index: the same run always, a grid in order, chance that can be told apart."""
 
 import itertools
-from hashlib import sha256
 
 import numpy as np
 import pytest
@@ -48,36 +47,11 @@ def test_runs_are_the_grid_times_samples_times_repeats_whatever_the_order_they_a
             assert run[key] == runs[i % per_cell // plan.repeat * plan.repeat][key]
 
 
-@pytest.mark.parametrize("sampler", ["random", "sobol"])
-def test_another_seed_draws_anew_and_repeats_do_not(sampler):
-    def drawn(seed, repeat):
-        plan = Plan({}, {"a": (0.0, 1.0)}, sampler, 8, repeat, seed)
-        return [plan.values(i)["a"] for i in range(0, len(plan), repeat)]
-
-    assert drawn(3, 1) == drawn(3, 5)
-    assert not set(drawn(3, 1)) & set(drawn(4, 1))
-    assert len(set(drawn(3, 1))) == 8
-
-
-# Of 512 points in 20 dimensions as scipy 1.17.1 has them, in bytes of float64.
-SOBOL = "99705f825c98c1f9b21322a4cbb3d2a262c20f24389ea8b2ef038e9d652b5486"
-
-
-def points_of_sobol():
-    return np.array([sobol_point(i, 20) for i in range(512)])
-
-
-def test_sobol_points_are_those_that_were_written_down():
-    assert sha256(points_of_sobol().tobytes()).hexdigest() == SOBOL
-
-
-@pytest.mark.long
 def test_sobol_points_are_those_of_scipy():
     from scipy.stats import qmc  # which takes a second to load
 
     known = qmc.Sobol(20, scramble=False, bits=32).random(512)
-    np.testing.assert_array_equal(points_of_sobol(), known)
-    assert sha256(known.tobytes()).hexdigest() == SOBOL
+    np.testing.assert_array_equal([sobol_point(i, 20) for i in range(512)], known)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 7])

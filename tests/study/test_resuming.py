@@ -40,9 +40,10 @@ def whole(tmp_path_factory):
 def begun(whole, tmp_path):
     """The folder of a sweep of which some rows are there, as if it had been killed."""
     sweep = Sweep(whole[0], folder=tmp_path)
-    rows, contents = pq.read_table(whole[1]).to_pylist(), sweep.check()
+    sweep.check()
+    rows = pq.read_table(whole[1]).to_pylist()
     for some in (rows[:5], rows[9:20:2]):
-        sweep.dataset.add(some, contents)
+        sweep.dataset.add(some)
     return sweep.dataset.folder
 
 

@@ -13,7 +13,6 @@ from rmrc.results.expectations import refuse_unknown
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import Variant, draft_of, load
 from rmrc.scenario.changes import read_setting
-from rmrc.simulation import prepare as preparation
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.run import Job
@@ -90,44 +89,6 @@ def test_each_variant_is_what_it_is_alone(path):
         assert_same(one, want)
 
 
-def test_what_they_have_in_common_is_found_once(monkeypatch):
-    asked = []
-    for name in ("make_reference", "choose"):
-        find = getattr(preparation, name)
-        monkeypatch.setattr(
-            preparation, name, lambda *args, name=name, find=find: asked.append(name) or find(*args)
-        )
-    many = [[f"control.feedback={i}"] for i in range(1, 50)]
-    prepared = Study(draft_of(SCENARIOS[1])).prepare_all(variants(many))
-    for of in ("arm", "reference", "task"):
-        assert len({id(getattr(one, of)) for one in prepared}) == 1
-    assert sorted(asked) == ["choose", "make_reference"]
-
-
-WRONG = [
-    ["control.feedback=-1"], ["control.fedback=1"], ["arm.start=[1, 2, 3]"], ["plant.payload=-1", "plant.kv=0"],
-    ["arm.model=none.xml"], ["arm.site=tipp"], ["target.path[5]=1"], ["target.path[0].line.to=[1, {]"],
-    ["target.path=[{line: {by: [0, 0]}}]"], ["expect.joint_rate.pek.below=3"], ["arm.stretch.link_3=2"],
-    ["control"], ["name.x=1"], ["target.limits={velocity: 0.1, velocity: 0.2}"], ["plant.a.b[0]=1"],
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("overrides", [(), ("control.period=0",), ("plant.kvv=1", "arm.start=nowhere")])
-def test_mistakes_are_told_as_of_each_alone(overrides):
-    path = ROOT / "scenarios" / "approach_singularity.yaml"
-    study = Study(draft_of(path, overrides))
-    for varied in [*WRONG, []]:
-        told = []
-        for ask in (lambda v=varied: study.prepare(changes(v)), lambda v=varied: alone(path, overrides, v)):
-            try:
-                ask()
-                told.append(None)
-            except ScenarioError as error:
-                told.append(error.problems)
-        assert told[0] == told[1]
-        assert bool(told[0]) == bool(varied or overrides)
-
-
 def test_a_mistake_names_its_variants_once(tmp_path):
     path = ROOT / "scenarios" / "approach_singularity.yaml"
     shown = "--set control.feedback: … 0 … -1"
@@ -142,19 +103,6 @@ def test_a_mistake_names_its_variants_once(tmp_path):
     with pytest.raises(ScenarioError) as caught:
         Job(tmp_path / "none.yaml", variants=[low, high])
     assert str(caught.value) == says(f"{tmp_path}/none.yaml: … file")
-
-
-def test_a_file_is_read_once(tmp_path):
-    path = tmp_path / "x.yaml"
-    text = (ROOT / "scenarios" / "approach_singularity.yaml").read_text()
-    path.write_text(text.replace("../models", f"{ROOT}/models"))
-    study = Study(draft_of(path))
-    path.unlink()
-    one, other = study.prepare(changes(["control.feedback=7"])), study.prepare()
-    assert (one.scenario.control.feedback, other.scenario.control.feedback) == (7.0, 20.0)
-    assert np.array_equal(one.qpos, other.qpos)
-    assert one.scenario.locate("control.feedback") == "--set control.feedback"
-    assert other.scenario.locate("control.feedback") == f"{path}:12:13: control.feedback"
 
 
 def test_a_watcher_sees_every_tick_and_can_end_the_runs():

@@ -2,8 +2,6 @@
 
 import json
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -12,7 +10,7 @@ import pytest
 from project import ROOT, mostly_long
 from rmrc.results.expectations import check
 from rmrc.results.scorecard import scorecard
-from rmrc.scenario import Scenario, load, loads, schema_rows
+from rmrc.scenario import load
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.sweep import Sweep
@@ -60,48 +58,6 @@ def swept(tmp_path_factory):
 
 def same(a, b):
     return a == b or (a is not None and b is not None and math.isnan(a) and math.isnan(b))
-
-
-# Two values of each key of the loop around the law, and what else it needs; the first is not the default.
-LOOP = {
-    "arm.encoder.offset": ("[1 deg, -1 deg]", "0.01"), "arm.encoder.deviation": ("1 deg", "[0.01, 0.02]"),
-    "arm.encoder.noise": ("1.0e-4", "[0, 1.0e-5]"), "arm.encoder.resolution": ("1.0e-4", "[0, 1.0e-5]"),
-    "arm.encoder.delay": ("0.002", "0.0025"),
-    "control.state": ("integrated", "measured"), "control.rate_filter": ("0.01", "0.02"),
-    "plant.kind": ("torque", "ideal"), "plant.kv": ("500", "[900, 800]"), "plant.bandwidth": ("20", "30"),
-    "plant.timestep": ("0.0005", "0.001"), "plant.gravity_compensation": ("false", "true"),
-    "plant.friction_compensation": ("false", "true"), "plant.payload": ("1", "0.5"),
-    "plant.gravity": ("[0, -9.81, 0]", "[0, 0, 0]"), "plant.wrench": ("[1, 0, 0, 0, 0, 1]", "[0, 0, 0, 0, 0, 0]"),
-    "plant.delay": ("0.002", "0.0025"), "plant.jitter": ("0.002", "0.004"), "plant.loss": ("0.5", "0.1"),
-    "plant.lag": ("0.01", "[0, 0.02]"), "plant.resonance.frequency": ("12", "null"),
-    "plant.resonance.damping": ("0.2", "0.3"), "plant.backlash": ("0.001", "[0, 0.01]"),
-    "plant.friction.coulomb": ("1", "[0.1, 0]"), "plant.friction.viscous": ("1", "[0.1, 0]"),
-    "plant.stretch.<body>": ("1.01", "0.99"), "plant.joint_offset": ("0.01", "[0, 0.01]"),
-}  # fmt: skip
-BESIDE = {
-    "plant.bandwidth": "plant.kind=torque", "plant.resonance.damping": "plant.resonance.frequency=12",
-    "plant.kv": "plant.wrench=[0, 9, 0, 0, 0, 0]",
-}  # fmt: skip
-
-
-def test_every_key_of_the_loop_around_the_law_is_one_of_these():
-    parts = "plant.", "arm.encoder.", "control.state", "control.rate_filter"
-    keys = {row.key for row in schema_rows() if row.key.startswith(parts)}
-    assert set(LOOP) == keys - {"arm.encoder.seed", "plant.seed"}  # which a sweep counts up from run to run
-
-
-@pytest.mark.parametrize("key", mostly_long(list(LOOP), 3))
-def test_every_key_of_the_loop_around_the_law_can_be_swept(tmp_path, key):
-    text = TEXT.split("expect:", maxsplit=1)[0].replace("0.004, 0.0", "0.02, 0.0")
-    written = key.replace("<body>", "link_1")
-    sets = [f"sweep.vary.{written}=[{', '.join(LOOP[key])}]", *([BESIDE[key]] if key in BESIDE else [])]
-    sweep = Sweep(loads(text, overrides=sets), folder=tmp_path, threads=1)
-    sweep.run()
-    first, second = pq.read_table(sweep.dataset.file).to_pylist()
-    # it does something: negative control of a key that is read and forgotten
-    without = "control.rate_filter", "plant.gravity_compensation", "plant.friction_compensation"
-    if key not in without:  # noise, weight and friction
-        assert any(first[name] != second[name] for name in first if "rms" in name)
 
 
 def test_each_row_has_the_bits_of_its_run_alone(swept):
@@ -170,42 +126,6 @@ def test_threads_change_no_bit_of_the_file(swept, path, tmp_path, threads):
     assert other.dataset.file.read_bytes() == sweep.dataset.file.read_bytes()
 
 
-WITHOUT = """
-import sys
-from importlib import metadata
-
-for name in ("rerun", "matplotlib", "PIL"):
-    sys.modules[name] = None  # an import of it fails
-version = metadata.version
-
-
-def without(name):
-    if name == "rerun-sdk":
-        raise metadata.PackageNotFoundError(name)
-    return version(name)
-
-
-metadata.version = without
-from pathlib import Path
-from rmrc.study.sweep import Sweep
-Sweep(sys.argv[1], folder=Path(sys.argv[2]), threads=1).run()
-"""
-
-
-def test_a_worker_needs_neither_rerun_nor_matplotlib(swept, path, tmp_path):
-    subprocess.run([sys.executable, "-c", WITHOUT, path, tmp_path / "out"], check=True)
-    written = tmp_path / "out/quick.sweep.parquet"
-    assert written.read_bytes() == swept[0].dataset.file.read_bytes()
-
-
-@pytest.mark.parametrize("has_file", mostly_long([False, True], 2))
-def test_a_sweep_of_a_scenario_object_has_the_rows_of_its_file(swept, path, tmp_path, has_file):
-    one = load(path) if has_file else Scenario.model_validate(load(path).model_dump())
-    Sweep(one, folder=tmp_path).run()
-    rows = pq.read_table(tmp_path / "quick.sweep.parquet").to_pylist()
-    assert repr(rows) == repr(swept[1].to_pylist())  # with NaN
-
-
 def test_a_scenario_that_is_edited_meanwhile_changes_no_row(swept, path, tmp_path):
     sweep = Sweep(path, folder=tmp_path)
     sweep.check()
@@ -270,17 +190,6 @@ def test_a_plan_that_makes_no_sense_is_refused(path, tmp_path, overrides, line):
     with pytest.raises(ScenarioError) as caught:
         Sweep(path, overrides, tmp_path / "out")
     assert str(caught.value) == says(line.format(path=path))
-
-
-def test_seeds_may_reach_the_last_and_whole_arms_that_vary_may_have_chance(path, tmp_path):
-    seeds = [9223372036854775804 + i for i in range(4)]
-    arm = f"{{model: {ROOT}/models/planar_2link.xml, site: tip, encoder: {{deviation: 0.1}}, start: [1, START]}}"
-    arms = ", ".join(arm.replace("START", start) for start in ("-2", "-1"))
-    path.write_text(TEXT[: TEXT.index("sweep:")].replace(", encoder: {deviation: 0.1 deg}", ""))
-    overrides = [f"sweep.vary.arm=[{arms}]", "sweep.repeat=4", f"sweep.seed={seeds[0]}"]
-    sweep = Sweep(path, overrides, tmp_path)
-    sweep.run()
-    assert pq.read_table(sweep.dataset.file)["seed"].to_pylist() == seeds * 2
 
 
 def test_models_are_varied_too_and_a_joint_that_one_lacks_is_nan(path, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from rmrc.study import sweep_report
+from rmrc.study import pictures
 from rmrc.study.swept import Swept
 from rmrc.support.errors import QuestionError
 
@@ -28,7 +28,7 @@ def swept():
 
 
 def test_bars_count_the_runs_that_have_a_figure_and_dots_are_at_their_values(swept):
-    bars, other_bars, dots, words = sweep_report.plot(swept, None).get_axes()
+    bars, other_bars, dots, words = pictures.sweep_figure(swept, None).get_axes()
     for axes, values in zip((bars, other_bars), swept.figures.values(), strict=True):
         assert sum(one.get_height() for one in axes.patches) == np.isfinite(values).sum()
         assert axes.get_xscale() == ("log" if "position" in axes.get_xlabel() else "linear")
@@ -40,7 +40,7 @@ def test_bars_count_the_runs_that_have_a_figure_and_dots_are_at_their_values(swe
 
 
 def test_a_figure_has_the_size_and_the_panels_asked(swept, tmp_path):
-    sweep_report.plot(swept, tmp_path / "x.svg", ["keys"], width=3.5)
+    pictures.sweep_figure(swept, tmp_path / "x.svg", ["keys"], width=3.5)
     text = (tmp_path / "x.svg").read_text("utf-8")
     assert float(re.search(r'<svg[^>]* width="([\d.]+)pt"', text)[1]) == pytest.approx(72 * 3.5)
     assert all(name in text for name in list(UNITS)[:3])
@@ -50,7 +50,7 @@ def test_a_figure_has_the_size_and_the_panels_asked(swept, tmp_path):
 def test_what_has_nothing_to_draw_is_refused(swept, tmp_path):
     bare = Swept("bare", swept.rows, UNITS, [], swept.figures)
     with pytest.raises(QuestionError, match="bare: no run has numbers"):
-        sweep_report.plot(bare, tmp_path / "x.svg", ["keys"])
+        pictures.sweep_figure(bare, tmp_path / "x.svg", ["keys"])
     with pytest.raises(QuestionError, match="not of a sweep"):
         Swept.of(tmp_path / "x.parquet", pa.table({"on_front": [True]}))
     assert list(tmp_path.iterdir()) == []

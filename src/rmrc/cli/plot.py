@@ -77,11 +77,11 @@ def plot(
     with interruption("interrupted; nothing was written"):
         from rmrc.results.leaving import refuse_unwritable
         from rmrc.show.panels import NAMES
-        from rmrc.study import plotting, sweep_report
+        from rmrc.study import pictures
 
-        names = _chosen(panels, sweep_report.PANELS if run.suffix == ".parquet" else NAMES)
+        names = _chosen(panels, pictures.PANELS if run.suffix == ".parquet" else NAMES)
         refuse_unwritable([wanted])
-        plotting.plot(run, wanted, names, size, font)
+        pictures.plot(run, wanted, names, size, font)
     print_line(output(quiet), f"wrote {wanted}")
 
 

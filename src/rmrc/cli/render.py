@@ -101,7 +101,7 @@ def render(
         refuse_missing()  # before MuJoCo is imported
         from rmrc.film import film
         from rmrc.results.leaving import refuse_unwritable
-        from rmrc.study.filming import worlds_of
+        from rmrc.study.pictures import worlds_of
 
         refuse_unwritable([wanted])
         worlds = worlds_of(run, scenarios.variants(vary) if vary else (), set_ or ())

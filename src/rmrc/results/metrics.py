@@ -80,11 +80,6 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.square(values).sum() / (len(values) or math.nan)))
 
 
-def _norm(rows: Array) -> Array:
-    """Return the norms of vectors, (r, T)."""
-    return np.asarray(np.sqrt(np.einsum("rt,rt->t", rows, rows)))
-
-
 # Joints -----------------------------------------------------------------------------------------
 
 
@@ -186,7 +181,7 @@ def _errors(run: Recorded) -> Metrics:
         ("orientation_error", "rad", "angle to the reference orientation", "angular", axes >= 3),
     ):
         if rows.any():
-            size, along, across = _split(errors[rows], scale[rows, None] * u[rows], _norm(u[rows]))
+            size, along, across = _split(errors[rows], u[rows], scale[rows])
             groups.append((name, unit, what, size))
             lost = f"{name.replace('_', ' ')} {{}} the {half} part of the lost direction"
             parts.append((f"{name}_along", unit, lost.format("along"), along))
@@ -201,19 +196,20 @@ def _errors(run: Recorded) -> Metrics:
         yield f"{name}.end", float(values[-1]) if len(run) else math.nan, unit, f"{what}, at the last tick"
 
 
-def _split(error: Array, lost: Array, share: Array) -> tuple[Array, Array, Array]:
+def _split(error: Array, u: Array, scale: Array) -> tuple[Array, Array, Array]:
     """Return the norm of an error, and of its parts along and across the direction that is lost, (T,) each.
 
     Args:
         error: Rows of one unit, (r, T).
-        lost: The part of the lost direction in these rows, (r, T).
-        share: Norm of this part of u_min, whose norm is 1, (T,).
+        u: The part of u_min in these rows, (r, T).
+        scale: Its scale S_x, (r,).
     """
-    size = _norm(error)
-    direction = np.where(share > NO_PART, lost / _norm(lost), 0.0)
-    along = np.einsum("rt,rt->t", direction, error)
-    # rounding makes no part larger than the whole
-    return size, np.minimum(np.abs(along), size), np.minimum(_norm(error - along * direction), size)
+    size, lost = np.linalg.norm(error, axis=0), scale[:, None] * u
+    is_lost = np.linalg.norm(u, axis=0) > NO_PART
+    direction = np.where(is_lost, lost / np.linalg.norm(lost, axis=0), 0.0)
+    along = np.sum(direction * error, axis=0)
+    across = np.linalg.norm(error - direction * along, axis=0)
+    return size, np.minimum(np.abs(along), size), np.minimum(across, size)  # rounding makes no part larger
 
 
 def _extremes(run: Recorded) -> Metrics:

@@ -11,12 +11,11 @@ import signal
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from importlib import util
 from multiprocessing import resource_tracker
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from threading import Event, Lock
 from typing import Any
 
@@ -56,39 +55,35 @@ def results(address: str, parcel: Parcel, pieces: Sequence[Sequence[int]], stop:
     Raises:
         ClusterError: It does not respond, has no workers, or is lost.
     """
-    what = "no Dask scheduler responds there {}; start `dask scheduler`, or check for a firewall"
-    done, missing, seen = SimpleQueue[Future[Rows]](), len(pieces), time.monotonic()
+    from distributed import as_completed
+
+    problem, cure = "", "start `dask scheduler`, or check for a firewall"
+    what = "no Dask scheduler responds there"
     with ExitStack() as stack:
         try:
             client = stack.enter_context(_client(address))
-            what = f"a run failed {{}}; {_RESUME}"
+            what, cure = "a run failed", _RESUME
             # a task, not scattered data, which is lost with the only worker that has it
             sent = client.submit(lambda parcel: parcel, parcel, pure=False)
-            executor = client.get_executor(pure=False)
-            for piece in pieces:
-                executor.submit(_work, sent, sent.key, piece).add_done_callback(done.put)
-            while missing and not stop.is_set():
-                try:
-                    future = done.get(timeout=_LOOK)
-                except Empty:
+            tasks = [client.submit(_work, sent, sent.key, piece, pure=False) for piece in pieces]
+            finished, seen = as_completed(tasks, client.loop), time.monotonic()
+            del tasks  # so that rows are freed once they are yielded
+            while finished.count() and not stop.wait(_LOOK):
+                for task in finished.next_batch(block=False):
+                    yield task.result()
+                    seen = time.monotonic()
+                with suppress(OSError):  # a scheduler that is lost cancels the tasks
                     seen = time.monotonic() if client.nthreads() else seen
-                    if time.monotonic() - seen > _GONE:
-                        break
-                    continue
-                missing, seen = missing - 1, time.monotonic()
-                yield future.result()
+                if time.monotonic() - seen > _GONE:
+                    problem = f"no workers for {_GONE:.0f} s; start `dask worker {address}`; {_RESUME}"
+                    break
         except CancelledError:
-            raise _refused(address, f"the scheduler is lost; {_RESUME}") from None
+            problem = f"the scheduler is lost; {_RESUME}"
         except Exception as error:  # whatever a worker or Dask raises
-            raise _refused(address, what, error) from None
-        if missing and not stop.is_set():
-            raise _refused(address, f"no workers for {_GONE:.0f} s; start `dask worker {address}`; {_RESUME}")
-
-
-def _refused(address: str, text: str, error: BaseException | None = None) -> ClusterError:
-    """Return an error, with another's on one short line."""
-    brief = f"({shortened(' '.join(f'{type(error).__name__}: {error}'.split()), 320)})" if error else ""
-    return ClusterError(f"--cluster {address}: {text.format(brief)}")
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            problem = f"{what} ({shortened(reason, 320)}); {cure}"
+    if problem:
+        raise ClusterError(f"--cluster {address}: {problem}")
 
 
 @contextmanager

@@ -42,37 +42,13 @@ class Column(NamedTuple):
     meaning: str
 
 
-class Contents(NamedTuple):
-    """Description of the rows of a sweep, ready for JSON.
-
-    Attributes:
-        identity: All inputs of the rows as texts, by name: sweeps with equal identities are the same.
-        columns: Columns of a row.
-        metrics: Names of the metrics of most interest.
-    """
-
-    identity: Mapping[str, str]
-    columns: Sequence[Column]
-    metrics: Sequence[str]
-
-    @classmethod
-    def read(cls, text: str | bytes) -> "Contents":
-        """Return the contents from JSON.
-
-        Raises:
-            KeyError, TypeError, ValueError: It is other JSON, or none.
-        """
-        facts = json.loads(text)
-        return cls(**{**facts, "columns": [Column(*column) for column in facts["columns"]]})
-
-
 class Dataset:
     """Rows of a sweep on disk.
 
     Attributes:
         folder: Folder of the parts.
         file: Final file with all rows.
-        contents: Their description; None before there are rows.
+        schema: Their columns, with the identity of the sweep; None before there are rows.
         done: Indices of the rows that are there.
     """
 
@@ -89,29 +65,28 @@ class Dataset:
             ScenarioError: They belong to another sweep.
         """
         self.folder, self.file = folder / f"{name}.sweep", folder / f"{name}.sweep.parquet"
-        self.contents: Contents | None = None
+        self.schema: pa.Schema | None = None
         self.done = set[int]()
         for path in self._files():
             try:
                 table = read_table(path, ["index"])
+                with reading(path, "of this sweep"):
+                    self.done.update(table["index"].to_pylist())
+                    before = json.loads(about_of(table.schema))["identity"]
             except QuestionError as error:
                 raise QuestionError(f"{error}; {_MOVE}") from None
-            with reading(path, "of this sweep"):
-                self.done.update(table["index"].to_pylist())
-                contents = Contents.read(about_of(table))
-            differs = [key for key, text in identity.items() if contents.identity.get(key) != text]
+            differs = [key for key, text in identity.items() if before.get(key) != text]
             if differs:
                 raise ScenarioError.about(path, f"is of another sweep ({', '.join(differs)} differ); {_MOVE}")
-            self.contents = contents
+            self.schema = pq.read_schema(path)
 
     def _files(self) -> list[Path]:
         return [self.file] if self.file.exists() else sorted(self.folder.glob("part-*.parquet"))
 
-    def add(self, rows: Sequence[Mapping[str, Any]], contents: Contents) -> None:
+    def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write some rows as a part."""
         if rows:
-            path = self.folder / f"part-{rows[0]['index']:08d}.parquet"
-            write_table(path, contents.columns, rows, contents._asdict())
+            write_table(self.folder / f"part-{rows[0]['index']:08d}.parquet", self.schema, rows)
             self.done.update(row["index"] for row in rows)
 
     def merge(self) -> None:
@@ -147,14 +122,26 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> Table:
         return pq.ParquetFile(file).read(columns)
 
 
-def about_of(table: Table) -> str:
+def schema_of(columns: Sequence[Column], about: Mapping[str, Any]) -> pa.Schema:
+    """Return columns with their units and meanings as a schema of pyarrow.
+
+    Args:
+        columns: Columns of a row.
+        about: Metadata as strict JSON, stored under the name `rmrc` in the file.
+    """
+    fields = [
+        pa.field(name, _TYPES[kind], metadata={"unit": unit, "meaning": meaning})
+        for name, kind, unit, meaning in columns
+    ]
+    return pa.schema(fields, {"rmrc": json.dumps(about, ensure_ascii=False, allow_nan=False)})
+
+
+def about_of(schema: pa.Schema) -> str:
     """Return the metadata of rows as JSON; "": none."""
-    return str((table.schema.metadata or {}).get(b"rmrc", b""), "utf-8")
+    return str((schema.metadata or {}).get(b"rmrc", b""), "utf-8")
 
 
-def write_table(
-    path: Path, columns: Sequence[Column], rows: Sequence[Mapping[str, Any]], about: Mapping[str, Any]
-) -> None:
+def write_table(path: Path, schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write a file of rows atomically.
 
     A missing number is NaN, any other missing value null. An angle may be a text; other lists are written as
@@ -162,25 +149,21 @@ def write_table(
 
     Args:
         path: Path of the file.
-        columns: Columns of a row.
+        schema: Its columns, as `schema_of` returns them.
         rows: All rows.
-        about: Metadata as strict JSON, stored under the name `rmrc` in the file.
     """
-    fields = [
-        pa.field(c.name, _TYPES[c.kind], metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns
-    ]
-    metadata = {"rmrc": json.dumps(about, ensure_ascii=False, allow_nan=False)}
-    values = {name: [_cell(row, name, kind) for row in rows] for name, kind, *_ in columns}
+    values = {field.name: [_cell(row, field) for row in rows] for field in schema}
     with written_whole(path) as temporary:
-        pq.write_table(pa.table(values, pa.schema(fields, metadata)), temporary)
+        pq.write_table(pa.table(values, schema), temporary)
 
 
-def _cell(row: Mapping[str, Any], name: str, kind: str) -> Any:
+def _cell(row: Mapping[str, Any], field: pa.Field) -> Any:
     """Return a value as its column has it."""
-    value = row.get(name, math.nan if kind == "number" else None)
-    if kind == "number":
-        return as_number(value)
-    return inline(value) if kind == "text" and value is not None and not isinstance(value, str) else value
+    if field.type == pa.float64():
+        return as_number(row.get(field.name, math.nan))
+    value = row.get(field.name)
+    is_list = field.type == pa.string() and value is not None and not isinstance(value, str)
+    return inline(value) if is_list else value
 
 
 def as_number(value: Any) -> float | None:

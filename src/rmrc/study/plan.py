@@ -12,13 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rmrc.scenario import Change, Scenario, inline
+from rmrc.scenario import Change, Scenario, changes_of, inline
 from rmrc.scenario.sections import parse_key
 from rmrc.study.sobol import sobol_point
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin
-
-_PLANT_SEED, _ENCODER_SEED = map(parse_key, ("plant.seed", "arm.encoder.seed"))
 
 # Weeks of one core, at some milliseconds each; and the largest number in a 64-bit column.
 _MOST_RUNS, _MOST_SEED = 10**7, 2**63 - 1
@@ -89,8 +87,8 @@ class Plan:
         """Return the changes that make one run of the scenario, deeper keys later."""
         values, seed = self.values(index).items(), self.run_seed(index)
         varied = (Change(parse_key(key), value, self.origins.get(key)) for key, value in values)
-        seeds = Change(_PLANT_SEED, self.plant_seed + seed - self.seed), Change(_ENCODER_SEED, seed)
-        return (*sorted(varied, key=lambda change: len(change.key)), *seeds)
+        seeds = {"plant.seed": self.plant_seed + seed - self.seed, "arm.encoder.seed": seed}
+        return (*sorted(varied, key=lambda change: len(change.key)), *changes_of(seeds))
 
     def label(self, index: int) -> str:
         """Return one run in words: `run 17 (control.feedback=5, control.inverse.method=damped)`."""

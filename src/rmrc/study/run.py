@@ -1,9 +1,9 @@
-"""Run a scenario beside its baseline, or variants side by side; record them, and write files at the end."""
+"""`rmrc.run` and `rmrc.compare`: run a scenario beside its baseline, or variants of it; record them."""
 
+import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +11,13 @@ from rmrc.recording import unlogged
 from rmrc.results import facts
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.results.run import Run, Runs, save_runs
-from rmrc.scenario import Source, Variant, draft_of
+from rmrc.scenario import Source, Variant, draft_of, grid
 from rmrc.show.sheets import Sheet, as_markdown
 from rmrc.show.tables import markdown
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.simulation import Watcher
 from rmrc.study import compare_table
-from rmrc.study.study import Result, Study
+from rmrc.study.study import Result, Study, Values
 from rmrc.support.errors import RmrcError
 from rmrc.support.interruption import interruptible
 
@@ -28,6 +28,7 @@ class Job:
     Attributes:
         name: Name of the scenario.
         variants: The variants; none for a scenario and its baseline.
+        labels: Labels of the variants, or the name of the scenario.
         worlds: The worlds to run.
         files: The files to write, the recording first; after the run, those that are there.
         results: Results of the worlds, as far as they came.
@@ -36,7 +37,7 @@ class Job:
     """
 
     def __init__(
-        self, source: Source, folder: str | PathLike[str] | None = None, record: bool = True,
+        self, source: Source, folder: str | os.PathLike[str] | None = None, record: bool = True,
         variants: Sequence[Variant] = (), overrides: Sequence[str] = (),
     ) -> None:  # fmt: skip
         """Check all that can be checked before anything moves.
@@ -53,20 +54,17 @@ class Job:
             OSError: The files cannot be written.
         """
         self._study, self._overrides = Study(draft_of(source).overridden(overrides)), tuple(overrides)
-        prepare_all, prepare_beside = self._study.prepare_all, self._study.prepare_beside
         self.variants = tuple(variants)
-        self.worlds = prepare_all(self.variants) if variants else prepare_beside()
-        self.name, self._records = self.worlds[0].scenario.name, record and folder is not None
-        stem, suffixes = f"{self.name}{'.compare' * bool(variants)}", (".rrd", ".npz", ".json")
-        self.files = [Path(folder, f"{stem}{suffix}") for suffix in suffixes[not record :]] if folder else []
+        self.worlds = self._study.prepare_all(variants) if variants else self._study.prepare_beside()
+        self.name = self.worlds[0].scenario.name
+        self.labels = [variant.label for variant in variants] or [self.name]
+        stem = Path(folder or "", f"{self.name}.compare" if variants else self.name)
+        suffixes = (".rrd", ".npz", ".json") if record else (".npz", ".json")
+        self.files = [Path(f"{stem}{suffix}") for suffix in suffixes] if folder else []
+        self._records = record and bool(self.files)
         self.results, self.interrupted, self.failures = list[Result](), False, list[str]()
         refuse_excess(self.worlds, recorded=self._records)
         refuse_unwritable(self.files)
-
-    @property
-    def labels(self) -> list[str]:
-        """Labels of the variants, or the name of the scenario."""
-        return [variant.label for variant in self.variants] or [self.name]
 
     @property
     def runs(self) -> Runs:
@@ -129,8 +127,7 @@ class Job:
             from rmrc.recording.single import Recorder
 
         if self.variants:
-            worlds = list(zip(self.labels, self.worlds, strict=True))
-            overlay = Overlay(self.files[0], self.name, worlds)
+            overlay = Overlay(self.files[0], self.name, list(zip(self.labels, self.worlds, strict=True)))
             return overlay, overlay.write
         recorder = Recorder(self.files[0], *self.worlds)
         return recorder, lambda index, part: (recorder.write, recorder.write_baseline)[index](part)
@@ -139,27 +136,92 @@ class Job:
         """Return the metrics that a recording shows."""
         if self.variants:
             return as_markdown(replace(self.table(), title=""))
-        (result, *beside) = self.results
-        return markdown(result.scorecard, result.outcomes, beside[0].scorecard if beside else None)
+        result, *others = self.results
+        return markdown(result.scorecard, result.outcomes, others[0].scorecard if others else None)
 
     def _save(self, path: Path) -> None:
         """Write the columns, or the facts."""
         if path.suffix == ".json":
-            self._save_facts(path)
+            facts.save(path, {"name": self.name, **self._facts()})
         elif self.variants:
             save_runs(path, self.runs)
         else:
             self.results[0].run.save(path)
 
-    def _save_facts(self, path: Path) -> None:
-        known, *others = (result.facts() for result in self.results)
+    def _facts(self) -> dict[str, Any]:
+        result, *others = self.results
         if self.variants:
-            known = {"overrides": self._overrides, "variants": [known, *others]}
-            for (label, changes), its in zip(self.variants, known["variants"], strict=True):
-                its |= {"label": label, "overrides": list(map(str, changes))}
-        else:
-            known["verdict"] = self.results[0].run.verdict
-            for its in others:
-                del its["expect"]
-                known["baseline"] = its | {"changes": self.worlds[0].scenario.baseline}
-        facts.save(path, {"name": self.name, **known})
+            variants = [
+                {**result.facts(), "label": label, "overrides": list(map(str, changes))}
+                for (label, changes), result in zip(self.variants, self.results, strict=True)
+            ]
+            return {"overrides": self._overrides, "variants": variants}
+        known = {**result.facts(), "verdict": result.run.verdict}
+        for baseline in others:
+            known["baseline"] = {**baseline.facts(), "changes": result.prepared.scenario.baseline}
+            del known["baseline"]["expect"]
+        return known
+
+
+def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: bool = True) -> Run:
+    """Run a scenario; the function behind `rmrc run`.
+
+    Args:
+        scenario: The scenario, its file, or the name of a shipped one.
+        out: Folder for NAME.rrd, NAME.npz and NAME.json; created if missing. None: writes nothing.
+        record: Whether to write the recording NAME.rrd.
+
+    Returns:
+        The run, up to a possible divergence in `run.divergence`; `run.baseline` is the run of its baseline,
+        if there is one.
+
+    Raises:
+        ScenarioError: Lists all problems, before the run starts.
+        OSError: A file cannot be written.
+        KeyboardInterrupt: Ctrl-C; the files hold the ticks until then.
+
+    Example:
+        >>> result = run("line_tracking")
+        >>> result["qdot_cmd"].shape == (len(result), 2)
+        True
+        >>> result.scorecard["position_error.max"].unit
+        'm'
+    """
+    return next(iter(_runs(Job(scenario, out, record)).values()))
+
+
+def compare(
+    scenario: Source, vary: Values, *, out: str | os.PathLike[str] | None = None, record: bool = True
+) -> Runs:
+    """Run variants of a scenario side by side; the function behind `rmrc compare`.
+
+    Args:
+        scenario: The scenario, its file, or the name of a shipped one.
+        vary: Values of keys; their combinations are the variants, 2 to 50.
+        out: Folder for NAME.compare.rrd, .npz and .json; created if missing. None: writes nothing.
+        record: Whether to write the recording.
+
+    Returns:
+        The runs by the labels of the variants; the last key changes fastest.
+
+    Raises:
+        ScenarioError: Lists the problems of all variants, before the run starts.
+        OSError: A file cannot be written.
+        KeyboardInterrupt: Ctrl-C; the files hold the ticks until then.
+
+    Example:
+        >>> runs = compare("line_tracking", {"control.inverse.method": ["inverse", "damped"]})
+        >>> list(runs)
+        ['inverse', 'damped']
+    """
+    return _runs(Job(scenario, out, record, grid(vary)))
+
+
+def _runs(job: Job) -> Runs:
+    """Run a job, and raise what a verb prints on stderr."""
+    job.run()
+    if job.interrupted:
+        raise KeyboardInterrupt
+    if job.failures:
+        raise OSError("; ".join(job.failures))
+    return job.runs

@@ -1,4 +1,4 @@
-"""The runs of a sweep in one process: checked before the first one starts, then run, each to a row."""
+"""The runs of a sweep in one process: each is prepared from its index, run, and becomes a row."""
 
 import json
 import re
@@ -21,9 +21,6 @@ from rmrc.study.study import Study, ending
 
 # Metrics that differ from one execution to the next, which rows must not.
 NOT_KEPT = frozenset({"wall_time", "speed"})
-
-# Variants that are kept from their check until their run: 60 MB. Small sweeps are then prepared once.
-_MOST_KEPT = 2000
 
 Rows: TypeAlias = list[dict[str, Any]]
 
@@ -78,21 +75,15 @@ class Runs:
             root: Folder below which the files are; None: they are where they were.
         """
         self._plan, self._study = parcel.plan, Study(parcel.draft.moved(root) if root else parcel.draft)
-        self._kept, self._lock = dict[int, Prepared](), threading.Lock()
+        self._lock = threading.Lock()
         self._versions = json.dumps({k: v for k, v in facts.versions().items() if k != "rerun-sdk"})
 
-    def check(self, index: int) -> Prepared:
-        """Return a validated run, and keep it if there is room.
+    def prepare(self, index: int) -> Prepared:
+        """Return a validated run.
 
         Raises:
             ScenarioError: Lists its problems.
         """
-        world = self._prepare(index)
-        if len(self._kept) < _MOST_KEPT and not world.scenario.arm.stretch:  # stretched arms are large
-            self._kept[index] = world
-        return world
-
-    def _prepare(self, index: int) -> Prepared:
         return self._study.prepare(self._plan.changes(index))
 
     def rows(self, indices: Sequence[int], stop: threading.Event) -> Rows:
@@ -105,7 +96,7 @@ class Runs:
         if stop.is_set():
             return []
         with self._lock:  # preparation holds the interpreter's lock, and shares arms
-            worlds = [self._kept.pop(i) if i in self._kept else self._prepare(i) for i in indices]
+            worlds = [self.prepare(index) for index in indices]
         simulation = Simulation(worlds, keep_columns=False)
         simulation.step(None, stop)
         ends = zip(indices, worlds, simulation.scorecards(), simulation.divergences(), strict=True)
@@ -113,7 +104,7 @@ class Runs:
         return [row for row in rows if row["status"] != "unfinished" or not stop.is_set()]
 
     def _row(self, index: int, world: Prepared, card: Scorecard, end: Divergence | None) -> dict[str, Any]:
-        outcomes = list(check(card, world.scenario.expect))
+        outcomes = check(card, world.scenario.expect)
         return {
             "index": index,
             **self._plan.values(index),
@@ -122,13 +113,13 @@ class Runs:
             "divergence": end and str(end),
             "met": all(outcome.ok for outcome in outcomes) if outcomes else None,
             # an undefined name is null
-            **{name: None if figure.value == "" else figure.value for name, figure in _kept(card)},
+            **{name: None if figure.value == "" else figure.value for name, figure in _figures(card)},
             "versions": self._versions,
         }
 
 
-def _kept(card: Scorecard) -> Iterable[tuple[str, Figure]]:
-    return ((name, figure) for name, figure in card.items() if name not in NOT_KEPT)
+def _figures(card: Scorecard) -> list[tuple[str, Figure]]:
+    return [(name, figure) for name, figure in card.items() if name not in NOT_KEPT]
 
 
 def columns_of(plan: Plan, worlds: Iterable[Prepared]) -> list[Column]:
@@ -147,7 +138,7 @@ def columns_of(plan: Plan, worlds: Iterable[Prepared]) -> list[Column]:
     units, figures = dict[str, dict[str, None]](), dict[str, Figure]()
     for world in worlds:
         (blank,) = Simulation([world], keep_columns=False).scorecards()
-        for name, figure in _kept(blank):
+        for name, figure in _figures(blank):
             figures.setdefault(name, figure)
             units.setdefault(name, {}).update(dict.fromkeys(figure.unit.split(" or ")))
     return [

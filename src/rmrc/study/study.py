@@ -7,9 +7,9 @@ with it.
 """
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from rmrc.results.columns import Divergence
 from rmrc.results.expectations import Outcome, check, refuse_unknown
@@ -21,8 +21,11 @@ from rmrc.simulation.simulation import Simulation, Watcher
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Problem
 
+Values: TypeAlias = Mapping[str, Iterable[object]]
+"""Values of keys, such as `{"control.feedback": [5, 10]}`, each as in a file."""
+
 # Called with the number of newly finished runs.
-OnRuns = Callable[[int], None]
+OnRuns: TypeAlias = Callable[[int], None]
 
 # Problems that are reported at once.
 _MOST_PROBLEMS = 20
@@ -140,9 +143,10 @@ class Study:
         Raises:
             ScenarioError: They do not fit into memory.
         """
-        stop, simulation, results = stop or threading.Event(), Simulation(worlds), list[Result]()
-        runs = simulation.run(watcher, stop)
-        for world, run, card in zip(worlds, runs, simulation.scorecards(), strict=True):
+        stop, results = stop or threading.Event(), list[Result]()
+        runs = Simulation(worlds).run(watcher, stop)
+        for world, run in zip(worlds, runs, strict=True):
+            card = run.scorecard
             status = ending(card, run.divergence)
             status = "interrupted" if status == "unfinished" and stop.is_set() else status
             results.append(Result(world, run, card, tuple(check(card, world.scenario.expect)), status))

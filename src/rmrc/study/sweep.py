@@ -1,14 +1,15 @@
-"""A sweep: all runs are checked first, then run by threads here or by a cluster; finished rows are stored."""
+"""`rmrc.sweep`: all runs are checked first, then run by threads here or by a cluster; rows are stored."""
 
 import hashlib
 import json
 import os
 import threading
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import as_completed
 from contextlib import closing
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Source, draft_of
@@ -16,10 +17,11 @@ from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.study import dask
-from rmrc.study.dataset import Contents, Dataset
+from rmrc.study.dataset import Dataset, Table, read_table, schema_of
 from rmrc.study.plan import plan_of
 from rmrc.study.runs import Parcel, Rows, Runs, columns_of, pack
-from rmrc.study.study import OnRuns, validated
+from rmrc.study.study import OnRuns, Values, validated
+from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
 from rmrc.support.threads import side_by_side
 
@@ -78,34 +80,31 @@ class Sweep:
         """Return the number of runs."""
         return len(self.plan)
 
-    def check(self, on_runs: OnRuns = lambda _: None) -> Contents:
+    def check(self, on_runs: OnRuns = lambda _: None) -> None:
         """Validate every run before the first one starts, unless there are rows of an earlier start.
 
         Args:
             on_runs: Called with the number of newly validated runs.
 
-        Returns:
-            The description of the rows.
-
         Raises:
             ScenarioError: Lists all problems, one line each, with the affected runs.
         """
-        if self.dataset.contents is not None:
-            return self.dataset.contents
-        kinds, longest = dict[object, Prepared](), None
-        for world in validated(self._runs.check, len(self), self.plan.label):
+        if self.dataset.schema is not None:
+            return
+        shapes, longest = dict[object, Prepared](), None
+        for world in validated(self._runs.prepare, len(self), self.plan.label):
             arm = world.arm
-            kinds.setdefault((arm.joints, *arm.is_slide.tolist(), world.scenario.task.axes), world)
-            longest = max(longest or world, world, key=lambda one: one.most_ticks)
+            shapes.setdefault((arm.joints, *arm.is_slide.tolist(), world.scenario.task.axes), world)
+            longest = max(longest or world, world, key=lambda each: each.most_ticks)
             on_runs(1)
         if longest and not self._cluster:
             at_once = min(self._threads, len(self))
             refuse_excess([longest] * at_once, keep_columns=False, threads=at_once)
-        columns = columns_of(self.plan, kinds.values())
+        columns = columns_of(self.plan, shapes.values())
+        names = {column.name for column in columns}
         expected = (f"{PROFILE}.refused" if name == PROFILE else name for name in self.scenario.expect)
-        metrics = [name for name in dict.fromkeys((*METRICS, *expected)) if name in {c.name for c in columns}]
-        self.dataset.contents = Contents(self._identity, columns, metrics)
-        return self.dataset.contents
+        metrics = [name for name in dict.fromkeys((*METRICS, *expected)) if name in names]
+        self.dataset.schema = schema_of(columns, {"identity": self._identity, "metrics": metrics})
 
     def run(self, on_runs: OnRuns = lambda _: None) -> None:
         """Run what is missing, and make one file of all; Ctrl-C keeps finished rows.
@@ -118,7 +117,7 @@ class Sweep:
             ClusterError: The cluster does not respond, has no workers, or is lost; existing rows are kept.
             KeyboardInterrupt: Ctrl-C.
         """
-        contents = self.check()
+        self.check()
         missing = [index for index in range(len(self)) if index not in self.dataset.done]
         size = min(_AT_ONCE, -(-len(missing) // _PIECES) or 1)
         pieces = [missing[first : first + size] for first in range(0, len(missing), size)]
@@ -132,10 +131,10 @@ class Sweep:
                         on_runs(len(some))
                         now = time.monotonic()
                         if now - written > max(_SECOND, _FRACTION * (now - started)):
-                            self.dataset.add(rows, contents)
+                            self.dataset.add(rows)
                             rows, written = [], now
             finally:
-                self.dataset.add(rows, contents)
+                self.dataset.add(rows)
             if stop.is_set():
                 raise KeyboardInterrupt
             self.dataset.merge()
@@ -164,3 +163,61 @@ def _identify(parcel: Parcel) -> dict[str, str]:
     for path, data in parcel.files.items():
         digest.update(f"{path.name} {len(data)} ".encode() + data)
     return texts | {"files": digest.hexdigest()[:16]}
+
+
+def sweep(
+    scenario: Source, vary: Values | None = None, *,
+    random: Mapping[str, tuple[float, float]] | None = None,
+    sobol: Mapping[str, tuple[float, float]] | None = None,
+    samples: int | None = None, repeat: int | None = None, seed: int | None = None,
+    out: str | os.PathLike[str] | None = None, threads: int | None = None, cluster: str | None = None,
+    on_runs: OnRuns = lambda _: None,
+) -> Table:  # fmt: skip
+    """Run thousands of variants of a scenario, on all cores or a cluster; the function behind `rmrc sweep`.
+
+    Args:
+        scenario: The scenario, its file, or the name of a shipped one; with or without a `sweep` section.
+        vary: Values of keys; their combinations are a grid.
+        random: Keys to draw at random for each grid point, each from a range.
+        sobol: Keys to draw from the Sobol sequence instead.
+        samples: Samples per grid point.
+        repeat: Runs per sample, each with different encoder offsets and noise.
+        seed: Seed of the samples.
+        out: Folder for NAME.sweep.parquet, where an interrupted sweep resumes; created if missing. None:
+            stores nothing.
+        threads: Number of threads; None: one per core.
+        cluster: Cluster that runs them instead: `local:N` worker processes, or the `tcp://HOST:PORT`
+            of a Dask scheduler.
+        on_runs: Called with the number of newly finished runs.
+
+    Returns:
+        One row per run, as a table of pyarrow: varied keys, end of the run, every metric of its scorecard.
+        Its schema has the unit and the meaning of each column.
+
+    Raises:
+        ScenarioError: Lists the problems of any run, before the run starts.
+        ClusterError: The cluster is unusable or lost; existing rows are kept.
+        OSError: The folder cannot be written.
+        KeyboardInterrupt: Ctrl-C; the rows in the folder stay.
+
+    Example:
+        >>> rows = sweep("line_tracking", {"control.feedback": [5, 10, 20]})
+        >>> rows["control.feedback"].to_pylist(), set(rows["status"].to_pylist())
+        ([5.0, 10.0, 20.0], {'complete'})
+    """
+    if random and sobol:
+        raise ScenarioError.about("sobol", "must not be combined with random: one method draws all keys")
+    drawn = random or sobol or {}
+    section: dict[str, object] = {
+        f"vary.{key}": v if isinstance(v, str) else list(v) for key, v in (vary or {}).items()
+    }
+    section |= {f"draw.{key}": list(bounds) for key, bounds in drawn.items()}
+    if drawn:
+        section["sampler"] = "random" if random else "sobol"
+    section |= {"samples": samples, "repeat": repeat, "seed": seed}
+    written = {f"sweep.{key}": value for key, value in section.items() if value is not None}
+    with TemporaryDirectory(prefix="rmrc-") as temporary:
+        base = draft_of(scenario).scenario().set(written)
+        work = Sweep(base, (), Path(out or temporary), threads, cluster)
+        work.run(on_runs)
+        return read_table(work.dataset.file)

@@ -1,5 +1,6 @@
 """The rows of a sweep, ready to show: the ends of its runs, and the extremes of the main metrics."""
 
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.show.sheets import Sheet, number
-from rmrc.study.dataset import Contents, Table, about_of, read_table
+from rmrc.study.dataset import Table, about_of, read_table
 from rmrc.support.files import reading
 
 
 @dataclass(frozen=True, eq=False)
 class Swept:
-    """The rows of a sweep, at least one.
+    """The rows of a sweep, at least one, by rising index from 0 on.
 
     Attributes:
         name: Name of the sweep.
@@ -45,31 +46,29 @@ class Swept:
             QuestionError: It is another kind of file.
         """
         table = read_table(path) if table is None else table
-        rows = table.to_pydict()
+        rows, names = table.to_pydict(), table.column_names
         with reading(path, "of a sweep"):
-            contents = Contents.read(about_of(table))
-            units = {column.name: column.unit for column in contents.columns}
-            keys = list(units)[1 : list(units).index("seed")]
-            varied = [key for key in keys if len(set(map(str, rows[key]))) > 1]
-            figures = {name: np.array(rows[name], float) for name in contents.metrics}
+            units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
+            varied = [key for key in names[1 : names.index("seed")] if len(set(map(str, rows[key]))) > 1]
+            metrics = json.loads(about_of(table.schema))["metrics"]
+            figures = {name: np.array(rows[name], float) for name in metrics}
         figures = {name: values for name, values in figures.items() if np.isfinite(values).any()}
         return cls(path.name.removesuffix(".parquet").removesuffix(".sweep"), rows, units, varied, figures)
 
     def extremes(self) -> dict[str, tuple[int, int]]:
-        """Return the rows with the smallest and largest value of each metric, the first of equal ones."""
+        """Return the runs with the smallest and largest value of each metric, the first of equal ones."""
         return {key: (int(np.nanargmin(v)), int(np.nanargmax(v))) for key, v in self.figures.items()}
 
     def sheets(self) -> list[Sheet]:
         """Return the tables of the summary."""
-        rows, met = self.rows, [value for value in self.rows["met"] if value is not None]
-        counts = [(status, str(count)) for status, count in sorted(Counter(rows["status"]).items())]
+        ends, met = self.rows["status"], [value for value in self.rows["met"] if value is not None]
+        counts = [(status, str(count)) for status, count in sorted(Counter(ends).items())]
         counts += [("all expectations met", str(sum(met)))] if met else []
-        extremes = [(f"{name} [{self.units[name]}]", *self._ends(name)) for name in self.figures]
+        extremes = []
+        for name, runs in self.extremes().items():
+            cells = [text for i in runs for text in (number(float(self.figures[name][i])), str(i))]
+            extremes.append((f"{name} [{self.units[name]}]", *cells))
         return [
-            Sheet(f"{self.name}: {len(rows['index'])} runs", ("", ""), counts),
+            Sheet(f"{self.name}: {len(ends)} runs", ("", ""), counts),
             Sheet("", ("metric", "least", "run", "most", "run"), extremes),
         ]
-
-    def _ends(self, name: str) -> list[str]:
-        values, index = self.figures[name], self.rows["index"]
-        return [text for i in self.extremes()[name] for text in (number(float(values[i])), str(index[i]))]

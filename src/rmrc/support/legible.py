@@ -26,7 +26,7 @@ def visible(text: str, keep: str = "") -> str:
     """
     if text.isprintable():
         return text
-    return "".join(one if one.isprintable() or one in keep else _escape(one) for one in text)
+    return "".join(c if c.isprintable() or c in keep else ascii(c)[1:-1] for c in text)
 
 
 def shortened(text: str, most: int = LONGEST) -> str:
@@ -85,7 +85,3 @@ def listed(names: Iterable[str], most: int = 20) -> str:
 def escaped(text: str) -> str:
     """Return one line that Markdown shows unchanged."""
     return re.sub(r"([\\|*`<\[\]])", r"\\\1", " ".join(text.split()))
-
-
-def _escape(character: str) -> str:
-    return character.encode("unicode_escape").decode("ascii")

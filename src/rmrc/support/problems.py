@@ -38,15 +38,11 @@ class Origin(NamedTuple):
         place = [self.line, self.column] if self.line else []
         where = ":".join([visible(self.source), *map(str, place)])
         rest = name.removeprefix(self.key)
-        is_below = name != rest and rest[:1] in ("[", ".") and self._has_other_name
+        has_other_name = not self.source.endswith(self.key)
+        is_below = name != rest and rest[:1] in ("[", ".") and has_other_name
         if self.key and (name == self.key or is_below):
             return f"{where}{rest}"
         return ": ".join(part for part in (where, name) if part)
-
-    @property
-    def _has_other_name(self) -> bool:
-        """Whether the source has another name for the key than a scenario."""
-        return not self.source.endswith(self.key)
 
 
 class Problem(NamedTuple):

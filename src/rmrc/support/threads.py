@@ -1,14 +1,9 @@
 """Threads that step worlds side by side and share one interpreter."""
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-
-# A thread that steps worlds returns to the interpreter thousands of times per second, for microseconds each.
-# By default it would wait 5 ms for a thread that prepares runs.
-_SWITCH = 5e-5
 
 
 @contextmanager
@@ -18,16 +13,11 @@ def side_by_side(count: int) -> Iterator[ThreadPoolExecutor]:
     Args:
         count: Number of threads.
     """
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(_SWITCH)
     pool = ThreadPoolExecutor(count)
     try:
         yield pool
     finally:
-        try:
-            pool.shutdown(cancel_futures=True)
-        finally:  # a second Ctrl-C during the wait
-            sys.setswitchinterval(before)
+        pool.shutdown(cancel_futures=True)
 
 
 def work_in_shares(work: Callable[[slice], None], count: int, size: int, threads: int | None = None) -> None:

@@ -12,8 +12,8 @@ from rmrc.show.figures import MARKERS, entitle, explain, lettering, plain, sheet
 from rmrc.show.page import Page
 from rmrc.show.panels import paints
 from rmrc.show.run_page import versions
-from rmrc.study import sweep_report
 from rmrc.study.dataset import Table, about_of, read_table
+from rmrc.study.pictures import sweep_page
 from rmrc.study.swept import Swept
 from rmrc.support.files import reading
 from rmrc.tuning.answer import Row, front, named, numbers, sheets, words
@@ -38,7 +38,7 @@ def page(path: Path) -> Page:
             return run_page.page(path)
         table = read_table(path)
         is_search = "on_front" in table.column_names
-        return _of_search(table) if is_search else sweep_report.page(Swept.of(path, table))
+        return _of_search(table) if is_search else sweep_page(Swept.of(path, table))
 
 
 def report(result: str | PathLike[str], path: str | PathLike[str] | None = None) -> Path:
@@ -62,7 +62,7 @@ def report(result: str | PathLike[str], path: str | PathLike[str] | None = None)
 
 
 def _of_search(table: Table) -> Page:
-    about, rows = json.loads(about_of(table)), table.to_pylist()
+    about, rows = json.loads(about_of(table.schema)), table.to_pylist()
     verdict, best = "No tried setting keeps the limits.", next(iter(named(rows)), None)
     if best:
         result = f"{1e3 * best['error']:.3g} mm at a peak rate of {best['peak_rate']:.3g} rad/s"

@@ -6,7 +6,7 @@ from typing import Any
 
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Source, block
-from rmrc.study.dataset import Column, write_table
+from rmrc.study.dataset import Column, schema_of, write_table
 from rmrc.support.files import written_whole
 from rmrc.tuning.answer import about, rows_of
 from rmrc.tuning.options import Only
@@ -93,7 +93,7 @@ def write(work: Tuning, tuned: Tuned, folder: Path, picture: Path | None = None)
     from rmrc.tuning.page import front_figure
 
     paths, rows = files(work, folder, picture), rows_of(tuned)
-    write_table(paths[2], _COLUMNS, rows, about(work, tuned))
+    write_table(paths[2], schema_of(_COLUMNS, about(work, tuned)), rows)
     best = tuned.verdict.recommended
     if best is None:
         return paths[2:]

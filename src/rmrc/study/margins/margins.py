@@ -229,49 +229,44 @@ def _limits(prepared: Prepared) -> list[_Limit]:
     late = delay + lag + 0.5 * period
     rule = 1.0 / (feedback * late)
 
-    def slower(more: float) -> dict[str, object]:
-        lag = plant.lag
-        return {"plant.lag": [each + more for each in lag] if isinstance(lag, tuple) else lag + more}
+    def lagging(more: float) -> dict[str, object]:
+        lags = plant.lag
+        return {"plant.lag": [each + more for each in lags] if isinstance(lags, tuple) else lags + more}
 
-    gain = edge_gain(period, delay, lag) / feedback
-    delayed = 1.0 + max(0.0, edge_delay(feedback, period, lag) - delay) / late
-    lagging = 1.0 + max(0.0, edge_lag(feedback, period, delay) - lag) / late
+    ideal = edge_gain(period, delay, lag) / feedback
+    ideal_delay = 1.0 + max(0.0, edge_delay(feedback, period, lag) - delay) / late
+    ideal_lag = 1.0 + max(0.0, edge_lag(feedback, period, delay) - lag) / late
     longest = 1.0 + (_SHARE * prepared.reference.duration - plant.delay) / late
-    least, most = min(_LOWEST, 0.1 * gain), _BEYOND * max(1.0, gain)
-    latest = max(1.0, min(_BEYOND * delayed, longest))
-    slowest = _BEYOND * (lagging if lagging < math.inf else 1.0 + rule)
+    least, most = min(_LOWEST, 0.1 * ideal), _BEYOND * max(1.0, ideal)
+    latest = max(1.0, min(_BEYOND * ideal_delay, longest))
+    slowest = _BEYOND * (ideal_lag if ideal_lag < math.inf else 1.0 + rule)
     return [
-        _Limit("gain", gain, rule, least, most, lambda factor: {"control.feedback": factor * feedback}),
-        _Limit("delay", delayed, rule, 1.0, latest, lambda s: {"plant.delay": plant.delay + s}, late),
-        _Limit("lag", lagging, rule, 1.0, slowest, slower, late),
+        _Limit("gain", ideal, rule, least, most, lambda factor: {"control.feedback": factor * feedback}),
+        _Limit("delay", ideal_delay, rule, 1.0, latest, lambda s: {"plant.delay": plant.delay + s}, late),
+        _Limit("lag", ideal_lag, rule, 1.0, slowest, lagging, late),
     ]
 
 
 def _close_in(judge: _Judge, limit: _Limit, written: Judged | None, accuracy: float) -> Margin:
     """Search a limit by ever longer steps from below that of the ideal plant, then by bisection."""
-    tried = {1.0: written} if written else {}
-
-    def ends() -> tuple[float, float]:
-        high = min((factor for factor, judgment in tried.items() if judgment.is_unstable), default=math.inf)
-        return max((factor for factor in tried if factor < high), default=0.0), high
-
-    low, high = ends()
-    factor, step = (
-        min(max(_FIRST * limit.ideal, limit.least, low), limit.most, high),
-        max(_STEP, 1.0 + accuracy),
-    )
-    while True:
-        if factor not in tried:
-            judgment = judge(changes_of(limit.setting(limit.margin(factor))))
-            if judgment is None:
-                break
-            tried[factor] = judgment
-        low, high = ends()
-        if factor == high:
-            factor = max(high / step, math.sqrt(low * high) if low else limit.least)
+    tried, low, high = dict[float, Judged](), 0.0, math.inf
+    if written:
+        tried[1.0] = written
+        low, high = (0.0, 1.0) if written.is_unstable else (1.0, math.inf)
+    factor = min(max(_FIRST * limit.ideal, limit.least, low), limit.most, high)
+    step = max(_STEP, 1.0 + accuracy)
+    while high > low * (1.0 + accuracy):
+        judgment = tried.get(factor) or judge(changes_of(limit.setting(limit.margin(factor))))
+        if judgment is None:
+            break
+        tried[factor] = judgment
+        if judgment.is_unstable:
+            high = factor
+            factor = max(high / step, math.sqrt(low * high) or limit.least)
         else:
-            factor = min(low * step, math.sqrt(low * high) if high < math.inf else limit.most)
-        if factor in tried or high <= low * (1.0 + accuracy):
+            low = factor
+            factor = min(low * step, math.sqrt(low * high), limit.most)
+        if factor in tried:
             break
         step *= step
     each = tuple((limit.margin(factor), judgment) for factor, judgment in sorted(tried.items()))

@@ -15,35 +15,30 @@ _FAULTS = {
     "diverged": "diverges", "rings": "keeps ringing after the kick",
     "reverses": "oscillates from limit to limit after the kick",
 }  # fmt: skip
-_BLIND = (
-    "control.state: integrated: the law gets no feedback from the plant, so delays cannot make it unstable. "
-    '"ideal plant" and "rule" apply to a measured state.'
-)
+_BLIND = "control.state: integrated: the law gets no feedback from the plant, so delays cannot unsettle it."
 
 
 def report(margins: Margins) -> Report:
     """Return the report of margins; its condition is met if the loop is stable as written."""
-    scenario, control, written, gain = (
-        margins.scenario,
-        margins.scenario.control,
-        margins.written,
-        margins.gain,
-    )
-    (delay, lag), feedback = lateness(scenario), control.feedback
+    scenario, written, gain = margins.scenario, margins.written, margins.gain
+    control, (delay, lag) = scenario.control, lateness(scenario)
     state, problem = UNDEFINED if written is None else "stable", ""
     if written and written.is_unstable:
         state = f"{_FAULTS[written.reason]} at {written.time:.4g} s"
-        most = f"{gain.low:.3g} times its {feedback:g} 1/s, which are {gain.low * feedback:.3g} 1/s"
-        stable = f"; it is stable with control.feedback up to {most}" if gain.low else ""
-        problem = f"the loop is unstable as written: it {state}{stable}"
+        problem = f"the loop is unstable as written: it {state}"
+    if problem and gain.low:
+        most = (
+            f"{gain.low:.3g} times its {control.feedback:g} 1/s, which are {gain.low * control.feedback:.3g}"
+        )
+        problem = f"{problem}; it is stable with control.feedback up to {most} 1/s"
     facts = (
         ("plant", "plant", scenario.plant.kind, ""),
         ("period", "control.period T", control.period, "s"),
-        ("feedback", "control.feedback K", feedback, "1/s"),
+        ("feedback", "control.feedback K", control.feedback, "1/s"),
         ("delay", "dead time of commands", delay, "s"),
         ("lag", "lag of commands", lag, "s"),
-        ("rule", "rule: K up to 1/(delay + T/2 + lag)", gain.rule * feedback, "1/s"),
-        ("ideal", "limit of the ideal plant, K", gain.ideal * feedback, "1/s"),
+        ("rule", "rule: K up to 1/(delay + T/2 + lag)", gain.rule * control.feedback, "1/s"),
+        ("ideal", "limit of the ideal plant, K", gain.ideal * control.feedback, "1/s"),
     )
     rows = [(word, f"{x if isinstance(x, str) else f'{x:.4g}'} {unit}".strip()) for _, word, x, unit in facts]
     headings = ("stability margin of", "by runs", "stable at", "unstable at", "ideal plant", "rule", "unit")
@@ -54,7 +49,7 @@ def report(margins: Margins) -> Report:
     ]
     values = {
         "name": scenario.name, **{key: value for key, _, value, _ in facts},
-        "written": written and _values(written), "stable": margins.is_stable,
+        "written": written and _judgment(written), "stable": margins.is_stable,
         "margins": {margin.name: _margin(margin) for margin in margins.all},
         "runs": margins.runs, "interrupted": margins.interrupted,
     }  # fmt: skip
@@ -62,7 +57,7 @@ def report(margins: Margins) -> Report:
     return Report(sheets, plain(values), met=not problem, problem=problem, cases=cases)
 
 
-def _values(judgment: Judged) -> dict[str, Any]:
+def _judgment(judgment: Judged) -> dict[str, Any]:
     unstable, reason = judgment.is_unstable, judgment.reason or None
     return {"unstable": unstable, "reason": reason, "time": judgment.time, "left": judgment.remainder}
 
@@ -71,7 +66,7 @@ def _margin(margin: Margin) -> dict[str, Any]:
     return {
         "value": margin.value, "found": margin.is_found, "stable_at": margin.low, "unstable_at": margin.high,
         "bound": margin.bound, "ideal": margin.ideal, "rule": margin.rule,
-        "tried": [{"value": value, **_values(judgment)} for value, judgment in margin.tried],
+        "tried": [{"value": value, **_judgment(judgment)} for value, judgment in margin.tried],
     }  # fmt: skip
 
 
@@ -79,7 +74,8 @@ def _row(margin: Margin) -> tuple[str, ...]:
     low, high = (number(end) if 0.0 < end < math.inf else UNDEFINED for end in (margin.low, margin.high))
     value = number(margin.value) if margin.is_found else f"> {low}" if margin.low else f"< {high}"
     ideal = "any" if margin.ideal == math.inf else number(margin.ideal)
-    return _WHAT[margin.name][0], value, low, high, ideal, number(margin.rule), _WHAT[margin.name][1]
+    name, unit = _WHAT[margin.name]
+    return name, value, low, high, ideal, number(margin.rule), unit
 
 
 def _notes(margins: Margins) -> Iterator[str]:
