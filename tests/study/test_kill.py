@@ -1,32 +1,52 @@
-"""A sweep that is killed, or interrupted, goes on where it was: real processes, real signals."""
+"""A sweep that is interrupted, killed, or loses its scheduler goes on where it was: real processes."""
 
 import os
+import re
 import signal
+import socket
 import subprocess
 import sys
 import time
 
+import psutil
 import pyarrow.dataset as ds
 import pytest
 
 from project import ROOT, told
 from rmrc.study.sweep import Sweep
 
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(os.name != "posix", reason="signals"),
+    pytest.mark.xdist_group("cluster"),
+]
+
+RUNS = 1200
 TEXT = f"""
 name: quick
 arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
 task: {{axes: [x, y]}}
 target: {{path: [{{line: {{by: [0.3, 0.2]}}}}]}}
-sweep: {{draw: {{control.feedback: [1, 20]}}, samples: 600}}
+sweep: {{draw: {{control.feedback: [1, 20]}}, samples: {RUNS}}}
 """
 
 
-def started(path, out):
-    """Start the verb, as a user would, but for a terminal; one thread, so that it takes its time."""
-    words = ["-m", "rmrc", "sweep", str(path), "--out", str(out), "--threads", "1"]
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "quick.yaml"
+    path.write_text(TEXT)
+    (tmp_path / "temporary").mkdir()
+    return path
+
+
+def started(path, *options):
+    """Start the verb in a process group of its own, as a terminal does."""
+    words = ["-m", "rmrc", "sweep", str(path), *options]
     return subprocess.Popen(
-        [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+        [sys.executable, *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=path.parent,
+        env={**os.environ, "TMPDIR": str(path.parent / "temporary")},
+    )  # fmt: skip
 
 
 def wait_for(process, folder, parts):
@@ -35,40 +55,124 @@ def wait_for(process, folder, parts):
     while len(list(folder.glob("part-*.parquet"))) < parts:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < until
-        time.sleep(0.005)
+        time.sleep(0.002)
 
 
-@pytest.mark.long  # test_resuming.py goes on with what is there, in one process
-@pytest.mark.parametrize("interrupted", [False, True])
-@pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_killed_interrupted_and_gone_on_with_it_gives_the_file_of_one_go(tmp_path, interrupted):
-    path = tmp_path / "quick.yaml"
-    path.write_text(TEXT)
-    Sweep(path, folder=tmp_path / "whole").run()
-    folder, file = tmp_path / "out/quick.sweep", tmp_path / "out/quick.sweep.parquet"
+def ended(process, timeout=240):
+    """Return (exit code, stdout, stderr) once a verb has ended."""
+    out, err = process.communicate(timeout=timeout)
+    return process.returncode, out, told(err)
 
-    process = started(path, tmp_path / "out")
-    wait_for(process, folder, 3)
+
+def left_behind(path):
+    """Return what Dask and parcels left among temporary files.
+
+    Of a worker that a busy machine gives no time to close, Dask leaves an empty lock until it starts again.
+    """
+    return [
+        one
+        for one in (path.parent / "temporary").rglob("*")
+        if ("worker-" in one.name and one.suffix != ".dirlock") or one.suffix == ".xml"
+    ]
+
+
+@pytest.mark.parametrize("how", [("--threads", "1"), ("--cluster", "local:2")])
+def test_interrupted_with_its_group_then_killed_then_gone_on_with_gives_the_file_of_one_go(path, how):
+    folder = path.parent / "recordings/quick.sweep"
+
+    process = started(path, *how)
+    wait_for(process, folder, 2)
+    family = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
+    connections = [connection for member in family for connection in member.net_connections()]
+    listens = {each.laddr.ip for each in connections if each.status == psutil.CONN_LISTEN}
+    assert listens == ({"127.0.0.1"} if "local:2" in how else set())
+    os.killpg(process.pid, signal.SIGINT)
+    code, out, err = ended(process)
+    rows = ds.dataset(folder).count_rows()  # valid
+    assert (code, out) == (130, "")
+    assert err == f"rmrc: interrupted after {rows} of {RUNS} runs; rerun the command to resume\n"
+    assert 0 < rows < RUNS
+    assert left_behind(path) == []
+    stamps = {part: part.stat().st_mtime_ns for part in folder.glob("part-*.parquet")}
+
+    process = started(path, *how)
+    wait_for(process, folder, len(stamps) + 1)
+    children = psutil.Process(process.pid).children(recursive=True)
+    # negative control: while workers work, there is something
+    assert (len(children) >= 2 and left_behind(path) != []) == ("local:2" in how)
     process.kill()
     process.communicate()
-    assert process.returncode == -signal.SIGKILL
-    kept = ds.dataset(folder).to_table()  # valid, and lost at most what was in flight
-    done = len(list(folder.glob("part-*.parquet")))
-    assert done >= 3
-    assert 0 < len(kept) < 600
-    stamps = {one: one.stat().st_mtime_ns for one in folder.glob("part-*.parquet")}
+    _, alive = psutil.wait_procs(children, timeout=10)
+    assert alive == []
+    assert {part: part.stat().st_mtime_ns for part in stamps} == stamps  # what was done is not done again
 
-    if interrupted:
-        process = started(path, tmp_path / "out")
-        wait_for(process, folder, done + 2)
-        process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=240)
-        assert process.returncode == 130
-        rows = ds.dataset(folder).count_rows()
-        assert rows < 600
-        assert told(err) == f"rmrc: interrupted after {rows} of 600 runs; rerun the command to resume\n"
-        assert {one: one.stat().st_mtime_ns for one in stamps} == stamps  # what was done is not done again
-
-    Sweep(path, folder=tmp_path / "out").run()
-    assert file.read_bytes() == (tmp_path / "whole/quick.sweep.parquet").read_bytes()
+    process = started(path, *how)
+    code, out, err = ended(process)
+    assert (code, err) == (0, "")
+    Sweep(path, folder=path.parent / "whole").run()
+    whole = (path.parent / "whole/quick.sweep.parquet").read_bytes()
+    assert (path.parent / "recordings/quick.sweep.parquet").read_bytes() == whole
     assert not folder.exists()
+    assert left_behind(path) == []  # of the killed ones, Dask removes it when it starts again
+    assert {entry.name for entry in path.parent.iterdir()} == {
+        "quick.yaml",
+        "recordings",
+        "temporary",
+        "whole",
+    }
+
+
+@pytest.fixture
+def address():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return f"tcp://127.0.0.1:{one.getsockname()[1]}"
+
+
+def dask(*words):
+    return subprocess.Popen(
+        [sys.executable, "-m", "dask", *words, "--host", "127.0.0.1", "--no-dashboard"],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def test_a_scheduler_that_goes_away_ends_the_sweep_with_a_line_and_its_rows(path, address):
+    folder = path.parent / "recordings/quick.sweep"
+    scheduler = dask("scheduler", "--port", address.rpartition(":")[2])
+    worker = None
+    try:
+        time.sleep(3.0)
+        alone = started(path, "--cluster", address)
+        code, out, err = ended(alone)
+        assert (code, out) == (2, "")
+        assert err == (
+            f"rmrc: error: --cluster {address}: no workers for 30 s; start `dask worker {address}`; "
+            "finished rows are kept; rerun the command to resume\n"
+        )
+        worker = dask("worker", address, "--nthreads", "2")
+        process = started(path, "--cluster", address)
+        wait_for(process, folder, 2)
+        scheduler.kill()
+        code, out, err = ended(process)
+        assert (code, out) == (2, "")
+        assert err == (
+            f"rmrc: error: --cluster {address}: the scheduler is lost; finished rows are kept; rerun the command to resume\n"
+        )
+        assert 0 < ds.dataset(folder).count_rows() < RUNS
+    finally:
+        for one in (scheduler, worker):
+            if one:
+                one.kill()
+                one.wait()
+
+
+def test_an_address_that_is_silent_is_given_up(path):
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        one.listen()
+        begun = time.monotonic()
+        process = started(path, "--cluster", f"tcp://127.0.0.1:{one.getsockname()[1]}")
+        code, out, err = ended(process)
+    assert time.monotonic() - begun < 60
+    assert (code, out) == (2, "")
+    assert re.fullmatch(r"rmrc: error: --cluster tcp://\S+: no Dask scheduler responds there .*\n", err)

@@ -56,13 +56,16 @@ def results(address: str, parcel: Parcel, pieces: Sequence[Sequence[int]], stop:
         ClusterError: It does not respond, has no workers, or is lost.
     """
     from distributed import as_completed
+    from distributed.comm.core import CommClosedError
 
-    problem, cure = "", "start `dask scheduler`, or check for a firewall"
-    what = "no Dask scheduler responds there"
+    problem = ""
     with ExitStack() as stack:
         try:
             client = stack.enter_context(_client(address))
-            what, cure = "a run failed", _RESUME
+        except Exception as error:  # whatever Dask raises
+            problem = f"no Dask scheduler responds there ({_reason(error)}); start `dask scheduler`"
+            raise ClusterError(f"--cluster {address}: {problem}, or check for a firewall") from None
+        try:
             # a task, not scattered data, which is lost with the only worker that has it
             sent = client.submit(lambda parcel: parcel, parcel, pure=False)
             tasks = [client.submit(_work, sent, sent.key, piece, pure=False) for piece in pieces]
@@ -72,18 +75,21 @@ def results(address: str, parcel: Parcel, pieces: Sequence[Sequence[int]], stop:
                 for task in finished.next_batch(block=False):
                     yield task.result()
                     seen = time.monotonic()
-                with suppress(OSError):  # a scheduler that is lost cancels the tasks
-                    seen = time.monotonic() if client.nthreads() else seen
+                seen = time.monotonic() if client.nthreads() else seen
                 if time.monotonic() - seen > _GONE:
-                    problem = f"no workers for {_GONE:.0f} s; start `dask worker {address}`; {_RESUME}"
+                    problem = f"no workers for {_GONE:.0f} s; start `dask worker {address}`"
                     break
-        except CancelledError:
-            problem = f"the scheduler is lost; {_RESUME}"
-        except Exception as error:  # whatever a worker or Dask raises
-            reason = " ".join(f"{type(error).__name__}: {error}".split())
-            problem = f"{what} ({shortened(reason, 320)}); {cure}"
+        except (CancelledError, CommClosedError):
+            problem = "the scheduler is lost"
+        except Exception as error:  # whatever a worker raises
+            problem = f"a run failed ({_reason(error)})"
     if problem:
-        raise ClusterError(f"--cluster {address}: {problem}")
+        raise ClusterError(f"--cluster {address}: {problem}; {_RESUME}")
+
+
+def _reason(error: Exception) -> str:
+    """Return an error on one short line."""
+    return shortened(" ".join(f"{type(error).__name__}: {error}".split()), 320)
 
 
 @contextmanager

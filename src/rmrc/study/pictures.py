@@ -131,17 +131,18 @@ def sweep_page(swept: Swept) -> Page:
     """Return the report page of a sweep."""
     (ends, extremes), status = swept.sheets(), swept.rows["status"]
     page = Page(ends.title, f"{status.count('complete')} of {len(status)} runs completed the path.")
-    page.section("End of the runs")
-    page.table(Sheet("", ends.headings, ends.rows))
-    page.section("Extremes")
-    page.table(extremes)
-    page.section("Settings of these runs")
     settings = []
     for i in sorted({i for pair in swept.extremes().values() for i in pair}):
         values = [swept.rows[key][i] for key in swept.varied]
         texts = [number(value) if isinstance(value, float) else str(value) for value in values]
         settings.append((str(i), *texts))
-    page.table(Sheet("", ("run", *swept.varied), settings))
+    for title, sheet in (
+        ("End of the runs", Sheet("", ends.headings, ends.rows)),
+        ("Extremes", extremes),
+        ("Settings of these runs", Sheet("", ("run", *swept.varied), settings)),
+    ):
+        page.section(title)
+        page.table(sheet)
     if swept.figures:
         page.section("Distributions of the metrics, and the first one over the varied keys")
         picture = sweep_figure(swept, None, width=9.6, font=9.0)
