@@ -50,18 +50,8 @@ _WORDS = {
 }
 # Words before x, y and z that mean no position.
 _OTHERS = {
-    "force",
-    "torque",
-    "wrench",
-    "acceleration",
-    "acc",
-    "accel",
-    "effort",
-    "magnetic",
-    "euler",
-    "rpy",
-    "offset",
-}
+    "force", "torque", "wrench", "effort", "acceleration", "acc", "accel", "magnetic", "euler", "offset",
+}  # fmt: skip
 
 
 # Other names of roll, pitch and yaw; single letters are those of the controllers of KUKA and Fanuc.
@@ -199,7 +189,7 @@ def frame_groups(names: Sequence[str]) -> dict[str, dict[str, Column]]:
         for units, possible in _PARTS:
             text, unit = parts(name, units)
             prefix, part = _part(text)
-            if part in possible and not _OTHERS & {*prefix.split("_")[-2:]}:
+            if part in possible and not (part in POSE[:3] and _OTHERS & {*prefix.split("_")[-2:]}):
                 groups.setdefault(prefix, {}).setdefault(part, Column(name, unit))
     ordered = dict(sorted(groups.items(), key=lambda item: bool(NOT_MEASURED & {*item[0].split("_")})))
     whole = dict[str, Column]()
@@ -213,6 +203,7 @@ def _part(text: str) -> tuple[str, str]:
     if text.endswith("_ref"):
         prefix, part = _part(text.removesuffix("_ref"))
         return f"{prefix}_ref", part
+    text = re.sub(r"_pos(ition)?$", "", text)
     if match := re.fullmatch(r"(?:(.*)_)?(roll|pitch|yaw|theta|heading)|[abcwpr]", text):
         return match[1] or "", _YAW.get(match[2] or text, match[2])
     if match := re.fullmatch(r"(?:(.*)_)?tcp_(pose|speed)_?([0-5])", text):  # of a UR: a rotation vector
