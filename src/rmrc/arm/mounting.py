@@ -84,7 +84,7 @@ def _place(
     if name is not None:
         kind: Literal["site", "body"] = "site" if key == "site" else "body"
         return kind, find(path, model, kind, name, "tool.body" if key == "tool" else kind)
-    kind, i, lines = default_frame(path, model, "carries the tool" if key == "tool" else "is controlled")
+    kind, i, lines = default_frame(path, model, key)
     notes += lines
     return kind, i
 

@@ -45,6 +45,7 @@ CODES: dict[str, tuple[Level, str]] = {
     "spring-load": ("warning", "a plant does not compensate for the spring of a joint"),
     "follower-slip": ("warning", "a follower left its equality during one second of motion"),
     "mujoco-warning": ("warning", "MuJoCo issued a warning during one second of motion"),
+    "frame-short": ("warning", "the controlled frame leaves out joints of a longer chain"),
     "range-missing": ("note", "a joint has no range"),
     "acceleration-limit": ("note", "MJCF cannot express acceleration limits"),
     "no-home": ("note", "there is no keyframe home; another configuration replaces it"),
@@ -176,7 +177,7 @@ def _limits(facts: Facts) -> _Findings:
 def _model(facts: Facts) -> _Findings:
     arm = facts.arm
     others = [name for name in arm.sites if name != arm.site]
-    if others and "frame" not in map(code_of, arm.notes):
+    if others and not {"frame", "frame-short"} & {*map(code_of, arm.notes)}:
         yield (
             "frame",
             f"site {arm.site} is controlled; other sites: {listed(others)}",
