@@ -22,7 +22,7 @@ Level = Literal["error", "warning", "note"]
 CODES: dict[str, tuple[Level, str]] = {
     "home-outside-limits": (
         "error",
-        "home is outside a joint's range: a run is refused",
+        "home is outside a joint's range: a run begins with the way back",
     ),
     "home-contact": ("error", "bodies of the arm penetrate each other at home"),
     "jacobian-routes": ("error", "J by another method differs from MuJoCo's"),
