@@ -196,7 +196,7 @@ def test_a_tool_is_a_frame_and_a_mass_on_a_body(data, turned, mass):
     assert_allclose(more, m * 9.81 * np.array(slope), atol=1e-8)
 
 
-def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes_of_its_own(tmp_path):
+def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes(tmp_path):
     """The gripper of one file on the arm of another is what MuJoCo's own <attach> makes of both."""
     (tmp_path / "hand").mkdir()
     hand = tmp_path / "hand/hand.xml"
@@ -212,7 +212,7 @@ def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes_of_its_own
     assert arms.load(path, tool=tool.model_copy(update={"site": "other"})).site == "tool_other"
     home = arm.configuration("home")
     assert_allclose(home, [*arms.load(path).configuration("home"), 0.0])
-    assert_allclose(arm.model.key("tool_open").qpos[3:], [0.05])
+    assert "tool_open" not in arm.keyframes  # it says nothing of the arm
     pose, link = arm.pose(home[:3]), arms.load(path, body="link_3").pose(home[:3])
     turn = Rotation.from_quat(link[3:], scalar_first=True)
     inner = Rotation.from_euler("y", 0.5)
