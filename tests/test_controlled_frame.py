@@ -1,5 +1,7 @@
 """The frame that is controlled where none is named, and one that is put on a body or a tool."""
 
+import json
+
 import mujoco
 import numpy as np
 import pytest
@@ -39,6 +41,86 @@ def test_the_hand_is_controlled_and_never_a_finger(tmp_path, changes, site, why)
     (note,) = arm.notes
     assert why in note
     assert 'site "ee_y"' in note or "ee_y" in changes  # what else there is
+
+
+def urdf_of(tmp_path, *branches):
+    """Return a URDF: each branch has the link where it begins, and its links; one without a joint is fixed."""
+    inertia = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
+    links, joints = ['<link name="base"/>'], []
+    for parent, *names in branches:
+        for name in names:
+            name, _, follows = name.partition(" follows ")
+            kind = "fixed" if name.endswith(("tool0", "tip", "flange")) else "revolute"
+            mimic = f'<mimic joint="{follows}_joint"/>' if follows else ""
+            links.append(f'<link name="{name}"><inertial><mass value="1"/>{inertia}</inertial></link>')
+            joints.append(
+                f'<joint name="{name}_joint" type="{kind}"><parent link="{parent}"/>'
+                f'<child link="{name}"/><origin xyz="0 0 0.1"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="9" '
+                f'velocity="2"/>{mimic}</joint>'
+            )
+            parent = name
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="robot">{"".join(links + joints)}</robot>')
+    return path
+
+
+SIX = ("base", "l1", "l2", "l3", "l4", "l5", "l6")
+PLANAR = ("base", "x", "y", "yaw")
+
+
+@pytest.mark.parametrize(
+    ("branches", "site", "n", "left_out"),
+    [
+        # balancer rods follow joints of the arm; without a mimic there may be more of them than of the arm's
+        ([(*SIX, "tool0"), *(("l2", f"rod{k} follows l{k}") for k in (2, 3, 4))], "tool0", 6, ""),
+        ([SIX, ("l2", "p follows l2", "q follows l3")], "l6", 6, ""),
+        ([(*SIX, "tool0"), ("l1", *"abcdefg")], "tool0", 6, "--body g"),
+        ([(*SIX[:5], "tool0"), ("l2", "rod_1", "rod_2")], "tool0", 4, ""),
+        # a camera tilts beside the arm
+        ([(*SIX, "flange", "tool0"), ("l3", "pan", "tilt")], "tool0", 6, ""),
+        ([SIX, ("l3", "camera_pan", "camera_tilt")], "l6", 6, ""),
+        ([SIX, ("base", "pan", "tilt")], "l6", 6, ""),
+        # a branch that no name explains is a warning, and so is a joint behind the tool, unless it is a jaw's
+        ([SIX, ("l4", "pan", "tilt")], "l4", 4, "l5_joint, l6_joint of a longer chain; take all of it by --body l6 "),
+        ([(*SIX, "tool0", "spindle")], "tool0", 6, "--body spindle"),
+        ([(*SIX, "tool0", "jaw")], "tool0", 6, ""),
+        ([(*SIX, "tool0"), ("l6", "a_finger"), ("l6", "b_finger")], "tool0", 6, ""),
+        # names of a gripper in a wrist, and of one that may be either
+        ([(*SIX[:5], "gripper_a", "gripper_base", "tool0")], "tool0", 6, ""),
+        ([(*SIX[:4], "gripper_a", "gripper_b", "gripper_c")], "gripper_c", 6, ""),
+        ([(*SIX[:6], "gripper_base")], "l5", 5, "--body gripper_base"),
+        # wheels are no hand of the base
+        ([(*PLANAR, "a", "b", "c"), *(("yaw", f"wheel{k}") for k in range(4))], "c", 6, ""),
+        # robots that are fingers
+        ([("base", "finger_upper", "finger_lower", "finger_tip")], "finger_tip", 2, ""),
+        ([("base", "thumb_a", "thumb_b", "thumb_c", "thumb_tip")], "thumb_tip", 3, ""),
+    ],
+)  # fmt: skip
+def test_the_tool_is_on_the_longest_chain_and_what_is_left_out_is_a_warning(
+    tmp_path, branches, site, n, left_out
+):
+    path = urdf_of(tmp_path, *branches)
+    arm = arms.load(path)
+    assert (arm.site, arm.n) == (site, n)
+    warnings = [note for note in arm.notes if getattr(note, "level", "") == "warning"]
+    assert len(warnings) == bool(left_out) and left_out in "".join(warnings)
+    if left_out:  # the command does what it says, and who names the frame hears no warning
+        whole = arms.load(path, body=warnings[0].partition("--body ")[2].split()[0])
+        assert whole.n >= n and not [note for note in whole.notes if "longer chain" in note]
+
+
+def test_of_chains_as_long_the_first_is_taken_and_the_other_is_told(tmp_path):
+    arm = arms.load(urdf_of(tmp_path, ("base", "a", "b", "a_tool0"), ("base", "c", "d", "d_tool0")))
+    assert arm.site == "a_tool0" and any('as long goes to body "d_tool0"' in note for note in arm.notes)
+
+
+def test_a_verb_shows_the_warning_and_a_check_finds_it(rmrc, tmp_path):
+    path = urdf_of(tmp_path, (*SIX[:6], "gripper_base"))
+    _, _, err = rmrc("inspect", str(path))
+    assert "warning: " in err and "--body gripper_base" in err
+    _, out, _ = rmrc("check", str(path), "--json")
+    (finding,) = [each for each in json.loads(out)["findings"] if each["code"] == "frame-short"]
+    assert finding["level"] == "warning"
 
 
 def test_the_longest_limb_is_the_arm_and_a_torso_is_not_its_hand(tmp_path):
@@ -114,7 +196,7 @@ def test_a_tool_is_a_frame_and_a_mass_on_a_body(data, turned, mass):
     assert_allclose(more, m * 9.81 * np.array(slope), atol=1e-8)
 
 
-def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes_of_its_own(tmp_path):
+def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes(tmp_path):
     """The gripper of one file on the arm of another is what MuJoCo's own <attach> makes of both."""
     (tmp_path / "hand").mkdir()
     hand = tmp_path / "hand/hand.xml"
@@ -130,7 +212,7 @@ def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes_of_its_own
     assert arms.load(path, tool=tool.model_copy(update={"site": "other"})).site == "tool_other"
     home = arm.configuration("home")
     assert_allclose(home, [*arms.load(path).configuration("home"), 0.0])
-    assert_allclose(arm.model.key("tool_open").qpos[3:], [0.05])
+    assert "tool_open" not in arm.keyframes  # it says nothing of the arm
     pose, link = arm.pose(home[:3]), arms.load(path, body="link_3").pose(home[:3])
     turn = Rotation.from_quat(link[3:], scalar_first=True)
     inner = Rotation.from_euler("y", 0.5)

@@ -13,6 +13,7 @@ from rmrc.scenario import StartPose
 from rmrc.simulation.configuration import start_positions
 from rmrc.simulation.prepare import prepare
 from rmrc.support.errors import ScenarioError, TargetError
+from rmrc.support.notices import heard_by
 from rmrc.support.spatial import pose_error
 
 PUMA = load(ROOT / "models/puma560.xml")
@@ -156,3 +157,44 @@ def test_what_dies_first_is_drawn_along_the_world(simulate):
         held = (np.kron(np.eye(2), turn.T) @ one)[3:5]
         u = np.linalg.svd(one[:3] @ (np.eye(6) - np.linalg.pinv(held) @ held))[0]
         assert_allclose(np.abs(np.sum(u * axes, axis=0)), 1, rtol=0, atol=1e-9)
+
+
+# A start at a limit, and outside ---------------------------------------------------------------
+
+SO101 = load(ROOT / "models/so101.xml")
+LOWER = float(SO101.position_limit[1, 0])
+HELD = ("arm.model=models/so101.xml", "arm.site=tool", "task.axes=[x, y, z]", "control.feedback=5",
+        "control.limits.rate=2", "target.path=[{line: {by: [0.02, 0, 0.02]}}, {hold: {for: 1.5}}]")  # fmt: skip
+
+
+def starting_at(position):
+    return (*HELD, f"arm.start=[0, {position!r}, 0.5, 0.2, 0]")
+
+
+@pytest.mark.parametrize("digits", [4, 5, 6, 15])
+def test_a_limit_that_is_typed_as_it_is_printed_is_the_limit(scenario, digits):
+    typed = float(f"{LOWER:.{digits}g}")
+    assert prepare(scenario(*starting_at(typed))).qpos[1] == max(typed, LOWER)
+
+
+@pytest.mark.parametrize("kind", ["ideal", "servo", "torque"])
+def test_an_arm_that_starts_outside_its_limits_comes_back_and_is_told_of(simulate, kind):
+    told = []
+    with heard_by(told.append):
+        _, run = simulate(*starting_at(LOWER - 0.05), f"plant.kind={kind}")
+    (line,) = [text for text in told if "outside its limits" in text]
+    assert line.startswith("warning: ") and 'joint "shoulder_lift" starts 0.05 rad outside' in line
+    q, rates = run["q"][:, 1], run["qdot_cmd"][:, 1]
+    assert q[0] == pytest.approx(LOWER - 0.05)
+    back = int(np.argmax(q >= LOWER))
+    # at 5/s towards a point 1 mrad inside the limit it takes ln(51)/5 s, and the plant's lag
+    assert 0 < back and run["time"][back] < 0.9 and run.divergence is None
+    # a servo's limit keeps a joint to 1 mrad
+    assert (q[back:] >= LOWER - 1e-3).all() and (rates[:back] >= 0.0).all()
+    # then the arm follows its target as from any start
+    assert np.linalg.norm(run["pose_error"][-1, :3]) < 1e-3
+
+
+def test_a_start_far_outside_is_refused(scenario):
+    with pytest.raises(ScenarioError, match=r'"shoulder_lift" must start within its limits .* got -10'):
+        prepare(scenario(*starting_at(-10.0)))

@@ -138,7 +138,7 @@ def test_every_code_is_tried():
         "mujoco-warning",
     }  # of a bug, of actuators, and of MuJoCo: below
     # of what was assumed: below; of data of a URDF: tests/test_urdf.py
-    assumed = {"base-fixed", "assumed", "range-reversed", "unused"}
+    assumed = {"base-fixed", "assumed", "range-reversed", "unused", "frame-short"}
     assert FAULTS.keys() | ALWAYS | {"joint-idle"} | never | assumed == CODES.keys()
 
 

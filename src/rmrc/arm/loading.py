@@ -13,7 +13,7 @@ from rmrc.arm.adapting import is_behind
 from rmrc.arm.arm import Arm
 from rmrc.arm.compiling import Read, compiled, in_our_words, opened, read
 from rmrc.arm.equalities import Follower, find_links, find_ties, followers
-from rmrc.arm.mounting import PREFIX, NamedFrame, keyframes, mounted
+from rmrc.arm.mounting import NamedFrame, keyframes, mounted
 from rmrc.arm.wiring import HINGE, SLIDE, joints_above
 from rmrc.scenario.arm import ArmSection, ToolSection
 from rmrc.support.errors import ModelError, did_you_mean
@@ -99,8 +99,7 @@ def _arm(path: Path, file: Read, joints: Sequence[str] | None, frame: NamedFrame
     following = followers(model, chain, links, driven)
     ids = [model.joint(joint).id for joint in driven]
     positions, rates, torques = limits(model, driven, following, robot.velocity if robot else {})
-    has_own = frame is not None and isinstance(frame[1], ToolSection) and frame[1].model is not None
-    keys, home = keyframes(model, ids, positions, PREFIX if has_own else "", notes)
+    keys, home = keyframes(model, ids, positions, notes)
     if robot is not None and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0))):
         notes += apart
         model = compiled(path, spec)

@@ -85,7 +85,7 @@ def _place(
     if name is not None:
         kind: Literal["site", "body"] = "site" if key == "site" else "body"
         return kind, find(path, model, kind, name, "tool.body" if key == "tool" else kind)
-    kind, i, lines = default_frame(path, model, "carries the tool" if key == "tool" else "is controlled")
+    kind, i, lines = default_frame(path, model, key)
     notes += lines
     return kind, i
 
@@ -136,9 +136,9 @@ def _attach(
     try:
         held = read(tool.model)
         with in_our_words(tool.model):
-            for joint in [each for each in held.spec.joints if each.type == _FREE]:
-                held.spec.delete(joint)
-                held.spec.compile()  # otherwise its keyframes would not be attached
+            # its keyframes say nothing of the arm
+            for each in [*held.spec.keys, *(joint for joint in held.spec.joints if joint.type == _FREE)]:
+                held.spec.delete(each)
             spec.attach(held.spec, frame=body.add_frame(**frame), prefix=PREFIX)
     except ModelError as error:
         raise ModelError(str(error), "tool.model") from None
@@ -158,15 +158,14 @@ def _unused(elements: Iterable[mujoco.MjsElement], wanted: str) -> str:
 # Keyframes --------------------------------------------------------------------------------------
 
 
-def starting_key(model: mujoco.MjModel, joints: Sequence[int], prefix: str = "") -> int | None:
+def starting_key(model: mujoco.MjModel, joints: Sequence[int]) -> int | None:
     """Return the keyframe `home`, else the only one, else the first with joints within limits; None without.
 
     Args:
         model: Any model.
         joints: Ids of the joints whose limits count.
-        prefix: Beginning of the names of a tool's keyframes, if one is attached.
     """
-    keys = _keys(model, prefix)
+    keys = range(model.nkey)
     home = keys if len(keys) == 1 else [i for i in keys if model.key(i).name == "home"]
     if home:
         return home[0]
@@ -177,7 +176,7 @@ def starting_key(model: mujoco.MjModel, joints: Sequence[int], prefix: str = "")
 
 
 def keyframes(
-    model: mujoco.MjModel, joints: Sequence[int], limit: Array, prefix: str, notes: list[str]
+    model: mujoco.MjModel, joints: Sequence[int], limit: Array, notes: list[str]
 ) -> tuple[dict[str, Array], int | None]:
     """Return the keyframes of a model by name, (nq,) each; `home` is among them unless it is qpos0.
 
@@ -187,16 +186,15 @@ def keyframes(
         model: Any model.
         joints: Ids of the arm's joints, n of them.
         limit: Limit of their positions, (n, 2).
-        prefix: Beginning of the names of a tool's keyframes, if one is attached.
         notes: Assumptions are added.
     """
     keys = {name: np.array(model.key_qpos[i]) for i in range(model.nkey) if (name := model.key(i).name)}
-    key, address = starting_key(model, joints, prefix), model.jnt_qposadr[joints]
+    key, address = starting_key(model, joints), model.jnt_qposadr[joints]
     if "home" in keys:
         return keys, key
     if key is not None:
         called = f'"{model.key(key).name}"' if model.key(key).name else f"number {key}, which has no name,"
-        why = "the only one" if len(_keys(model, prefix)) == 1 else "the first within limits"
+        why = "the only one" if model.nkey == 1 else "the first within limits"
         notes.append(note("no-home", f"there is no keyframe home; {called} replaces it, {why}"))
         return {**keys, "home": np.array(model.key_qpos[key])}, key
     home, (lower, upper) = np.array(model.qpos0), limit.T
@@ -211,7 +209,3 @@ def keyframes(
     where = f"0 is beyond the limits of joint {names}; home is the middle of their range"
     notes.append(note("no-home", f"there is no keyframe home, and {where}"))
     return {**keys, "home": home}, None
-
-
-def _keys(model: mujoco.MjModel, prefix: str) -> list[int]:
-    return [i for i in range(model.nkey) if not (prefix and model.key(i).name.startswith(prefix))]

@@ -122,6 +122,15 @@ def come_back(world: Record) -> None:
         limits.position[0, j], limits.position[1, j] = ends[0, j], ends[1, j]
 
 
+@Method
+def return_first(world: Record) -> None:
+    """Replace the rates of a run that began outside the limits while a joint is on its way back."""
+    if is_outside(world):
+        pace = world.tick.path_rate  # the path does not wait
+        come_back(world)
+        world.tick.path_rate = pace
+
+
 @compiled
 def limit_joints(world: Record) -> None:
     """Bring the rates within the bounds of every joint."""

@@ -41,12 +41,17 @@ def assumed_configuration(scenario: Scenario, arm: Arm, problems: Problems) -> A
     except ModelError as error:
         problems.add("arm.start", f"{error}{_as_positions(start, arm)}")
         return np.array(arm.model.qpos0)
-    for j, position in enumerate(qpos[arm.wiring.qpos].tolist()):
+    q = _as_printed(arm, qpos[arm.wiring.qpos])
+    qpos = qpos if np.array_equal(q, qpos[arm.wiring.qpos]) else arm.placed(qpos, q)
+    for j, position in enumerate(q.tolist()):
         key = "arm.start" if isinstance(start, str) else f"arm.start[{j}]"
-        hint = _in_degrees(arm, j, position)
-        if limits := _limits_beyond(arm, j, position):
-            text = f'joint "{arm.joints[j]}" must start within its limits {limits}, got {position:.6g}'
+        hint, limits, excess = _in_degrees(arm, j, position), *_beyond(arm, j, position)
+        text = f'joint "{arm.joints[j]}" must start within its limits {limits}, got {position:.6g}'
+        if limits and (hint or excess > np.ptp(arm.position_limit[j])):
             problems.add(key, text + hint)
+        elif limits:
+            begins = f'joint "{arm.joints[j]}" starts {excess:.3g} {arm.units[j]} outside its limits {limits}'
+            tell(f"warning: {scenario.locate(key)}: {begins}; it comes back while the path goes on", once=key)
         elif hint and not isinstance(start, str):
             turns = f"{position:.6g} rad are {abs(position) / math.tau:.3g} turns"
             tell(f"warning: {scenario.locate(key)}: {turns}{hint}", once=key)
@@ -75,7 +80,7 @@ def true_configuration(scenario: Scenario, arm: Arm, assumed: Array, problems: P
         return assumed
     q = assumed[arm.wiring.qpos] + offsets
     for j, position in enumerate(q.tolist()):
-        if limits := _limits_beyond(arm, j, position):
+        if limits := _beyond(arm, j, position)[0]:
             start = f'puts joint "{arm.joints[j]}" at {position:.6g} {arm.units[j]} at the start'
             text = f"{start}, beyond its limits {limits}; lower it, or start elsewhere"
             problems.add("plant.joint_offset", text)
@@ -121,10 +126,18 @@ def start_positions(arm: Arm, section: StartPose, near: Array, length: float | N
     return np.asarray(nearest)
 
 
-def _limits_beyond(arm: Arm, j: int, position: float) -> str:
-    """Return the limits of a joint whose position is beyond them, in words; "" if it is within."""
-    lower, upper = arm.position_limit[j]
-    return "" if lower <= position <= upper else f"[{lower:.6g}, {upper:.6g}] {arm.units[j]}"
+def _beyond(arm: Arm, j: int, position: float) -> tuple[str, float]:
+    """Return the limits of a joint in words, and how far a position is beyond; "" and 0 if it is within."""
+    lower, upper = arm.position_limit[j].tolist()
+    excess = max(lower - position, position - upper, 0.0)
+    return (f"[{lower:.6g}, {upper:.6g}] {arm.units[j]}" if excess else ""), excess
+
+
+def _as_printed(arm: Arm, q: Array) -> Array:
+    """Return positions, (n,); one that is a limit as it is printed, to 4 to 6 digits, is at the limit."""
+    at_limit = np.clip(q, *arm.position_limit.T)
+    same = [any(f"{a:.{k}g}" == f"{b:.{k}g}" for k in (4, 5, 6)) for a, b in zip(q, at_limit, strict=True)]
+    return np.where(same, at_limit, q)
 
 
 def _as_positions(start: object, arm: Arm) -> str:
@@ -142,6 +155,6 @@ def _as_positions(start: object, arm: Arm) -> str:
 
 def _in_degrees(arm: Arm, j: int, position: float) -> str:
     """Return the hint for a position beyond a turn that would be within the limits in degrees."""
-    if abs(position) <= math.tau or arm.is_slide[j] or _limits_beyond(arm, j, math.radians(position)):
+    if abs(position) <= math.tau or arm.is_slide[j] or _beyond(arm, j, math.radians(position))[0]:
         return ""
     return f"; for degrees write {position:.6g} deg"

@@ -98,6 +98,12 @@ class Prepared:
         return self.hardware.plant
 
     @property
+    def starts_outside(self) -> bool:
+        """Whether a joint starts outside its limits, so that it comes back first."""
+        q, (lower, upper) = self.qpos[self.arm.wiring.qpos], self.arm.position_limit.T
+        return bool(((q < lower) | (q > upper)).any())
+
+    @property
     def most_ticks(self) -> int:
         """Largest number of control ticks of the run: more than the path has where it can be slowed."""
         control, ticks = self.scenario.control, self.reference.ticks

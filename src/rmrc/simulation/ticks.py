@@ -54,6 +54,8 @@ def do_tick(world: Record) -> bool:
     if engine.diverged_joint == ALL_FINE:
         tick.time = engine.next * world.period
         call(methods.control, world)
+        if methods.move_joints != 0:
+            call(methods.move_joints, world)
         engine.diverged_joint = bad_command(world)
     if engine.diverged_joint != ALL_FINE:
         engine.diverged = engine.next

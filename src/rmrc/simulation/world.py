@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from rmrc.arm import Wiring
 from rmrc.arm.adapting import set_fields
 from rmrc.law.compiling import Method, missing_nothing, uninterrupted
+from rmrc.law.joint_motion import return_first
+from rmrc.law.limits import by_joint
 from rmrc.law.record import ENGINE_FIELDS, capacity, new_worlds
 from rmrc.law.settings import LATE, link
 from rmrc.law.sight import look_at
@@ -79,7 +81,8 @@ def _room(prepared: Prepared) -> int:
 def _methods(prepared: Prepared) -> Mapping[str, Method]:
     """Return all methods that a world calls, by their fields in its record."""
     misled = {"believe": believe} if prepared.hardware.is_misled else {}
-    return {"ticks": ticks, **prepared.law.methods, **prepared.hardware.methods, **misled}
+    back = {"move_joints": return_first, "by_joint": by_joint} if prepared.starts_outside else {}
+    return {"ticks": ticks, **prepared.law.methods, **prepared.hardware.methods, **misled, **back}
 
 
 @lru_cache(16)  # variants share it

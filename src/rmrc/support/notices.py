@@ -27,9 +27,9 @@ def tell(text: str, once: str = "") -> None:
 
 
 def tell_assumed(notes: Iterable[str]) -> None:
-    """Send assumptions, each once."""
+    """Send assumptions, each once: `rmrc.arm.frames` has notes that are warnings."""
     for note in notes:
-        tell(f"note: {note}")
+        tell(f"{getattr(note, 'level', 'note')}: {note}")
 
 
 @contextmanager

@@ -23,7 +23,7 @@ Level = Literal["error", "warning", "note"]
 CODES: dict[str, tuple[Level, str]] = {
     "home-outside-limits": (
         "error",
-        "home is outside a joint's range: a run is refused",
+        "home is outside a joint's range: a run begins with the way back",
     ),
     "home-contact": ("error", "bodies of the arm penetrate each other at home"),
     "jacobian-routes": ("error", "J by another method differs from MuJoCo's"),
@@ -48,6 +48,7 @@ CODES: dict[str, tuple[Level, str]] = {
     "spring-load": ("warning", "a plant does not compensate for the spring of a joint"),
     "follower-slip": ("warning", "a follower left its equality during one second of motion"),
     "mujoco-warning": ("warning", "MuJoCo issued a warning during one second of motion"),
+    "frame-short": ("warning", "the controlled frame leaves out joints of a longer chain"),
     "range-missing": ("note", "a joint has no range"),
     "acceleration-limit": ("note", "no acceleration limits are read from a model"),
     "unused": ("note", "data of a URDF are not used"),
@@ -186,7 +187,7 @@ def _limits(facts: Facts) -> _Findings:
 def _model(facts: Facts) -> _Findings:
     arm = facts.arm
     others = [name for name in arm.sites if name != arm.site]
-    if others and "frame" not in map(code_of, arm.notes):
+    if others and not {"frame", "frame-short"} & {*map(code_of, arm.notes)}:
         yield (
             "frame",
             f"site {arm.site} is controlled; other sites: {listed(others)}",
