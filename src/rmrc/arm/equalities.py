@@ -156,7 +156,7 @@ def find_ties(model: mujoco.MjModel, qpos: Array, F: Array, still: Collection[in
         data.qpos[:] = qpos
         if sample:
             mujoco.mj_integratePos(model, data.qpos, rng.uniform(-0.5, 0.5, model.nv), 1.0)
-        rows, number = _equality_rows(model, data)
+        rows, number, _ = equality_rows(model, data)
         own, loose = rows @ F, rows[:, free]
         if loose.any():
             own -= loose @ (np.linalg.pinv(loose, rcond=_ROUNDING) @ own)
@@ -165,8 +165,8 @@ def find_ties(model: mujoco.MjModel, qpos: Array, F: Array, still: Collection[in
     return tuple(_in_words(model, i) for i in sorted(ties))
 
 
-def _equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, NDArray[np.int32]]:
-    """Return the rows of all active equalities, (rows, nv), and the number of the equality of each."""
+def equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, NDArray[np.int32], Array]:
+    """Return the rows of all active equalities, (rows, nv), the number of the equality of each, its gap."""
     mujoco.mj_fwdKinematics(model, data)
     mujoco.mj_makeConstraint(model, data)
     if mujoco.mj_isSparse(model):
@@ -175,7 +175,7 @@ def _equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, N
         # behind the rows there can be space that MuJoCo allocated and did not use
         full = np.array(data.efc_J)[: data.nefc * model.nv].reshape(data.nefc, model.nv)
     chosen = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-    return full[chosen], np.array(data.efc_id)[chosen]
+    return full[chosen], np.array(data.efc_id)[chosen], np.array(data.efc_pos)[chosen]
 
 
 def _in_words(model: mujoco.MjModel, i: int) -> str:

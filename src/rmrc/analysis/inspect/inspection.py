@@ -14,6 +14,7 @@ from rmrc.analysis.inspect.words import amount, direction, listed
 from rmrc.analysis.statics.balance import Balance, balance
 from rmrc.analysis.subject import FRAMES, Model, Packages, numbers, subject
 from rmrc.arm import Arm
+from rmrc.arm.inventory import Mechanism, find_mechanism
 from rmrc.law.task import SAMPLES, Task
 from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError, did_you_mean
@@ -106,6 +107,7 @@ class Inspection:
         angles_in_words: Whether the angles are singular here, and which motion they cannot describe.
         tip_error: None if no joint errors were given.
         balance: The torques that balance the wrench, without gravity; None if no wrench was given.
+        mechanism: The motion of the site by the actuators where loops close the arm; None without loops.
         warnings: Problems of the question that do not prevent an answer.
     """
 
@@ -133,6 +135,7 @@ class Inspection:
     angles_in_words: str
     tip_error: TipError | None
     balance: Balance | None
+    mechanism: Mechanism | None
     warnings: tuple[str, ...]
 
     @property
@@ -229,6 +232,7 @@ which turns about -z'
         angles_in_words=_angles_in_words(angles),
         tip_error=None if joint_error is None else _tip_error(arm, J, joint_error),
         balance=None if wrench is None else balance(arm, q, numbers("wrench", wrench, WRENCH)),
+        mechanism=find_mechanism(arm, q),
         warnings=_warnings(arm, q),
     )  # fmt: skip
 

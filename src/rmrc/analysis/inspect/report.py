@@ -9,9 +9,13 @@ import numpy as np
 from rmrc.analysis.inspect.inspection import NEAR_LIMIT, Inspection, TipError
 from rmrc.analysis.inspect.words import direction
 from rmrc.analysis.statics.balance import Balance
+from rmrc.arm.inventory import Mechanism
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.support.spatial import AXES
+
+# Loops that are open by more than this are not closed [m].
+OPEN = 1e-6
 
 ROUTE_NAMES = {
     "screws": "screws of the joint axes, product of exponentials",
@@ -43,6 +47,7 @@ KEYS = {
     "euler_rates": "E with w = E (alpha', beta', gamma'); the analytic jacobian, null where singular; words",
     "tip_error": "joints, displacement J dq, deviation, covariance, worst translation and rotation; or null",
     "statics": "wrench, equilibrium and equivalent torques, reactions, their points, disagreement; or null",
+    "mechanism": "actuators, their positions, gap, rows, inverse K with rates = K twist, freedom; or null",
     "warnings": "in words",
 }
 """Meaning of each key: SI units and radians; vectors along world axes except `jacobian`; finite numbers."""
@@ -109,6 +114,7 @@ def _values(found: Inspection) -> dict[str, Any]:
         },
         "tip_error": found.tip_error and _error_values(found.tip_error),
         "statics": found.balance and _balance_values(found.balance),
+        "mechanism": found.mechanism and vars(found.mechanism),
         "warnings": found.warnings,
     }  # fmt: skip
 
@@ -148,6 +154,8 @@ def _sheets(found: Inspection) -> list[Sheet]:
         tables.append(_tip_error(found, found.tip_error))
     if found.balance is not None:
         tables += [_torques(found.balance), _reactions(found.balance)]
+    if found.mechanism is not None:
+        tables.append(_mechanism(found.mechanism))
     return tables
 
 
@@ -321,6 +329,27 @@ def _reactions(balance: Balance) -> Sheet:
         ("joint", "f_x", "f_y", "f_z", "n_x", "n_y", "n_z"),
         rows,
     )
+
+
+def _mechanism(found: Mechanism) -> Sheet:
+    title, headings = "The mechanism, its loops closed", ("actuator", "at", *found.rows)
+    rows: list[tuple[str, ...]] = []
+    if found.gap > OPEN:
+        title = f"The mechanism: its loops do not close here, with {number(found.gap)} m left"
+    elif found.inverse is None:
+        title += ": the twist of the site does not determine the rates of its actuators"
+    else:
+        rows = [
+            (drive, number(length), *(number(_clean(value)) for value in row))
+            for drive, length, row in zip(found.drives, found.lengths, found.inverse, strict=True)
+        ]
+        title += ": actuator rates per unit of each row, K"
+        if len(found.drives) == len(found.rows):
+            title += f"; det K {number(_clean(float(np.linalg.det(found.inverse))))}"
+    if found.freedom:
+        ways = "one way" if found.freedom == 1 else f"{found.freedom} ways"
+        title += f"; singular: with all actuators locked it can still move, {ways}"
+    return Sheet(title, headings, rows)
 
 
 def _clean(value: float) -> float:
