@@ -122,7 +122,10 @@ def _unused(joints: Sequence[ET.Element]) -> list[str]:
     for joint in joints:
         for code, text, value in _unused_of(joint, leaders):
             lines.setdefault((code, text), []).append(f"{_name(joint)} ({value})")
-    return [note(code, f"{text}: {listed(values)}") for (code, text), values in lines.items()]
+    return [
+        note(code, f"{text}: {listed(values)}", level="warning" if code.startswith("range") else "note")
+        for (code, text), values in lines.items()
+    ]
 
 
 def _unused_of(joint: ET.Element, leaders: Collection[str]) -> Iterator[tuple[str, str, str]]:

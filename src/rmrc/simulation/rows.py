@@ -32,8 +32,9 @@ Array = NDArray[np.float64]
 # What may stand in place of a quaternion.
 WAYS = " (or roll pitch yaw, or rx ry rz; where task.axes has no rotation, x y z alone)"
 POSE_REF = tuple(f"{name}_ref" for name in POSE)
-# Times without a unit are in s if their steps are below this, or below that in a file of a few poses [s].
-STEP, FEW, STEP_OF_FEW = 0.99, 30, 200.0
+# Times without a unit are in s if their steps are below this; in a column `t`, which is documented to be in s,
+# and in a file of a few poses, below these [s].
+STEP, STEP_OF_T, FEW, STEP_OF_FEW = 0.99, 4.9, 30, 200.0
 # Larger angles without a unit are in degrees: those of an orientation, and of joints [rad].
 LARGEST, LARGEST_OF_JOINT = 2.0 * np.pi, 15.0
 
@@ -67,7 +68,8 @@ def read_rows(
         rows = np.count_nonzero(whole)
         if rows < 2:
             raise TargetError(f"must have 2 rows or more, got {rows}")
-        time, clock = seconds(numbers, clock, (0.0, STEP if rows >= FEW else STEP_OF_FEW))
+        longest = STEP_OF_FEW if rows < FEW else STEP_OF_T if clock[0].name == "t" else STEP
+        time, clock = seconds(numbers, clock, (0.0, longest))
         meanings = [_meaning(part, column) for part, column in [("t", clock[0]), *columns.items()]]
         columns, turned = _in_degrees(numbers, columns, LARGEST_OF_JOINT if form == "q" else LARGEST)
         time, values, moved = in_order(time, scaled(numbers, list(columns.values())))
