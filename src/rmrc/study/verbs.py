@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 from rmrc.results.run import Run, Runs
 from rmrc.scenario import Source, draft_of, grid
+from rmrc.scenario.keywords import hinted
 from rmrc.study.dataset import Table, read_table
 from rmrc.study.run import Job
 from rmrc.study.sweep import Sweep
@@ -17,6 +18,7 @@ Values: TypeAlias = Mapping[str, Iterable[object]]
 """Values of keys, such as `{"control.feedback": [5, 10]}`, each as in a file."""
 
 
+@hinted()
 def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: bool = True) -> Run:
     """Run a scenario; the function behind `rmrc run`.
 
@@ -44,6 +46,7 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
     return next(iter(_runs(Job(scenario, out, record)).values()))
 
 
+@hinted()
 def compare(
     scenario: Source, vary: Values, *, out: str | os.PathLike[str] | None = None, record: bool = True
 ) -> Runs:
@@ -81,6 +84,7 @@ def _runs(job: Job) -> Runs:
     return job.runs
 
 
+@hinted()
 def sweep(
     scenario: Source, vary: Values | None = None, *,
     random: Mapping[str, tuple[float, float]] | None = None,
