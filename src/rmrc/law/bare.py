@@ -55,7 +55,7 @@ class Law(SteppedLaw):
         control: The settings of the law.
     """
 
-    @hinted()
+    @hinted
     def __init__(
         self,
         n: int,

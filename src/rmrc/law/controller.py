@@ -74,7 +74,7 @@ class Controller(SteppedLaw):
         actuators: Indices of the arm's actuators in `data.ctrl` of the model, (n,).
     """
 
-    @hinted()
+    @hinted
     def __init__(
         self,
         model: ControlledModel,

@@ -14,30 +14,30 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def hinted(*more: Callable[..., Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return a decorator: the function's TypeError about an unknown keyword names what to write instead.
+def hinted(function: Callable[P, R], more: Callable[..., Any] | None = None) -> Callable[P, R]:
+    """Return a function whose TypeError about an unknown keyword says what to write instead.
 
     Args:
-        more: Functions that get the keywords which are left over.
+        function: The function.
+        more: Function that gets the keywords that it does not name itself.
     """
 
-    def decorated(function: Callable[P, R]) -> Callable[P, R]:
-        @wraps(function)
-        def called(*args: P.args, **named: P.kwargs) -> R:
-            try:
-                return function(*args, **named)
-            except TypeError as error:
-                match = re.search(r"unexpected keyword argument '(\w+)'", str(error))
-                if match is None or match[1] not in named:
-                    raise
-                known = [name for each in (function, *more) for name in signature(each).parameters]
-                text = _instead(match[1], named[match[1]], known)
-            name = function.__qualname__.removesuffix(".__init__")
-            raise TypeError(f'{name} has no argument "{match[1]}"{text}')
+    @wraps(function)
+    def called(*args: P.args, **named: P.kwargs) -> R:
+        try:
+            return function(*args, **named)
+        except TypeError as error:
+            match = re.search(r"unexpected keyword argument '(\w+)'", str(error))
+            if match is None or match[1] not in named:
+                raise
+        known = [name for each in (function, more or function) for name in signature(each).parameters]
+        name, text = (
+            function.__qualname__.removesuffix(".__init__"),
+            _instead(match[1], named[match[1]], known),
+        )
+        raise TypeError(f'{name} has no argument "{match[1]}"{text}')
 
-        return called
-
-    return decorated
+    return called
 
 
 def _instead(name: str, value: object, known: list[str]) -> str:
@@ -45,11 +45,9 @@ def _instead(name: str, value: object, known: list[str]) -> str:
     section = next(iter(below(name, fields(Sections))), None)
     if section is None:
         return did_you_mean(name, known) or f"; its arguments are {', '.join(known)}"
-    key = f"{section}.{name}"
     value = ALIASES.get(value, value) if isinstance(value, str) else value
-    if "control" in known and key.startswith("control."):
-        head, *inner = key.split(".")
-        for step in reversed(inner):
-            value = {step: value}
-        return f"; write {head}={value}"
-    return f"; write scenario=rmrc.load(...).set({ {key: value} })"
+    if "control" not in known or not f"{section}.".startswith("control."):
+        return f"; write scenario=rmrc.load(...).set({ {f'{section}.{name}': value} })"
+    for step in (name, *reversed(section.split(".")[1:])):
+        value = {step: value}
+    return f"; write control={value}"

@@ -207,6 +207,10 @@ def _or_text(title: str, pattern: str, **bounds: int) -> pydantic.WithJsonSchema
     return pydantic.WithJsonSchema({"title": title, "anyOf": options})
 
 
+def _rate(unit: str, pattern: str) -> pydantic.WithJsonSchema:
+    return _or_text(f"number > 0 or {unit}", pattern, exclusiveMinimum=0)
+
+
 def _one_or_list(value: object) -> str:
     return "<list>" if isinstance(value, list | tuple) else "<one>"
 
@@ -232,18 +236,10 @@ Angle = Annotated[Number, _radians(_ANGLE), _or_text("angle", _ANGLE)]
 NotNegativeAngle = Annotated[
     NotNegative, _radians(_ANGLE), _or_text("angle >= 0", rf"{_ANGULAR}\s*", minimum=0)
 ]
-AngularVelocity = Annotated[
-    Positive, _radians(_PER[0]), _or_text("number > 0 or deg/s", _PER[0], exclusiveMinimum=0)
-]
-AngularAcceleration = Annotated[
-    Positive, _radians(_PER[1]), _or_text("number > 0 or deg/s²", _PER[1], exclusiveMinimum=0)
-]
-AngularJerk = Annotated[
-    Positive, _radians(_PER[2]), _or_text("number > 0 or deg/s³", _PER[2], exclusiveMinimum=0)
-]
-Period = Annotated[
-    Positive, BeforeValidator(_seconds), _or_text("number > 0 or rate", _RATE, exclusiveMinimum=0)
-]
+AngularVelocity = Annotated[Positive, _radians(_PER[0]), _rate("deg/s", _PER[0])]
+AngularAcceleration = Annotated[Positive, _radians(_PER[1]), _rate("deg/s²", _PER[1])]
+AngularJerk = Annotated[Positive, _radians(_PER[2]), _rate("deg/s³", _PER[2])]
+Period = Annotated[Positive, BeforeValidator(_seconds), _rate("rate", _RATE)]
 
 _Items = Annotated[tuple[T, ...], count(1)]
 _Two = Annotated[tuple[T, ...], count(2, 2), AfterValidator(_ordered)]

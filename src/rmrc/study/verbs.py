@@ -18,7 +18,7 @@ Values: TypeAlias = Mapping[str, Iterable[object]]
 """Values of keys, such as `{"control.feedback": [5, 10]}`, each as in a file."""
 
 
-@hinted()
+@hinted
 def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: bool = True) -> Run:
     """Run a scenario; the function behind `rmrc run`.
 
@@ -46,7 +46,7 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
     return next(iter(_runs(Job(scenario, out, record)).values()))
 
 
-@hinted()
+@hinted
 def compare(
     scenario: Source, vary: Values, *, out: str | os.PathLike[str] | None = None, record: bool = True
 ) -> Runs:
@@ -84,7 +84,7 @@ def _runs(job: Job) -> Runs:
     return job.runs
 
 
-@hinted()
+@hinted
 def sweep(
     scenario: Source, vary: Values | None = None, *,
     random: Mapping[str, tuple[float, float]] | None = None,

@@ -1,6 +1,7 @@
 """The function behind `rmrc tune`, and the files that a search leaves."""
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ _COLUMNS = (
 )
 
 
-@hinted(Options)
+@partial(hinted, more=Options)
 def tune(
     scenario: Source,
     only: Only = (),
