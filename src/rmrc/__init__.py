@@ -31,6 +31,7 @@ Nothing is written unless a folder is given. Each name is loaded on first use, b
 law take a third of a second.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -108,8 +109,9 @@ if not TYPE_CHECKING:  # type checkers use the imports above, and report names t
         for module, names in _HOMES.items():
             if name in names:
                 return globals().setdefault(name, getattr(import_module(module), name))
-        raise AttributeError(f"module 'rmrc' has no attribute {name!r}")
+        # Python suggests the nearest name
+        raise AttributeError(f"module 'rmrc' has no attribute {name!r}", name=name, obj=sys.modules[__name__])
 
     def __dir__():
         """Return all names, including those not loaded yet."""
-        return sorted({*globals(), *__all__} - {"TYPE_CHECKING", "import_module"})
+        return sorted({*globals(), *__all__} - {"TYPE_CHECKING", "import_module", "sys"})

@@ -93,10 +93,10 @@ def test_an_item_of_a_list_that_is_not_written_is_set_in_its_default():
         ("arm.site[0]=1", '--set arm.site[0]: arm.site … "tip" … list'),
         ("task.weights[0]=1", "--set task.weights[0]: task.weights … nothing … list"),
         ("plant.kv.x=1", "--set plant.kv.x: plant.kv … 1000 … mapping"),
-        ("arm.start=[1", "--set arm.start: … YAML: … ']' … '<stream end>'"),
+        ("arm.start=[1", "--set arm.start: … YAML: … bracket … not closed …"),
         ("arm.start=# x", "--set arm.start: … empty"),
         ("arm.site=!!python/name:os.system x", "--set arm.site: … !!python/name:os.system …"),
-        ("plant.kv=1\n---\n2", "--set plant.kv: … YAML: … another document"),
+        ("plant.kv=1\n---\n2", "--set plant.kv: … YAML: … second scenario …"),
     ],
 )
 def test_a_wrong_override_is_told_by_its_key(override, line):

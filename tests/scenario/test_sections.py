@@ -139,7 +139,7 @@ def test_a_tool_turns_as_urdf_does():
         ("expect.joint_rate.peak={}", "… must have at least one of below, above, equals, got none"),
         ("expect.joint_rate.peak={equals: 1}", "… equals needs within"),
         ("expect.joint_rate.peak=ur5e", "… must be a mapping …"),
-        ("expect.profile={below: 1}", "… must be the name of a profile or a file"),
+        ("expect.profile={below: 1}", "… must be the name of a profile or a file, got …"),
         ("sweep.vary.look=[1, 2]", "--set sweep.vary.look: cannot be changed here…"),
         ("baseline.expect={}", "--set baseline.expect: cannot be changed here…"),
         (

@@ -41,9 +41,6 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the scenario; repeatable."),
 ]
-# Known robots respond within 0.25 s; a longer delay than this triggers a warning [s].
-_LONGEST_DELAY = 0.5
-
 Record = Annotated[bool, typer.Option(help="Write the .rrd recording.")]
 
 
@@ -64,9 +61,7 @@ def run(
 
     console = output(quiet, pipe=80)
     with ci.files(scenario.stem, junit, summary) as results:
-        loaded = scenarios.load(scenario, set_ or ())
-        _doubt_times(loaded)
-        job = Job(loaded, out, record)
+        job = Job(scenario, out, record, overrides=set_ or ())
         _run(job, job.name, quiet)
         one = job.results[0]
         beside = one.run.baseline.scorecard if one.run.baseline else None
@@ -84,21 +79,6 @@ def run(
     for line in warnings(one.scorecard, one.prepared.scenario.expect):
         complain(line)
     raise typer.Exit(_exit_code(job))
-
-
-def _doubt_times(scenario: "scenarios.Scenario") -> None:
-    """Warn about a loop slower than any robot's, probably written in milliseconds instead of seconds."""
-    plant = scenario.plant
-    for key, longest in (
-        ("plant.delay", plant.delay), ("plant.jitter", plant.jitter),
-        ("plant.lag", max(plant.lag) if isinstance(plant.lag, tuple) else plant.lag),
-        ("arm.encoder.delay", scenario.arm.encoder.delay),
-    ):  # fmt: skip
-        if longest > _LONGEST_DELAY:
-            text = (
-                f"{longest:g} s is longer than on any known robot; for {longest:g} ms write {longest / 1e3:g}"
-            )
-            complain(f"warning: {scenario.locate(key)}: {text}")
 
 
 def _exit_code(job: "Job") -> int:

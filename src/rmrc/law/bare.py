@@ -29,6 +29,8 @@ from rmrc.law.stepping import SteppedLaw, as_numbers, started
 from rmrc.law.task import BareJoints, Task
 from rmrc.scenario import ControlSection, ControlSource, LimitsSection, read_controls
 from rmrc.scenario.choices import INVERSES, OBJECTIVES, SCHEDULES, Choice, Choices
+from rmrc.scenario.keywords import hinted
+from rmrc.scenario.messages import other_name
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.legible import shortened
 
@@ -53,6 +55,7 @@ class Law(SteppedLaw):
         control: The settings of the law.
     """
 
+    @hinted
     def __init__(
         self,
         n: int,
@@ -325,6 +328,6 @@ def _inverse(
 
 def _code(key: str, name: str, choices: Choices[Choice]) -> int:
     if name not in choices.names:
-        known, hint = ", ".join(choices.names), did_you_mean(name, choices.names)
+        known, hint = ", ".join(choices.names), other_name(name, choices.names)
         raise ValueError(f'{key} must be one of {known}, got "{name}"{hint}')
     return choices.code(name)

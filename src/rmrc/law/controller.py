@@ -39,6 +39,7 @@ from rmrc.law.step import FRAME, PLACED, RATES
 from rmrc.law.stepping import SteppedLaw, started
 from rmrc.law.task import Task, choose
 from rmrc.scenario import ArmSection, ControlSource, TaskSection, read_controls, read_task
+from rmrc.scenario.keywords import hinted
 from rmrc.support import shipped
 from rmrc.support.errors import ModelError, ModelWarning, QuestionError
 from rmrc.support.legible import shortened
@@ -73,6 +74,7 @@ class Controller(SteppedLaw):
         actuators: Indices of the arm's actuators in `data.ctrl` of the model, (n,).
     """
 
+    @hinted
     def __init__(
         self,
         model: ControlledModel,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rmrc.law.task import WORLD_VIEW, View
 from rmrc.scenario.choices import IN_RUNS
 from rmrc.scenario.profile import Profile
+from rmrc.support.errors import did_you_mean
 
 
 class Column(NamedTuple):
@@ -159,7 +160,15 @@ class Recorded:
     joint_scale: tuple[float, ...] = ()
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
-        """Return a column by name."""
+        """Return a column by name.
+
+        Raises:
+            KeyError: There is none; it names the nearest.
+        """
+        if column not in self.columns:
+            metric = f'; a metric is run.scorecard["{column}"]' if "." in column else ""
+            hint = metric or did_you_mean(column, self.columns) or f"; it has {', '.join(self.columns)}"
+            raise KeyError(f'no column "{column}"{hint}')
         return self.columns[column]  # type: ignore[return-value]
 
     def __len__(self) -> int:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from rmrc.results.columns import no_ticks
 from rmrc.results.run import Run
-from rmrc.results.scorecard import Figure, Scorecard, json_value
+from rmrc.results.scorecard import Figure, Scorecard, json_value, nearest
 from rmrc.scenario import Check, Scenario
 from rmrc.scenario.sections import PROFILE
-from rmrc.support.errors import ScenarioError, did_you_mean
+from rmrc.support.errors import ScenarioError
 from rmrc.support.spatial import AXES
 
 
@@ -83,10 +83,8 @@ def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
     card, problems = blank(tuple(joints), scenario.task.axes), []
     for name in scenario.expect:
         if name not in card and name != PROFILE:
-            groups = ", ".join(dict.fromkeys(known.partition(".")[0] for known in card))
-            hint = did_you_mean(name, card) or f"; metrics begin with {groups}"
             is_other = name in blank(tuple(joints), AXES)
-            why = "needs other axes in task.axes" if is_other else f"no such metric{hint}"
+            why = "needs other axes in task.axes" if is_other else f"no such metric{nearest(name, card)}"
             problems.append((name, why))
         elif name in card and isinstance(card[name].value, str):
             problems.append((name, "is the name of something; an expectation needs a number"))

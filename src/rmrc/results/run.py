@@ -16,7 +16,7 @@ from rmrc.results.columns import COLUMNS, Recorded, no_ticks
 from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.results.verdict import verdict
 from rmrc.support.brief import brief, cut
-from rmrc.support.errors import QuestionError
+from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.files import reading, written_whole
 
 # Prefix of the columns of a baseline in the file of its run.
@@ -87,6 +87,10 @@ class Runs(dict[str, Run]):
         """Return the labels."""
         labels = ", ".join(f"{label!r}: {len(run)} ticks" for label, run in self.items())
         return cut(f"Runs({{{labels}}})")
+
+    def __missing__(self, label: str) -> Run:
+        """Name the run whose label is nearest."""
+        raise KeyError(f'no run "{label}"{did_you_mean(label, self) or f"; there are {list(self)}"}')
 
 
 def save_runs(path: Path, runs: Mapping[str, Run]) -> None:

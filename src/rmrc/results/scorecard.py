@@ -5,7 +5,7 @@ give equal metrics; only `wall_time` and `speed` differ from one execution to th
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,6 +14,10 @@ import numpy as np
 from rmrc.results.columns import Recorded
 from rmrc.results.metrics import metrics
 from rmrc.support.brief import brief
+from rmrc.support.errors import did_you_mean
+
+# Other words at the end of a metric.
+_WORDS = {"max": "peak", "maximum": "max", "peak": "max", "mean": "rms", "final": "end", "last": "end"}
 
 
 class Figure(NamedTuple):
@@ -46,8 +50,18 @@ class Scorecard(Mapping[str, Figure]):
     figures: Mapping[str, Figure]
 
     def __getitem__(self, name: str) -> Figure:
-        """Return a metric by its flat name."""
+        """Return a metric by its flat name.
+
+        Raises:
+            KeyError: There is none; it names the nearest.
+        """
+        if name not in self.figures:
+            raise KeyError(f'no metric "{name}"{nearest(name, self.figures)}')
         return self.figures[name]
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is such a metric."""
+        return name in self.figures
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names."""
@@ -73,6 +87,16 @@ class Scorecard(Mapping[str, Figure]):
                     branch = branch.setdefault(key, {})  # type: ignore[assignment]
             branch[".".join(parts[start:])] = json_value(figure.value)
         return tree
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """Return the metric that a name is likely to mean, as the end of a message, or how metrics begin."""
+    group, _, last = name.rpartition(".")
+    known, word = list(names), f"{group}.{_WORDS.get(last, last)}"
+    groups = ", ".join(dict.fromkeys(each.partition(".")[0] for each in known))
+    if word in known:
+        return f'; did you mean "{word}"?'
+    return did_you_mean(name, known) or f"; metrics begin with {groups}"
 
 
 def scorecard(run: Recorded) -> Scorecard:

@@ -185,11 +185,11 @@ class LimitsSection(Section):
     """
 
     profile: ProfileName | None = None
-    rate: types.OneOrEach | None = key(None, "rad/s or m/s")
-    acceleration: types.OneOrEach | None = key(None, "rad/s² or m/s²")
-    jerk: types.OneOrEach | None = key(None, "rad/s³ or m/s³")
+    rate: types.VelocityOrEach | None = key(None, "rad/s or m/s")
+    acceleration: types.AccelerationOrEach | None = key(None, "rad/s² or m/s²")
+    jerk: types.JerkOrEach | None = key(None, "rad/s³ or m/s³")
     position: types.Switch = True
-    braking: types.OneOrEach = key(10.0, "rad/s² or m/s²")
+    braking: types.AccelerationOrEach = key(10.0, "rad/s² or m/s²")
     keep_direction: types.Switch = False
     on_excess: Literal[LIMITS.names] = LIMITS.default  # type: ignore[name-defined]
 

@@ -1,6 +1,8 @@
 """Pydantic's errors as problems: the key, the requirement, the value, and the way out."""
 
 import re
+from collections.abc import Collection
+from contextlib import suppress
 from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
@@ -8,10 +10,10 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from rmrc.scenario.reading import Document
-from rmrc.scenario.values import Section
+from rmrc.scenario.values import Section, quantity
 from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError, did_you_mean
-from rmrc.support.problems import Key, Origin, Problem
+from rmrc.support.problems import Key, Origin, Problem, join
 
 S = TypeVar("S", bound=Section)
 
@@ -29,17 +31,25 @@ _WANTS = {
     "greater_than_equal": "must be >= {ge:g}",
     "less_than": "must be < {lt:g}",
     "less_than_equal": "must be <= {le:g}",
+    "string_pattern_mismatch": "must have only letters, digits, - and _",
     "too_short": "must have {min_length} or more items",
     "too_long": "must have {max_length} or fewer items",
 }
 
 # Other names of choices: no file may use them, but a message then gives ours.
-_ALIASES = {
+ALIASES = {
     "inv": "inverse", "pinv": "pseudoinverse", "tsvd": "truncated", "jt": "transpose", "dls": "damped",
     "sdls": "selectively_damped", "adaptive": "smallest_singular_value", "rest": "posture", "home": "posture",
     "second_task": "secondary", "proportional": "scale", "saturate": "clamp", "qp": "optimal", "off": "none",
     "time_scaling": "slow", "halt": "stop", "barrier": "keep_out", "kinematic": "ideal", "velocity": "servo",
     "computed_torque": "torque",
+}  # fmt: skip
+
+# Other words for keys.
+_WORDS = {
+    "less": "below", "lt": "below", "max": "below", "greater": "above", "gt": "above", "min": "above",
+    "equal": "equals", "tolerance": "within", "gain": "feedback", "kp": "feedback", "speed": "velocity",
+    "frequency": "period", "lambda": "damping", "urdf": "model", "mjcf": "model", "tcp": "site",
 }  # fmt: skip
 
 
@@ -95,26 +105,66 @@ def _message(detail: ErrorDetails, key: Key, section: type[Section]) -> str:
     if name == "missing":
         return f"is required: {_field(key, section).description}"
     if name == "extra_forbidden":
-        names = list(fields_at(section, key[:-1]))
-        return "unknown key" + (did_you_mean(str(key[-1]), names) or f"; the keys are {', '.join(names)}")
+        return f"unknown key; {_way_to_key(str(key[-1]), key[:-1], section)}"
     if name == "literal_error":
         options = re.findall(r"'([^']*)'", context["expected"])
-        alias = _ALIASES.get(str(value).lower())
-        way = f"; write {alias}" if alias in options else did_you_mean(str(value), options)
+        way = other_name(str(value), options)
         want = ", ".join(f'"{option}"' for option in options)
         return f"must be {'one of ' * (len(options) > 1)}{want}, got {show(value)}{way}"
     want = _WANTS.get(name, re.sub(r"^\w+ should", "must", detail["msg"])).format(**context)
     return f"{want}, got {show(value)}{_way(name, value, key, section)}"
 
 
+def _way_to_key(name: str, above: Key, section: type[Section]) -> str:
+    """Return where an unknown key belongs, or what to write instead of it below the keys above."""
+    known = fields_at(section, above)
+    word = _WORDS.get(name, "")
+    for depth in reversed(range(len(above))):
+        if name in fields_at(section, above[:depth]):
+            return f"it is a key of {join(above[:depth]) or 'the whole scenario'}: indent it less"
+    head, mark, rest = re.split(r"([.:]|$)", name, maxsplit=1)
+    if head in known:
+        spaced = f"write a space after the colon: {head}: {rest}"
+        return spaced if mark == ":" else f"only --set takes dots; write {head}: {{{rest}: ...}}"
+    if word in known:
+        return f"write {word}; the keys are {', '.join(known)}"
+    if inner := below(name, known):
+        return f"it is a key of {' or '.join(join((*above, place)) for place in inner[:4])}: put it there"
+    return did_you_mean(name, known).removeprefix("; ") or f"the keys are {', '.join(known)}"
+
+
+def below(name: str, known: dict[str, FieldInfo]) -> list[str]:
+    """Return the sections that have a key: the highest below some keys."""
+    inner = {key: fields(field.annotation) for key, field in known.items()}
+    nearest = [key for key, names in inner.items() if name in names]
+    return nearest or [f"{key}.{place}" for key, names in inner.items() for place in below(name, names)]
+
+
+def other_name(name: str, options: Collection[str]) -> str:
+    """Return the choice that a name is likely to mean, as the end of a message, or ""."""
+    alias = ALIASES.get(name.lower(), "")
+    return f"; write {alias}" if alias in options else did_you_mean(name, options)
+
+
 def _way(name: str, value: object, key: Key, section: type[Section]) -> str:
     """Return the correct spelling, if it follows from the value and its key."""
-    if name == "float_type" and isinstance(value, str):
+    text = value if isinstance(value, str) else ""
+    if name == "float_type" and text:
         extra = _field(key, section).json_schema_extra
-        unit = extra.get("unit", "") if isinstance(extra, dict) else ""
-        example = "60 deg" if "rad" in str(unit).split() else "1.0e-3"
+        unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+        for option in unit.split(" or "):
+            with suppress(ValueError):
+                return f"; write {quantity(text.replace(',', '.'), option)[0]:.6g}{unit and f', in {unit}'}"
+        example = "60 deg" if "rad" in unit.split() else "1.0e-3"
         return f"; write one such as {example}{unit and f', in {unit}'}"
-    return f"; its keys are {', '.join(fields_at(section, key))}" if name == "model_type" else ""
+    if name == "tuple_type" and isinstance(value, dict):
+        return "; begin each item with a dash"
+    if name != "model_type":
+        return ""
+    known = fields_at(section, key)
+    match = re.fullmatch(r"(\w+)\s*[:=\s]\s*(.+)", text)
+    fits = match is not None and match[1] in known
+    return f"; write {match[1]}: {match[2]}" if match and fits else f"; its keys are {', '.join(known)}"
 
 
 def _field(key: Key, section: type[Section]) -> FieldInfo:

@@ -27,6 +27,21 @@ _MAX_DEPTH = 50
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = ("!!str", "!!timestamp", "!!null", "!!bool", "!!int", "!!float")
 
+# YAML's reasons, whether the mistake is where the value starts, and the mistake in words.
+_MISTAKES = (
+    ("mapping values are not", False, "a key that is indented too far, or below a line "
+        "without its colon, or a value with a colon that is not in quotes"),
+    ("could not find expected ':'", True, "a key without a colon; write KEY: VALUE"),
+    (r"'\\t'", False, "a tab; indent with spaces"),
+    ("found '<block|found '[-?]'", False, "not indented as the lines beside it, or a dash "
+        "without a space"),
+    ("found '[]}]'", False, "a bracket that was not opened"),
+    ("flow", True, "a bracket that is not closed, or a comma too few or too many in it"),
+    ("end of stream", True, "a quote that is not closed"),
+    ("cannot start any token", False, "a text that begins with this character must be in quotes"),
+    ("another document", False, "a second scenario after ---; give it a file of its own"),
+)  # fmt: skip
+
 
 class Place(NamedTuple):
     """Where a value starts, and its key; an item of a list has none of its own."""
@@ -158,8 +173,10 @@ def _composed(text: str, source: str) -> tuple[yaml.SafeLoader, yaml.Node]:
         what = f"is not a text file: it holds the character U+{error.character:04X}"
         raise ScenarioError([Problem((), what, Origin(source, len(above) + 1, len(line) + 1))]) from None
     except yaml.MarkedYAMLError as error:
-        text = f"is not valid YAML: {', '.join(filter(None, (error.context, error.problem)))}"
-        raise _error(text, source, error.problem_mark or error.context_mark) from None
+        reason = ", ".join(filter(None, (error.context, error.problem)))
+        starts, way = next((rule[1:] for rule in _MISTAKES if re.search(rule[0], reason)), (False, reason))
+        mark = error.context_mark if starts else error.problem_mark
+        raise _error(f"is not valid YAML: {way}", source, mark or error.context_mark) from None
     except RecursionError:
         raise _error(f"is nested more than {_MAX_DEPTH} deep", source) from None
     if root is None:

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, ConfigDict, model_validator
+from pydantic import BeforeValidator, ConfigDict, model_validator
 
 from rmrc.scenario.arm import ArmSection
 from rmrc.scenario.choices import PLANTS
@@ -41,16 +41,16 @@ class Check(Choice):
     within: NotNegative | None = key(None, "as the metric")
 
 
-def _profile_apart(expect: dict[str, Any]) -> dict[str, Any]:
+def _profile_apart(expect: Any) -> Any:
     """Refuse a text in place of a check, and a check in place of a profile."""
-    for name, value in expect.items():
+    for name, value in expect.items() if isinstance(expect, dict) else ():
         if (name == PROFILE) != isinstance(value, str):
             wanted = "the name of a profile or a file" if name == PROFILE else "a mapping, such as {below: 1}"
-            raise rule(f"must be {wanted}", ("expect", name))
+            raise rule(f"must be {wanted}, got {show(value)}", ("expect", name))
     return expect
 
 
-Expectations = Annotated[dict[str, TextOr[ProfileName, Check]], AfterValidator(_profile_apart)]
+Expectations = Annotated[dict[str, TextOr[ProfileName, Check]], BeforeValidator(_profile_apart)]
 """A check of each metric, by its name, and a profile."""
 
 

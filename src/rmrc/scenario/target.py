@@ -182,9 +182,9 @@ class TargetLimitsSection(Section):
     velocity: types.Positive = key(0.25, "m/s")
     acceleration: types.Positive = key(1.0, "m/s²")
     jerk: types.Positive = key(10.0, "m/s³")
-    angular_velocity: types.Positive = key(1.0, "rad/s")
-    angular_acceleration: types.Positive = key(4.0, "rad/s²")
-    angular_jerk: types.Positive = key(40.0, "rad/s³")
+    angular_velocity: types.AngularVelocity = key(1.0, "rad/s")
+    angular_acceleration: types.AngularAcceleration = key(4.0, "rad/s²")
+    angular_jerk: types.AngularJerk = key(40.0, "rad/s³")
 
 
 class TargetSection(Section):

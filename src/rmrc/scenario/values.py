@@ -25,12 +25,17 @@ MOTIONS = (".csv", ".parquet", ".npz")
 _UNSIGNED = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _DECIMAL = rf"[-+]?{_UNSIGNED}"
 _ANGLE = rf"\s*({_DECIMAL})\s*(deg|rad)\s*"
+_ANGULAR = rf"\s*(\+?{_UNSIGNED})\s*(deg|rad)"
+_PER = (rf"{_ANGULAR}/s\s*", rf"{_ANGULAR}/s(?:²|\^?2)\s*", rf"{_ANGULAR}/s(?:³|\^?3)\s*")
 _RATE = rf"\s*(?:({_UNSIGNED})\s*Hz|1\s*/\s*({_UNSIGNED})\s*s?)\s*"
 
 
 # Factor to the unit of scenarios, and that unit.
 _DEGREE = math.radians(1.0)
-_UNITS = {"s": (1.0, "s"), "ms": (1e-3, "s"), "rad": (1.0, "rad"), "deg": (_DEGREE, "rad"), "%": (1e-2, "1")}
+_UNITS = {
+    "ms": (1e-3, "s"), "us": (1e-6, "s"), "mm": (1e-3, "m"), "cm": (1e-2, "m"), "g": (1e-3, "kg"),
+    "deg": (_DEGREE, "rad"), "%": (1e-2, "1"),
+}  # fmt: skip
 
 
 class Section(BaseModel):
@@ -108,7 +113,7 @@ def rule(text: str, key: Key = ()) -> PydanticCustomError:
 
 
 def quantity(text: str, unit: str) -> tuple[float, bool]:
-    """Return the value of a text in a unit, and whether the text has one itself.
+    """Return the value of a text in a unit, such as "m" or "m/s", and whether the text has one itself.
 
     Raises:
         ValueError: It is no number with that unit, or one that converts to it, or with none.
@@ -116,10 +121,10 @@ def quantity(text: str, unit: str) -> tuple[float, bool]:
     >>> quantity("6 ms", "s"), quantity("0.5", "rad")
     ((0.006, True), (0.5, False))
     """
-    match = re.fullmatch(rf"\s*({_DECIMAL})\s*([a-z%]*)\s*", text)
-    factor, own = _UNITS.get(match[2], (1.0, match[2] or unit)) if match else (1.0, "")
+    match = re.fullmatch(rf"\s*({_DECIMAL})\s*([a-z%]*)(/\S+)?\s*", text)
+    factor, base = _UNITS.get(match[2], (1.0, match[2])) if match else (1.0, "")
     value = float(match[1]) * factor if match else math.nan
-    if match is None or own != unit or not math.isfinite(value):
+    if match is None or f"{base}{match[3] or ''}" not in ("", unit) or not math.isfinite(value):
         raise ValueError(f"is not a number in {unit}" if unit != "1" else "is not a number")
     return value, bool(match[2])
 
@@ -136,9 +141,14 @@ def angle(text: str) -> float:
         raise ValueError(f'must be a number or an angle such as "60 deg", got {show(text)}') from None
 
 
-def _radians(value: object) -> object:
-    """Turn `"60 deg"` or `"1 rad"` into radians; leave anything else for the number check."""
-    return angle(value) if isinstance(value, str) and re.fullmatch(_ANGLE, value) else value
+def _radians(pattern: str) -> BeforeValidator:
+    """Turn a text such as `"60 deg"` into radians; leave anything else for the number check."""
+
+    def radians(value: object) -> object:
+        match = re.fullmatch(pattern, value) if isinstance(value, str) else None
+        return float(match[1]) * (_DEGREE if match[2] == "deg" else 1.0) if match else value
+
+    return BeforeValidator(radians)
 
 
 def _seconds(value: object) -> object:
@@ -197,6 +207,10 @@ def _or_text(title: str, pattern: str, **bounds: int) -> pydantic.WithJsonSchema
     return pydantic.WithJsonSchema({"title": title, "anyOf": options})
 
 
+def _rate(unit: str, pattern: str) -> pydantic.WithJsonSchema:
+    return _or_text(f"number > 0 or {unit}", pattern, exclusiveMinimum=0)
+
+
 def _one_or_list(value: object) -> str:
     return "<list>" if isinstance(value, list | tuple) else "<one>"
 
@@ -218,14 +232,14 @@ Name = Annotated[Text, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=100)]
 ModelFile = Annotated[Path, AfterValidator(lambda path, info: checked_file(path, info, ".xml", ".urdf"))]
 MotionFile = Annotated[Path, AfterValidator(_motion)]
 Folder = Annotated[Path, AfterValidator(lambda path, info: checked_file(path, info, is_folder=True))]
-Angle = Annotated[Number, BeforeValidator(_radians), _or_text("angle", _ANGLE)]
+Angle = Annotated[Number, _radians(_ANGLE), _or_text("angle", _ANGLE)]
 NotNegativeAngle = Annotated[
-    NotNegative, BeforeValidator(_radians),
-    _or_text("angle >= 0", rf"\s*\+?{_UNSIGNED}\s*(deg|rad)\s*", minimum=0),
-]  # fmt: skip
-Period = Annotated[
-    Positive, BeforeValidator(_seconds), _or_text("number > 0 or rate", _RATE, exclusiveMinimum=0)
+    NotNegative, _radians(_ANGLE), _or_text("angle >= 0", rf"{_ANGULAR}\s*", minimum=0)
 ]
+AngularVelocity = Annotated[Positive, _radians(_PER[0]), _rate("deg/s", _PER[0])]
+AngularAcceleration = Annotated[Positive, _radians(_PER[1]), _rate("deg/s²", _PER[1])]
+AngularJerk = Annotated[Positive, _radians(_PER[2]), _rate("deg/s³", _PER[2])]
+Period = Annotated[Positive, BeforeValidator(_seconds), _rate("rate", _RATE)]
 
 _Items = Annotated[tuple[T, ...], count(1)]
 _Two = Annotated[tuple[T, ...], count(2, 2), AfterValidator(_ordered)]
@@ -253,6 +267,9 @@ Moments = _Three[Positive]
 Wrench = Annotated[tuple[Number, ...], count(6, 6)]
 Quaternion = Annotated[tuple[Number, ...], count(4, 4), AfterValidator(directed)]
 OneOrEach = _OneOr[Positive, _Items[Positive]]
+VelocityOrEach = _OneOr[AngularVelocity, _Items[AngularVelocity]]
+AccelerationOrEach = _OneOr[AngularAcceleration, _Items[AngularAcceleration]]
+JerkOrEach = _OneOr[AngularJerk, _Items[AngularJerk]]
 NotNegativeOrEach = _OneOr[NotNegative, _Items[NotNegative]]
 AngleOrEach = _OneOr[Angle, _Items[Angle]]
 NotNegativeAngleOrEach = _OneOr[NotNegativeAngle, _Items[NotNegativeAngle]]

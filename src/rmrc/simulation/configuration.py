@@ -122,7 +122,8 @@ def start_positions(arm: Arm, section: StartPose, near: Array, length: float | N
     if np.hypot(distance / length, angle) > TOLERANCE:
         away = [f"{distance:.4g} m"] if section.position else []
         away += [f"{np.degrees(angle):.4g} deg"] if section.orientation else []
-        raise TargetError(f"must be within reach, the nearest pose found is {' and '.join(away)} away")
+        hint = "; are these mm?" if distance > 10.0 * length else ""
+        raise TargetError(f"must be within reach, the nearest pose found is {' and '.join(away)} away{hint}")
     return np.asarray(nearest)
 
 

@@ -9,7 +9,7 @@ Each step checks what it makes. The problems of all steps up to the law are repo
 import math
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -29,6 +29,7 @@ from rmrc.scenario.choices import PLANTS, POLICIES
 from rmrc.scenario.profile import Profile, load_profile
 from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.configuration import assumed_configuration, true_configuration
+from rmrc.simulation.plausibility import Reach, check_points, doubt, reach_of
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import Places, make_reference
 from rmrc.support.brief import brief
@@ -160,8 +161,10 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     hardware = prepare_hardware(scenario, arm, problems)
     task = prepare_task(scenario, arm, cache, problems)
     law, by_arm = prepare_law(scenario, task, q, problems)
+    reach = cache.get(("reach", arm), lambda: reach_of(arm))
+    doubt(scenario, arm, reach)
     scenario = scenario.fitted(task.length, law.control)
-    reference = prepare_reference(scenario, arm, q, cache)
+    reference = prepare_reference(scenario, arm, q, reach, cache)
     held = arm.held(scenario.arm.start, qpos, own=PLANTS[scenario.plant.kind].own)
     prepared = Prepared(scenario, arm, qpos, held, reference, task, law, hardware, by_arm)
     problems.extend(_long_run(prepared))
@@ -250,11 +253,11 @@ def prepare_law(scenario: Scenario, task: Task, q: Array, problems: Problems) ->
     return TaskLaw(task, control, q), by_arm
 
 
-def prepare_reference(scenario: Scenario, arm: Arm, q: Array, cache: Cache) -> Reference:
-    """Return the target of a scenario whose arm starts at joint positions, (n,).
+def prepare_reference(scenario: Scenario, arm: Arm, q: Array, reach: Reach, cache: Cache) -> Reference:
+    """Return the target of a scenario whose arm starts at joint positions, (n,), and reaches so far.
 
     Raises:
-        ScenarioError: The target cannot be timed.
+        ScenarioError: The target cannot be timed, or is too far away.
     """
     target, period, axes = scenario.target, scenario.control.period, scenario.task.axes
 
@@ -267,7 +270,9 @@ def prepare_reference(scenario: Scenario, arm: Arm, q: Array, cache: Cache) -> R
             raise TargetError(str(error)) from None
 
     def make() -> Reference:
-        return make_reference(target, arm.pose(q), period, Places(arm.base_pose, arm.joints, pose_at, axes))
+        check = partial(check_points, scenario, reach)
+        places = Places(arm.base_pose, arm.joints, pose_at, axes, check)
+        return make_reference(target, arm.pose(q), period, places)
 
     # as text, which distinguishes 0.0 from -0.0
     key = "reference", arm, q.tobytes(), target.model_dump_json(), period, axes

@@ -36,6 +36,9 @@ from rmrc.support.spatial import ORIGIN, normalize, rotate
 
 Array = NDArray[np.float64]
 
+# Points of a curve that are checked.
+_SHARES = np.linspace(0.0, 1.0, 17)
+
 # Smaller lengths [m] and angles [rad] are rounding of a pose, not motions to follow.
 _SMALLEST = 1e-9
 
@@ -58,12 +61,15 @@ class Places(NamedTuple):
         joints: Names of the joints.
         pose_at: Returns the pose of the site, (7,), at joint positions, (n,), or at a keyframe.
         axes: Axes of the task.
+        check: Called with the number of a segment and points of the site on it, (k, 3); raises if they are
+            senseless.
     """
 
     base: Array = ORIGIN
     joints: tuple[str, ...] = ()
     pose_at: Callable[[str | Sequence[float] | Array], Array] = lambda _: ORIGIN
     axes: tuple[str, ...] = spatial.AXES
+    check: Callable[[int, Array], None] = lambda *_: None
 
 
 def make_reference(target: TargetSection, start_pose: ArrayLike, period: float, places: Places) -> Reference:
@@ -92,6 +98,7 @@ def make_reference(target: TargetSection, start_pose: ArrayLike, period: float, 
     path = _Path(target, places, np.array(start_pose, dtype=float))
     for i, segment in enumerate(target.path):
         try:
+            path.number = i
             path.follow(segment.name, getattr(segment, segment.name))
         except TargetError as error:
             raise TargetError(f"target.path[{i}].{segment.name}: {error}") from None
@@ -117,6 +124,7 @@ class _Path:
         self._target, self._places, self._start, self.pose = target, places, start, start
         self.pieces: list[Curve | Spline] = []
         self.notes: list[str] = []
+        self.number = 0
 
     @np.errstate(over="ignore", invalid="ignore")  # `_end` reports results that are not finite
     def follow(self, name: str, value: Any) -> None:
@@ -201,11 +209,13 @@ class _Path:
         return curve
 
     def _end(self, curve: Curve) -> tuple[Array, float]:
-        """Return the end pose of a curve, (7,), and its length [m]."""
-        end = curve.at(np.zeros(1))[0, :POSE]
+        """Return the end pose of a curve that is not timed yet, (7,), and its length [m]."""
+        curve.phases = np.eye(5)[2:3]  # u is the time
+        end = curve.at(np.ones(1))[0, :POSE]
         length = float(np.linalg.norm(curve.straight + curve.sweep * curve.tangent))
         if not np.isfinite([length, *end]).all():
             raise TargetError("is not finite; use smaller numbers")
+        self._places.check(self.number, curve.at(_SHARES)[:, :3])
         return end, length
 
     def _move(self, curve: Curve, must_travel: bool = False) -> None:
@@ -248,7 +258,8 @@ class _Path:
             turn = spatial.quat_multiply(spatial.quat_conjugate(poses[0, 3:]), self.pose[3:])
             poses[:, :3] += self.pose[:3] - poses[0, :3]
             poses[:, 3:] = spatial.quat_multiply(poses[:, 3:], turn)
-        else:
+        self._places.check(self.number, poses[:, :3])
+        if file.origin != "start":
             self._go(poses[0])
         if poses[0, 3:] @ self.pose[3:] < 0:
             poses[:, 3:] *= -1.0

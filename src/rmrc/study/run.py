@@ -12,6 +12,7 @@ from rmrc.results import facts
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.results.run import Run, Runs, save_runs
 from rmrc.scenario import Source, Variant, draft_of, grid
+from rmrc.scenario.keywords import hinted
 from rmrc.show.sheets import Sheet, as_markdown
 from rmrc.show.tables import markdown
 from rmrc.simulation.footprint import refuse_excess
@@ -163,6 +164,7 @@ class Job:
         return known
 
 
+@hinted
 def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: bool = True) -> Run:
     """Run a scenario; the function behind `rmrc run`.
 
@@ -190,6 +192,7 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
     return next(iter(_runs(Job(scenario, out, record)).values()))
 
 
+@hinted
 def compare(
     scenario: Source, vary: Values, *, out: str | os.PathLike[str] | None = None, record: bool = True
 ) -> Runs:

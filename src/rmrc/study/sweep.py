@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Source, draft_of
+from rmrc.scenario.keywords import hinted
 from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared
@@ -165,6 +166,7 @@ def _identify(parcel: Parcel) -> dict[str, str]:
     return texts | {"files": digest.hexdigest()[:16]}
 
 
+@hinted
 def sweep(
     scenario: Source, vary: Values | None = None, *,
     random: Mapping[str, tuple[float, float]] | None = None,

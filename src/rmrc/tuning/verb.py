@@ -1,15 +1,17 @@
 """The function behind `rmrc tune`, and the files that a search leaves."""
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Source, block
+from rmrc.scenario.keywords import hinted
 from rmrc.study.dataset import Column, schema_of, write_table
 from rmrc.support.files import written_whole
 from rmrc.tuning.answer import about, rows_of
-from rmrc.tuning.options import Only
+from rmrc.tuning.options import Only, Options
 from rmrc.tuning.space import NUMBERS, WORDS
 from rmrc.tuning.trials import OnRuns
 from rmrc.tuning.tune import Tuned, Tuning
@@ -31,6 +33,7 @@ _COLUMNS = (
 )
 
 
+@partial(hinted, more=Options)
 def tune(
     scenario: Source,
     only: Only = (),
