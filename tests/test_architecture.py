@@ -22,6 +22,7 @@ LAYERS = (
     ("rmrc.recording",),
     ("rmrc.show",),
     ("rmrc.simulation",),
+    ("rmrc.logs",),
     ("rmrc.plants", "rmrc.results"),
     ("rmrc.law",),
     ("rmrc.arm",),
@@ -47,7 +48,7 @@ OWNERS = {
     "pydantic": ("rmrc.scenario", "rmrc.results.run"),
     "pydantic_core": ("rmrc.scenario",),  # comes with pydantic
     "rerun": ("rmrc.recording",),
-    "pyarrow": ("rmrc.study.dataset", "rmrc.recording", "rmrc.simulation.tables"),
+    "pyarrow": ("rmrc.study.dataset", "rmrc.recording", "rmrc.logs.tables"),
     "matplotlib": (
         *(
             "rmrc.show.figures",

@@ -321,6 +321,21 @@ def test_a_log_as_people_have_them_tells_the_same(change, tmp_path):
     assert all(joint.fit.gain.value == pytest.approx(1.0, abs=1e-3) for joint in found.joints)
 
 
+@pytest.mark.parametrize(("low", "degrees"), [(-np.pi, False), (0.0, True)])
+def test_positions_that_are_wrapped_are_as_those_that_are_not(low, degrees):
+    columns = log(11, joints=1)
+    whole = columns | {"q0": columns["q0"] - columns["q0"][0] + low + 0.1}  # it leaves the turn from low on
+    wrapped, scale = (whole["q0"] - low) % (2 * np.pi) + low, np.degrees(1.0) if degrees else 1.0
+    assert np.ptp(wrapped) > 6.2 > np.ptp(whole["q0"])
+    found = rmrc.identify(
+        whole | {"q0": scale * wrapped, "qdot_cmd0": scale * whole["qdot_cmd0"]}, degrees=degrees
+    )
+    want = rmrc.identify(whole)
+    assert found.delay.value == pytest.approx(want.delay.value, abs=1e-7)
+    assert found.lag == pytest.approx(want.lag, abs=1e-6)
+    assert "of a turn unwrapped" in found.log.facts["rows"] and "rows" not in want.log.facts
+
+
 def test_commands_of_a_rate_of_their_own_are_taken_when_they_were_logged(tmp_path):
     columns, how = commands_at_another_rate(log(11, joints=1))
     found = rmrc.identify(written(tmp_path / "log.csv", columns), **how)
@@ -519,7 +534,7 @@ REFUSED = {
     "commanded positions": ({"t": [0.0], "q0": [1.0], "q_cmd0": [1.0]}, {}, "… commanded positions …: log the rates"),
     "no positions": ({"t": [0.0], "qdot_cmd0": [1.0]}, {}, "no column of positions; … --columns q=NAME …"),
     "of other joints": ({"t": [0.0], "q_a": [1.0], "q_b": [1.0], "qdot_cmd_0": [1.0], "qdot_cmd_1": [1.0]}, {}, "a, b, … 0, 1: … --columns …"),
-    "no such column": ({"t": [0.0], "q0": [1.0], "qdot_cmd0": [1.0]}, {"q": "q7"}, "--columns q=q7: … 'q7'; … q0, qdot_cmd0"),
+    "no such column": ({"t": [0.0], "q0": [1.0], "qdot_cmd0": [1.0]}, {"q": "q7"}, "columns q=q7: … 'q7'; … q0, qdot_cmd0"),
     "no such kind": ({"t": [0.0], "q0": [1.0], "qdot_cmd0": [1.0]}, {"x": "q0"}, "t, q, qdot_cmd, got 'x'"),
     "too short": ({"t": [0.0, 0.01], "q0": [1.0, 1.0], "qdot_cmd0": [1.0, 1.0]}, {}, "30 rows or more, got 2; …"),
     "one time": ({"t": [5.0] * 40, "q0": [1.0] * 40, "qdot_cmd0": [1.0] * 40}, {}, '"t" … rising …, got 40 …'),
@@ -570,7 +585,7 @@ def test_columns_are_known_by_many_habits():
     ):  # fmt: skip
         for joints in (("0", "1"), ("shoulder_pan_joint", "elbow_joint"))[: 1 if q == "q{}" else 2]:
             names = ["time", *(q.format(one) for one in joints), *(rate.format(one) for one in joints)]
-            found = choose(names, {})
+            found = choose({name: np.arange(9.0) for name in names}, {})
             assert (found.joints, found.unpaired) == (joints, ()), (q, rate, found)
             assert [one.name for one in found.q + found.qdot_cmd] == names[1:]
 

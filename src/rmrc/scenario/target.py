@@ -110,7 +110,9 @@ class Motion(Choice):
     Attributes:
         path: CSV or Parquet file with the column t and x y z qw qx qy qz, or vx vy vz wx wy wz, or one column
             per joint, by joint name; or the npz file of a run; relative paths start at the scenario's folder
-        columns: columns to follow; null: the first that the file has of pose, q, twist
+        columns: columns to follow; null: the first that the file has of pose, q, twist; or a map to names and
+            perhaps units, as in {t: stamp ms, x: tcp x mm}, of t, x y z, qw qx qy qz or roll pitch yaw or a
+            rotation vector rx ry rz, vx vy vz, wx wy wz, and q: names with commas, or with * for the joint
         origin: beginning: `move` goes straight to its first pose; `start` shifts the motion to the start of
             the segment
         speed: speed relative to the recording; auto: as recorded, slowed where target.limits require it
@@ -123,7 +125,7 @@ class Motion(Choice):
     """
 
     path: types.MotionFile
-    columns: Literal["pose", "pose_ref", "twist", "q"] | None = None
+    columns: types.TextOr[Literal["pose", "pose_ref", "twist", "q"], dict[str, types.Text]] | None = None
     origin: Literal["move", "start"] = key("move", alias="from")
     speed: types.PositiveOrAuto = key(1.0, "1")
     interpolation: Literal["auto", "spline", "hold"] = "auto"

@@ -7,8 +7,7 @@ stays at a row, at rest, until the next.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,18 +15,19 @@ from numpy.typing import NDArray
 from rmrc.scenario import TargetLimitsSection
 from rmrc.scenario.target import Motion
 from rmrc.simulation.reference import Spline
-from rmrc.simulation.tables import read_table
-from rmrc.support.errors import QuestionError, TargetError, did_you_mean
-from rmrc.support.files import reading
-from rmrc.support.legible import listed
-from rmrc.support.spatial import AXES, exp_rotation, normalize, pose_product, quat_multiply, rotate
+from rmrc.simulation.rows import read_rows
+from rmrc.support.errors import TargetError
+from rmrc.support.spatial import (
+    AXES,
+    exp_rotation,
+    normalize,
+    pose_inverse,
+    pose_product,
+    quat_multiply,
+    rotate,
+)
 
 Array = NDArray[np.float64]
-
-# The columns of a row.
-POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
-TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
-POSE_REF = tuple(f"{name}_ref" for name in POSE)
 
 # A quaternion this far from length 1 is an error, not the rounding of a file with few digits.
 UNIT = 1e-2
@@ -54,7 +54,7 @@ def read_motion(
     pose_at: Callable[[Array], Array],
     origin: Array,
     start: Array,
-    axes: Sequence[str] = AXES,  # noqa: ARG001
+    axes: Sequence[str] = AXES,
 ) -> tuple[Array, Array, tuple[str, ...]]:
     """Return the rising times of the rows of a file from 0 on, (r,) [s], the poses there, (r, 7), and notes.
 
@@ -72,28 +72,10 @@ def read_motion(
     Raises:
         TargetError: The file cannot be read, lacks columns, or holds no motion.
     """
-    names = {"pose": POSE, "q": tuple(joints), "twist": TWIST, "pose_ref": POSE_REF}
-    try:
-        with reading(file.path, "a motion as CSV, Parquet or npz"):
-            is_run = file.path.suffix == ".npz"
-            table = _run_columns(file.path, joints) if is_run else read_table(file.path).numbers
-    except (OSError, QuestionError) as error:
-        raise TargetError(f"cannot be read: {error}") from None
-    complete = (name for name in ("pose", "q", "twist") if names[name] and table.keys() >= {*names[name]})
-    columns: str = file.columns or next(complete, "pose")
-    for name in ("t", *names[columns]):
-        if name not in table:
-            hint = did_you_mean(name, set(table) - set(names[columns]))
-            needs, has = " ".join(names[columns]), listed(list(table)) or "none"
-            raise TargetError(f'has no column "{name}"{hint}; {columns} needs t and {needs}, it has {has}')
-        _refuse(~np.isfinite(table[name]), f"of {name} must be finite", table[name])
-    time, rows = table["t"], np.column_stack([table[name] for name in names[columns]])
-    if len(time) < 2:
-        raise TargetError(f"must have 2 rows or more, got {len(time)}")
-    _refuse(np.diff(time, prepend=-math.inf) <= 0, "of t must be later than the row before", time)
-    if columns == "q":
+    form, time, rows, notes = read_rows(file, joints, axes, pose_product(pose_inverse(origin), start))
+    if form == "q":
         poses = np.array([pose_at(q) for q in rows])
-    elif columns == "twist":
+    elif form == "twist":
         v, w = rotate(origin[3:], np.array([rows[:, :3], rows[:, 3:]]))
         width = np.diff(time)
         if file.gaps == "stop":
@@ -101,18 +83,7 @@ def read_motion(
         poses = _integrated(width, v, w, start)
     else:
         poses = pose_product(origin, rows)
-    return time - time[0], _checked(poses), ()
-
-
-def _run_columns(path: Path, joints: Sequence[str]) -> Mapping[str, Array]:
-    """Return the columns of a run's file under their names in a CSV file."""
-    with np.load(path, allow_pickle=False) as run:
-        columns, count = {"t": run["time"]}, run["q"].shape[1]
-        if count != len(joints):
-            raise ValueError(f"it is the run of an arm of {count} joints, this one has {len(joints)}")
-        for names, name in ((POSE, "pose"), (POSE_REF, "pose_ref"), (joints, "q")):
-            columns |= zip(names, run[name].T, strict=True)
-    return columns
+    return time, _checked(poses), notes
 
 
 def _refuse(is_bad: NDArray[np.bool_], rule: str, values: Array) -> None:

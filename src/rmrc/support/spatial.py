@@ -131,15 +131,15 @@ def quat_from_rpy(angles: ArrayLike) -> Array:
     """Return the rotation by roll, pitch and yaw: about x, then y, then z, all fixed.
 
     Args:
-        angles: (3,) [rad].
+        angles: (..., 3) [rad].
 
     Returns:
-        [w, x, y, z], unit, (4,).
+        [w, x, y, z], unit, (..., 4).
 
     >>> quat_from_rpy([0.0, 0.0, np.pi]).round(12)
     array([0., 0., 0., 1.])
     """
-    roll, pitch, yaw = quat_from_axis_angle(np.eye(3), angles)
+    roll, pitch, yaw = np.moveaxis(quat_from_axis_angle(np.eye(3), angles), -2, 0)
     return quat_multiply(yaw, quat_multiply(pitch, roll))
 
 

@@ -1,23 +1,22 @@
 """A log of commands and positions: read, converted to SI units, sorted, and split at missing rows."""
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
-from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rmrc.analysis.identify.columns import SECONDS, Columns, Named, choose
+from rmrc.analysis.identify.columns import Columns, choose
 from rmrc.analysis.identify.fit import LEAST_ROWS, Samples
 from rmrc.analysis.identify.response import Array, Commands
-from rmrc.results.run import BASELINE, Run
-from rmrc.simulation.tables import read_table
+from rmrc.logs.clock import in_order, seconds
+from rmrc.logs.columns import Column, scaled
+from rmrc.logs.tables import Table, columns_of, read_table
+from rmrc.results.run import Run
 from rmrc.support.errors import QuestionError
-from rmrc.support.files import reading
 from rmrc.support.legible import listed, quoted
 
 Source: TypeAlias = str | os.PathLike[str] | Run | Mapping[str, ArrayLike]
@@ -36,12 +35,12 @@ MOST = 0.8
 STALE = 0.3
 # A longer log is thinned to about this many positions.
 MOST_ROWS = 20_000
-# Time may jump back by this much, as rows of two threads do [s]; a larger jump is another log.
-SWAPPED = 0.1
 # A larger position is hardly in rad.
 LARGEST_TURN = 15.0
 # Larger numbers are no positions or rates in any unit.
 FARTHEST = 1e9
+# A hinge whose position changes by a turn, to within this, from row to row was wrapped [rad].
+WRAPPED = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,183 +75,111 @@ def read_log(source: Source, columns: Mapping[str, str], degrees: bool) -> Log:
     Raises:
         QuestionError: It cannot be read, or lacks something.
     """
-    name, numbers, facts = _numbers(source)
+    name, table = _table(source)
     try:
-        return _log(name, numbers, choose(list(numbers), columns), facts, degrees)
+        return _log(name, table, choose(table.numbers, columns), degrees)
     except QuestionError as error:
         raise QuestionError(f"{name}: {error}") from None
 
 
-def _log(
-    name: str, numbers: Mapping[str, Array], chosen: Columns, facts: dict[str, str], degrees: bool
-) -> Log:
-    time, facts["time"] = _seconds(numbers[chosen.time.name], chosen.time)
-    sizes = {len(numbers[one.name]) for one in (*chosen.q, *chosen.qdot_cmd)} | {len(time)}
+def _log(name: str, table: Table, columns: Columns, degrees: bool) -> Log:
+    numbers, facts = table.numbers, _facts(table)
+    sizes = {
+        len(numbers[c.name]) for c in (*columns.q, *columns.qdot_cmd, *columns.time) if c.name in numbers
+    }
     if len(sizes) > 1:
         raise QuestionError(f"its columns must have equally many rows, got {sorted(sizes)}")
-    q, facts["positions"] = _in_si(numbers, chosen.q, degrees, "rad")
-    rates, facts["commands"] = _in_si(numbers, chosen.qdot_cmd, degrees, "rad/s")
-    if chosen.unpaired:
-        facts["left out"] = f"{listed(chosen.unpaired, 8)}: position or command is missing"
-    rows, notes = _in_order(time, np.hstack([q, rates]))
-    time, q, rates = rows[:, 0], rows[:, 1 : q.shape[1] + 1], rows[:, q.shape[1] + 1 :]
+    time, clock = seconds(numbers, columns.time, STEPS)
+    facts["time"] = " and ".join(map(str, clock))
+    if clock != columns.time:
+        facts["time"] += f": the unit is taken from the steps of {1e3 * np.diff(time).mean():.4g} ms"
+    q, facts["positions"] = _in_si(table, columns.q, degrees, "rad")
+    rates, facts["commands"] = _in_si(table, columns.qdot_cmd, degrees, "rad/s")
+    if columns.unpaired:
+        facts["left out"] = f"{listed(columns.unpaired, 8)}: position or command is missing"
+    time, values, changed = in_order(time, np.hstack([q, rates]))
+    q, rates = values[:, : q.shape[1]], values[:, q.shape[1] :]
     if len(time) < LEAST_ROWS:
         raise QuestionError(f"it must have {LEAST_ROWS} rows or more, got {len(time)}; log 10 s or more")
+    wrapped = _unwrap(q)
     q, stale = _fresh(q, rates)
     period = float(np.median(np.diff(time)))
     begins = np.concatenate([time[:1], time[1:][np.diff(time) > max(GAP * period, GAP_TIME)]])
     sent_at, rates, filled = _filled(time, rates, period)
     samples = tuple(_samples(time, q[:, j], sent_at, rates[:, j], begins) for j in range(q.shape[1]))
-    notes += [*stale, *filled] + [f"{len(begins) - 1} gaps, each starting a new stretch"] * (len(begins) > 1)
-    if notes:
+    gaps = f"{len(begins) - 1} gaps, each starting a new stretch" if len(begins) > 1 else ""
+    if notes := [note for note in (changed, wrapped, stale, filled, gaps) if note]:
         facts["rows"] = "; ".join(notes)
-    return Log(name, chosen.joints, samples, period, float(time[-1] - time[0]), facts)
+    return Log(name, columns.joints, samples, period, float(time[-1] - time[0]), facts)
 
 
-def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
-    """Return a name, columns by name, and notes on the file."""
+def _table(source: Source) -> tuple[str, Table]:
+    """Return the name and the columns of a log."""
     if isinstance(source, Run):
-        return source.name, *_of_run(source.columns, source.joints)
+        return source.name, Table(columns_of(source.columns, source.joints), {})
     if isinstance(source, Mapping):
-        return "log", *_of_run(source, ())
-    path = Path(source)
-    with reading(path, "a log as CSV, Parquet or npz"):
-        if path.suffix == ".npz":
-            if not is_zipfile(path):  # otherwise numpy would take it for a pickle
-                raise BadZipFile("it is not a zip file")
-            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-                facts = json.loads(str(file["facts"])) if "facts" in file else {}
-                own = {name: file[name] for name in file.files if not name.startswith(BASELINE)}
-                return path.name, *_of_run(own, facts.get("joints", ()))
-        table = read_table(path, is_log=True)
-    texts = listed((f"{name} ({quoted(text)})" for name, text in table.texts.items()), 8)
-    if not table.numbers:
-        raise QuestionError(f"{path}: has no numeric column; its columns are {texts or 'none'}")
-    facts = {"texts": f"ignored: {texts}"} if texts else {}
+        return "log", Table(columns_of(source), {})
+    return Path(source).name, read_table(Path(source), "a log")
+
+
+def _facts(table: Table) -> dict[str, str]:
+    """Return notes on a table."""
+    numbers, facts = table.numbers, {}
+    if table.texts:
+        texts = (f"{name} ({quoted(text)})" for name, text in table.texts.items())
+        facts["texts"] = f"ignored: {listed(texts, 8)}"
     if table.skipped:
         facts["skipped"] = f"{table.skipped:,} rows with too few cells or too many"
-    return path.name, table.numbers, facts
+    beliefs = [name for name in numbers if name.startswith("q_believed[")]
+    if any((numbers[name] != numbers[name.replace("q_believed", "q")]).any() for name in beliefs):
+        way = 'select the encoder readings by --columns "q=q_believed[*]"'
+        facts["truth"] = f"q of a simulation has neither noise nor resolution: {way}"
+    return facts
 
 
-def _of_run(
-    arrays: Mapping[str, ArrayLike], joints: tuple[str, ...]
-) -> tuple[Mapping[str, Array], dict[str, str]]:
-    """Return columns of one value per row, and notes; joints or numbers name the columns of (T, n)."""
-    found = dict[str, Array]()
-    for name in arrays:
-        values = np.asarray(arrays[name])
-        if values.dtype.kind not in "iufb" or values.ndim not in (1, 2):
-            continue
-        values = values.astype(np.float64)
-        if values.ndim == 1:
-            found[name] = values
-        else:
-            width = values.shape[1]
-            labels = joints if len(joints) == width else range(width)
-            found |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
-    if "q_believed" not in arrays or np.array_equal(arrays["q_believed"], arrays["q"], equal_nan=True):
-        return found, {}
-    way = 'select the encoder readings by --columns "q=q_believed[*]"'
-    return found, {"truth": f"q of a simulation has neither noise nor resolution: {way}"}
-
-
-def _seconds(values: Array, column: Named) -> tuple[Array, str]:
-    """Return times in s from about 0, and a note on their unit."""
-    known = values[np.isfinite(values)]
-    steps = np.abs(np.diff(known))
-    steps = steps[steps > 0.0]
-    if not len(steps):
-        raise QuestionError(f'column "{column.name}" must have rising times, got {len(known):,} of one value')
-    if column.size:
-        return (values - known[0]) * column.size, f'"{column.name}", in {_unit(column.size)} as it says'
-    # for repeated stamps of a coarse clock, the mean step is better than the median
-    step = min(float(np.median(steps)), float(np.ptp(known)) / max(len(known) - 1, 1))
-    for unit, size in SECONDS.items():
-        if STEPS[0] <= step * size <= STEPS[1]:
-            told = f'"{column.name}", taken to be in {unit}: a step is {step * size * 1e3:.4g} ms'
-            return (values - known[0]) * size, told
-    raise QuestionError(
-        f'column "{column.name}" has steps of {step:g}, which in no unit are {1e3 * STEPS[0]:g} to '
-        f'{1e3 * STEPS[1]:g} ms; give it by --columns "t={column.name} s"'
-    )
-
-
-def _unit(size: float) -> str:
-    return next(unit for unit, one in SECONDS.items() if one == size)
-
-
-def _in_si(
-    numbers: Mapping[str, Array], chosen: tuple[Named, ...], degrees: bool, unit: str
-) -> tuple[Array, str]:
+def _in_si(table: Table, columns: tuple[Column, ...], degrees: bool, unit: str) -> tuple[Array, str]:
     """Return columns in rad or m, (R, n), and a note on their unit."""
-    turn = np.pi / 180.0 if degrees else 1.0
-    sizes = [one.size or turn for one in chosen]
-    values = np.column_stack([numbers[one.name] * size for one, size in zip(chosen, sizes, strict=True)])
+    values = scaled(table.numbers, columns, np.pi / 180.0 if degrees else 1.0)
     wrong = np.abs(values) > FARTHEST
     values[wrong | ~np.isfinite(values)] = np.nan
-    if all(one.size for one in chosen):
-        said = "in their named units"
+    if all(column.unit for column in columns):
+        note = "in their named units"
     elif degrees:
-        said = f"in {unit.replace('rad', 'deg')}, as requested"
+        note = f"in {unit.replace('rad', 'deg')}, as requested"
     else:
-        said = f"taken to be in {unit}, or {unit.replace('rad', 'm')} of slides"
+        note = f"taken to be in {unit}, or {unit.replace('rad', 'm')} of slides"
         if unit == "rad" and np.nanmax(np.abs(values), initial=0.0) > LARGEST_TURN:
-            said += f"; they go to {np.nanmax(np.abs(values)):.4g}: if these are degrees, give --degrees"
+            note += f"; they go to {np.nanmax(np.abs(values)):.4g}: if these are degrees, give --degrees"
     if wrong.any():
-        said += f"; {wrong.sum():,} beyond {FARTHEST:g} are left out"
-    return values, f"{listed((one.name for one in chosen), 8)}, {said}"
+        note += f"; {wrong.sum():,} beyond {FARTHEST:g} are left out"
+    return values, f"{listed((column.name for column in columns), 8)}, {note}"
 
 
-def _in_order(time: Array, values: Array) -> tuple[Array, list[str]]:
-    """Return rows with increasing times, (R, 1 + columns), and notes on the changes."""
-    notes, rows = [], np.column_stack([time, values])
-    lacking = ~np.isfinite(time)
-    if lacking.any():
-        notes.append(f"{lacking.sum():,} without a time ignored")
-        rows = rows[~lacking]
-    back = np.diff(rows[:, 0])
-    if (back < -SWAPPED).any():
-        row = int(np.argmin(back))
-        raise QuestionError(
-            f"time falls by {-back[row]:.4g} s behind row {row + 1:,}: give one log at a time, in order"
-        )
-    if (back < 0.0).any():
-        notes.append(f"{(back < 0.0).sum():,} out of order sorted")
-        rows = rows[np.argsort(rows[:, 0], kind="stable")]
-    again = np.concatenate([[False], (np.diff(rows[:, 0]) == 0.0)])
-    twice = again & np.concatenate([[False], ((rows[1:] == rows[:-1]) | np.isnan(rows[1:])).all(axis=1)])
-    if twice.any():
-        notes.append(f"{twice.sum():,} duplicates ignored")
-        rows, again = rows[~twice], again[~twice]
-    if again.any():
-        notes.append(f"{again.sum():,} with the time of the row before spread up to the next")
-        rows[:, 0] = _spread_out(rows[:, 0])
-    return rows, notes
+def _unwrap(q: Array) -> str:
+    """Remove the turns by which positions of hinges, (R, n), jump where they are wrapped; return a note."""
+    count = 0
+    for column in q.T:
+        known = np.isfinite(column)
+        turns = np.diff(column[known], prepend=column[known][:1]) / (2.0 * np.pi)
+        jumps = np.where(np.abs(np.abs(turns) - 1.0) < WRAPPED / (2.0 * np.pi), np.sign(turns), 0.0)
+        column[known] -= 2.0 * np.pi * np.cumsum(jumps)
+        count += int(np.count_nonzero(jumps))
+    return f"{count:,} jumps of a turn unwrapped" if count else ""
 
 
-def _spread_out(time: Array) -> Array:
-    """Return times with equal ones spread evenly up to the next: they come from a coarse clock."""
-    first = np.flatnonzero(np.diff(time, prepend=time[0] - 1.0) > 0.0)
-    ends = np.append(first[1:], len(time))
-    last = (time[-1] - time[0]) / max(len(time) - (ends[-1] - first[-1]), 1) * (ends[-1] - first[-1])
-    knots = np.append(time[first], time[-1] + last)
-    return np.asarray(np.interp(np.arange(len(time)), np.append(first, len(time)), knots))
-
-
-def _fresh(q: Array, rates: Array) -> tuple[Array, list[str]]:
-    """Return positions without repeated readings, and notes on the changes."""
+def _fresh(q: Array, rates: Array) -> tuple[Array, str]:
+    """Return positions without repeated readings, and a note on the changes, or ""."""
     top = np.nanmax(np.abs(rates), axis=0, initial=0.0)
     driven = np.nanmax(np.abs(rates) / np.where(top > 0.0, top, 1.0), axis=1, initial=0.0)[1:] > 0.5
     same = (np.diff(q, axis=0) == 0.0) | np.isnan(q[1:])
     repeats = same.all(axis=1)
     # Coarse encoders repeat as well, but not for all joints at once for long while they move.
     if not driven.any() or not STALE < float(repeats[driven].mean()) < 1.0 or _is_coarse(q):
-        return q, []
+        return q, ""
     q = q.copy()
     q[1:][repeats] = np.nan
-    return q, [
-        f"{repeats.sum():,} positions that repeat the row before left out, as read less often than logged"
-    ]
+    note = f"{repeats.sum():,} positions that repeat the row before left out, as read less often than logged"
+    return q, note
 
 
 def _is_coarse(q: Array) -> bool:
@@ -265,7 +192,7 @@ def _is_coarse(q: Array) -> bool:
     return True
 
 
-def _filled(time: Array, rates: Array, period: float) -> tuple[Array, Array, list[str]]:
+def _filled(time: Array, rates: Array, period: float) -> tuple[Array, Array, str]:
     """Return commands with the missing ones of a regular log interpolated linearly.
 
     This applies where most commands exist: commands at another rate than the rows hold until the next.
@@ -274,7 +201,7 @@ def _filled(time: Array, rates: Array, period: float) -> tuple[Array, Array, lis
     missing = np.round(steps / period).astype(int) - 1
     short = (missing > 0) & (missing < GAP)
     if np.mean(np.abs(steps - period) <= REGULAR * period) < MOST:
-        return time, rates, []
+        return time, rates, ""
     more = [
         time[i] + steps[i] * np.arange(1, n + 1) / (n + 1)
         for i, n in zip(np.flatnonzero(short), missing[short], strict=True)
@@ -292,11 +219,11 @@ def _filled(time: Array, rates: Array, period: float) -> tuple[Array, Array, lis
         columns.append(filled)
         lacking += int((~known).sum())
     count = sum(map(len, more))
-    told = [f"{count:,} that are missing"] * bool(count) + [f"{lacking:,} cells of commands that are"] * bool(
-        lacking
+    note = (
+        f"{count:,} that are missing and {lacking:,} cells of commands: commands in between are interpolated "
+        "linearly"
     )
-    notes = [f"{' and '.join(told)}: commands in between are interpolated linearly"] if told else []
-    return whole, np.column_stack(columns), notes
+    return whole, np.column_stack(columns), note if count or lacking else ""
 
 
 def _samples(time: Array, q: Array, sent_at: Array, rate: Array, begins: Array) -> Samples | None:
