@@ -263,12 +263,13 @@ class _Path:
         ends = [0, *(before + 1 if file.gaps == "stop" else []), count]
         parts = [(slice(first, end), (first > 0, end < count)) for first, end in pairwise(ends)]
         speed, holds = (1.0 if file.speed == "auto" else file.speed), file.interpolation == "hold"
-        inside = limits  # where a part is cut off, its acceleration seems to jump
-        if len(parts) > 1:
-            inside = limits.model_copy(update=dict.fromkeys(("jerk", "angular_jerk"), _NO_JERK_LIMIT))
         if not holds:
-            motions = (spline(time[rows] / speed, poses[rows], moves) for rows, moves in parts)
-            factor, reason = max(needed(motion, inside) for motion in motions if motion.duration)
+            factor, reason = needed(spline(time / speed, poses), limits)
+            if len(parts) > 1:  # perhaps it is too fast in its gaps alone, or by the jerk where it is cut
+                cut = limits.model_copy(update=dict.fromkeys(("jerk", "angular_jerk"), _NO_JERK_LIMIT))
+                motions = (spline(time[rows] / speed, poses[rows], moves) for rows, moves in parts)
+                within = max(needed(motion, cut) for motion in motions if motion.duration)
+                factor, reason = min((factor, reason), within)
             if file.speed == "auto":
                 speed /= factor
             elif factor > 1.0 + SLACK:
