@@ -111,6 +111,7 @@ SAME = {
                    **{f"target_TCP_pose_{i}": 0 * TIME for i in range(6)}}, {}),
     "rotation vector": (PLAIN, place("X (mm)", "Y (mm)", "Z (mm)", size=1e3) | {"RX": RX, "RY": RY, "RZ": RZ}, {}),
     "franka": (PLAIN, {"time": TIME, **{f"O_T_EE[{i}]": MATRIX[:, i % 4, i // 4] for i in range(16)}}, {}),
+    "kuka": (PLAIN, place("X", "Y", "Z") | {"A": np.degrees(YAW), "B": np.degrees(PITCH), "C": np.degrees(ROLL)}, {}),
     "mapped": (PLAIN, {"when": 1e3 * TIME, **{f"tcp {a} mm": 1e3 * c for a, c in zip("abc", PLACE.T, strict=True)}, **DEGREES},
                {"columns": {"t": "when ms", "x": "tcp a mm", "y": "tcp b mm mm", "z": "tcp c mm mm"}}),
     "a step": (PLAIN, {n: c for n, c in PLAIN.items() if n != "t"}, {"columns": {"t": "20 ms"}}),

@@ -30,7 +30,7 @@ NOT_MEASURED = {
 }
 
 # The parts of an orientation, and of a twist.
-QUATERNION, ROLL_PITCH_YAW, VECTOR = POSE[3:], ("roll", "pitch", "yaw"), ("rx", "ry", "rz")
+ORIENTATIONS = QUATERNION, ROLL_PITCH_YAW, VECTOR = POSE[3:], ("roll", "pitch", "yaw"), ("rx", "ry", "rz")
 TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
 # The numbers of a homogeneous matrix, column by column.
 MATRIX = tuple(f"T{i}" for i in range(16))
@@ -50,18 +50,15 @@ _WORDS = {
 }
 # Words before x, y and z that mean no position.
 _OTHERS = {
-    "force",
-    "torque",
-    "wrench",
-    "acceleration",
-    "acc",
-    "accel",
-    "effort",
-    "magnetic",
-    "euler",
-    "rpy",
-    "offset",
-}
+    "force", "torque", "wrench", "effort", "acceleration", "acc", "accel", "magnetic", "euler", "offset",
+}  # fmt: skip
+
+
+# Other names of roll, pitch and yaw; single letters are those of the controllers of KUKA and Fanuc.
+_YAW = {
+    "theta": "yaw", "heading": "yaw", "a": "yaw", "b": "pitch", "c": "roll", "w": "roll", "p": "pitch",
+    "r": "yaw",
+}  # fmt: skip
 
 
 class Column(NamedTuple):
@@ -91,8 +88,8 @@ def mapped(names: Sequence[str], key: str, text: str, units: Mapping[str, float]
     Args:
         names: Names of all numeric columns.
         key: Key of the map.
-        text: A name; names with commas between them; or a name with * in place of the joint; a unit may
-            follow, separated by a blank. For the time also a step between rows, such as `20 ms`.
+        text: A name; for joints also names with commas between them, or a name with * in place of the joint;
+            a unit may follow, separated by a blank. For the time also a step between rows, such as `20 ms`.
         units: Possible units.
 
     Raises:
@@ -104,12 +101,13 @@ def mapped(names: Sequence[str], key: str, text: str, units: Mapping[str, float]
     if text in names or unit not in units or not pattern.strip():
         pattern, unit = text, ""
     pattern = pattern.strip() if pattern not in names else pattern
-    if "*" in pattern and pattern not in names:
+    is_list = key in ("q", "qdot_cmd") and pattern not in names
+    if is_list and "*" in pattern:
         match = re.compile(re.escape(pattern).replace(r"\*", "(.+)", 1)).fullmatch
         columns = {hit[1]: name for name in names if (hit := match(name))}
         lacking = [] if columns else [pattern]
     else:
-        wanted = [pattern] if pattern in names else [name.strip() for name in pattern.split(",")]
+        wanted = [name.strip() for name in pattern.split(",")] if is_list else [pattern]
         columns = dict(zip(wanted, wanted, strict=True)) if len(wanted) > 1 else {"": wanted[0]}
         lacking = [name for name in wanted if name not in names]
     if lacking:
@@ -156,8 +154,8 @@ def joint_groups(
 
 def joint_columns(
     names: Sequence[str], joints: Sequence[str], texts: Mapping[str, str], columns: Mapping[str, Column]
-) -> list[Column]:
-    """Return the positions of joints, (n,), or [] if there are none.
+) -> dict[str, Column]:
+    """Return the positions of all joints by their names, or {} if some are missing.
 
     Args:
         names: Names of all numeric columns.
@@ -168,14 +166,14 @@ def joint_columns(
     by_name = {text: Column(name, unit) for name in names for text, unit in [parts(name, JOINTS)]}
     cells = ((re.fullmatch(r".*name\D*(\d+)\D*", name), text) for name, text in texts.items())
     labels = {match[1]: text for match, text in cells if match}
-    wanted = [parts(joint, {})[0] for joint in joints]
     for group in [columns] if columns else [by_name, *joint_groups(names, POSITION, JOINTS)]:
-        named = {parts(labels.get(label, label), {})[0]: column for label, column in group.items()}
-        if joints and named.keys() >= {*wanted}:
-            return [named[joint] for joint in wanted]
-        if len(group) == len(joints) and (columns or all(label.isdigit() for label in group)):
-            return list(group.values()) if columns else [group[i] for i in sorted(group, key=int)]
-    return []
+        labeled = {parts(labels.get(label, label), {})[0]: column for label, column in group.items()}
+        numbered = [group[label] for label in sorted(filter(str.isdigit, group), key=int)]
+        ordered = [labeled[label] for joint in joints if (label := parts(joint, {})[0]) in labeled]
+        for choice in (ordered, list(columns.values()), numbered):
+            if len(choice) == len(joints):
+                return dict(zip(joints, choice, strict=True))
+    return {}
 
 
 def frame_groups(names: Sequence[str]) -> dict[str, dict[str, Column]]:
@@ -191,7 +189,7 @@ def frame_groups(names: Sequence[str]) -> dict[str, dict[str, Column]]:
         for units, possible in _PARTS:
             text, unit = parts(name, units)
             prefix, part = _part(text)
-            if part in possible and not _OTHERS & {*prefix.split("_")[-2:]}:
+            if part in possible and not (part in POSE[:3] and _OTHERS & {*prefix.split("_")[-2:]}):
                 groups.setdefault(prefix, {}).setdefault(part, Column(name, unit))
     ordered = dict(sorted(groups.items(), key=lambda item: bool(NOT_MEASURED & {*item[0].split("_")})))
     whole = dict[str, Column]()
@@ -205,8 +203,9 @@ def _part(text: str) -> tuple[str, str]:
     if text.endswith("_ref"):
         prefix, part = _part(text.removesuffix("_ref"))
         return f"{prefix}_ref", part
-    if match := re.fullmatch(r"(?:(.*)_)?(roll|pitch|yaw|theta|heading)", text):
-        return match[1] or "", match[2] if match[2] in ROLL_PITCH_YAW else "yaw"
+    text = re.sub(r"_pos(ition)?$", "", text)
+    if match := re.fullmatch(r"(?:(.*)_)?(roll|pitch|yaw|theta|heading)|[abcwpr]", text):
+        return match[1] or "", _YAW.get(match[2] or text, match[2])
     if match := re.fullmatch(r"(?:(.*)_)?tcp_(pose|speed)_?([0-5])", text):  # of a UR: a rotation vector
         return match[1] or "", (POSE[:3] + VECTOR if match[2] == "pose" else TWIST)[int(match[3])]
     if match := re.fullmatch(r"(?:(.*)_)?o_t_ee_?(\d+)", text):  # of a Franka

@@ -14,7 +14,7 @@ _NAMES = {
     "arm.stretch": ("body", 1), "plant.stretch": ("body", 1),
 }  # fmt: skip
 _SIGNS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
-_WORDS = {"string": "text", "boolean": "true | false", "any": "value"}
+_WORDS = {"string": "text", "boolean": "true | false", "any": "value", "object": "mapping"}
 
 
 class SchemaRow(NamedTuple):

@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 from rmrc.logs.clock import in_order, seconds
 from rmrc.logs.columns import (
     MATRIX,
+    ORIENTATIONS,
     PARTS,
-    QUATERNION,
-    ROLL_PITCH_YAW,
     TWIST,
-    VECTOR,
     Column,
     enumerated,
     frame_groups,
@@ -75,19 +73,15 @@ def read_rows(
         time, values, moved = in_order(time, scaled(numbers, list(columns.values())))
     except QuestionError as error:
         raise TargetError(str(error)) from None
-    lacking = table.skipped + len(whole) - rows
     parts = dict(zip(columns, values.T, strict=True))
     if form == "twist":
         values = np.column_stack([parts.get(part, np.zeros(len(time))) for part in TWIST])
     elif form == "pose":
         values = _poses(parts, pose, len(time))
-    notes = (
-        listed(filter(None, meanings), 8),
-        turned,
-        f"{lacking:,} rows without all cells left out" * bool(lacking),
-        moved,
-    )
-    return form, time - time[0], values, tuple(filter(None, ["; ".join(filter(None, notes))]))
+    lacking = table.skipped + len(whole) - rows
+    lacks = f"{lacking:,} rows without all cells left out" if lacking else ""
+    note = "; ".join(filter(None, [listed(filter(None, meanings), 8), turned, lacks, moved]))
+    return form, time - time[0], values, (note,) if note else ()
 
 
 def _meaning(part: str, column: Column) -> str:
@@ -110,55 +104,40 @@ def _chosen(
         raise QuestionError(f"columns must map {' '.join(units)}, got {quoted(unknown[0])}{hint}")
     named = {key: mapped(names, key, text, units[key]) for key, text in mapping.items()}
     parts = {key: columns[""] for key, columns in named.items() if key in PARTS}
-    forms = ["pose", "q", "twist"]
-    if isinstance(choice, str):
-        forms = [choice]
-    elif keys := mapping.keys() - {"t"}:
+    forms = [choice] if isinstance(choice, str) else ["pose", "q", "twist"]
+    if keys := mapping.keys() - {"t"}:
         forms = ["q" if "q" in keys else "twist" if keys & {*TWIST} else "pose"]
     clock = tuple(named["t"].values()) if "t" in named else time_columns(table.numbers)
     plain = {"pose": POSE, "q": tuple(joints), "twist": TWIST, "pose_ref": POSE_REF}
     for form in () if mapping else forms:  # plain names come first
         if plain[form] and {"t", *plain[form]} <= {*names}:
-            columns = {
-                name.removesuffix("_ref") if form == "pose_ref" else name: Column(name)
-                for name in plain[form]
-            }
+            places = POSE if form == "pose_ref" else plain[form]
+            columns = dict(zip(places, map(Column, plain[form]), strict=True))
             return (Column("t"),), form.removesuffix("_ref"), columns
     groups = frame_groups(names)
     if forms == ["pose_ref"]:
         groups = {prefix: group for prefix, group in groups.items() if prefix.endswith("ref")}
     for form in forms if clock else ():
         if form == "q":
-            columns = dict(
-                zip(joints, joint_columns(names, joints, table.texts, named.get("q", {})), strict=False)
-            )
+            columns = joint_columns(names, joints, table.texts, named.get("q", {}))
         else:
             columns = _complete(form, [group | parts for group in groups.values()] or [parts], axes)
         if columns:
             return clock, form.removesuffix("_ref"), columns
-    form = forms[0]
-    name = next((name for name in plain[form] if name not in names), "t") if clock else "t"
-    hint, needs = did_you_mean(name, {*names} - {*plain[form]}), " ".join(plain[form])
-    ways = (
-        f"{WAYS if form == 'pose' else ''}; {enumerated(names)}; or map them, as in columns: {{{name}: NAME}}"
-    )
-    raise QuestionError(f'has no column "{name}"{hint}; {form} needs t and {needs}{ways}')
+    name = next((name for name in plain[forms[0]] if name not in names), "t") if clock else "t"
+    needs = f"{forms[0]} needs t and {' '.join(plain[forms[0]])}" + WAYS * (forms[0] == "pose")
+    hint = did_you_mean(name, {*names} - {*plain[forms[0]]})
+    way = f"{enumerated(names)}; or map them, as in columns: {{{name}: NAME}}"
+    raise QuestionError(f'has no column "{name}"{hint}; {needs}; {way}')
 
 
 def _complete(form: str, groups: Sequence[dict[str, Column]], axes: Sequence[str]) -> dict[str, Column]:
     """Return the parts of the first group with all that a task with these axes needs; {} if none has."""
-    if form == "twist":
-        options = [tuple(part for part, axis in zip(TWIST, AXES, strict=True) if axis in axes)]
-    else:
-        place = tuple(axis for axis in POSE[:3] if axis in axes)
-        turn = tuple(part for part, axis in zip(ROLL_PITCH_YAW, VECTOR, strict=True) if axis in axes)
-        options = [
-            (*place, *QUATERNION),
-            (*place, *ROLL_PITCH_YAW),
-            (*place, *VECTOR),
-            MATRIX,
-            (*place, *turn),
-        ]
+    parts = TWIST if form == "twist" else (*POSE[:3], *ORIENTATIONS[1])
+    options = [tuple(part for part, axis in zip(parts, AXES, strict=True) if axis in axes)]
+    if form != "twist":
+        place = tuple(part for part in options[0] if part in POSE)
+        options = [*((*place, *turn) for turn in ORIENTATIONS), MATRIX, *options]
     for option in options:
         for group in groups:
             if option and group.keys() >= {*option}:
@@ -188,16 +167,14 @@ def _poses(parts: Mapping[str, Array], pose: Array, rows: int) -> Array:
     for i, part in enumerate(POSE):
         poses[:, i] = parts.get(part, poses[:, i])
     if "rx" in parts:
-        poses[:, 3:] = exp_rotation(np.column_stack([parts[part] for part in VECTOR]))
-    elif parts.keys() & {*ROLL_PITCH_YAW}:
+        poses[:, 3:] = exp_rotation(np.column_stack([parts[part] for part in ORIENTATIONS[2]]))
+    elif parts.keys() & {*ORIENTATIONS[1]}:
         R = quat_to_matrix(pose[3:])
-        start = (
-            np.arctan2(R[2, 1], R[2, 2]),
-            -np.arcsin(np.clip(R[2, 0], -1.0, 1.0)),
-            np.arctan2(R[1, 0], R[0, 0]),
+        angles = np.tile(
+            np.arctan2([R[2, 1], -R[2, 0], R[1, 0]], [R[2, 2], np.hypot(R[0, 0], R[1, 0]), R[0, 0]]),
+            (rows, 1),
         )
-        angles = [
-            parts.get(part, np.full(rows, angle)) for part, angle in zip(ROLL_PITCH_YAW, start, strict=True)
-        ]
-        poses[:, 3:] = quat_from_rpy(np.column_stack(angles))
+        for i, part in enumerate(ORIENTATIONS[1]):
+            angles[:, i] = parts.get(part, angles[:, i])
+        poses[:, 3:] = quat_from_rpy(angles)
     return poses
