@@ -116,6 +116,11 @@ class Motion(Choice):
         origin: beginning: `move` goes straight to its first pose; `start` shifts the motion to the start of
             the segment
         speed: speed relative to the recording; auto: as recorded, slowed where target.limits require it
+        interpolation: `spline` moves smoothly from row to row, within target.limits; `hold` stays at a row
+            until the next, for rows that are steps or noisy, which only control.limits filter; auto: spline,
+            or hold where rows repeat like those of a held signal and the spline would exceed target.limits
+        gaps: where there are no rows for more than 0.1 s and three periods: `stop` rests there, and then goes
+            straight to the next row; `interpolate` moves on
         frame: frame of its points and directions; null: target.frame
     """
 
@@ -123,6 +128,8 @@ class Motion(Choice):
     columns: types.TextOr[Literal["pose", "pose_ref", "twist", "q"], dict[str, types.Text]] | None = None
     origin: Literal["move", "start"] = key("move", alias="from")
     speed: types.PositiveOrAuto = key(1.0, "1")
+    interpolation: Literal["auto", "spline", "hold"] = "auto"
+    gaps: Literal["stop", "interpolate"] = "stop"
     frame: PathFrame | None = None
 
 

@@ -55,17 +55,15 @@ class Curve:
         """Return pose, twist and acceleration at times since its start, (T, 19)."""
         number = np.searchsorted(self.phases[:, 0], times, "right") - 1
         start, u, du, ddu, jerk = self.phases[np.maximum(number, 0)].T[:, :, None]
-        t, straight, spoke, tangent, sweep = (
-            times[:, None] - start, self.straight, self.spoke, self.tangent, self.sweep
-        )  # fmt: skip
+        t, spoke, tangent, sweep = times[:, None] - start, self.spoke, self.tangent, self.sweep
         u = u + t * (du + t * (ddu / 2 + t * jerk / 6))
         du = du + t * (ddu + t * jerk / 2)
         ddu = ddu + t * jerk
         sine, cosine = np.sin(sweep * u), np.cos(sweep * u)
         lost = 2 * np.sin(0.5 * sweep * u) ** 2  # 1 − cos θ, which keeps its digits for small θ
-        slope = straight + sweep * (cosine * tangent - sine * spoke)
+        slope = self.straight + sweep * (cosine * tangent - sine * spoke)
         centripetal = sweep * sweep * (cosine * spoke + sine * tangent)
-        position = straight * u - lost * spoke + sine * tangent + self.pose[:3]
+        position = self.straight * u - lost * spoke + sine * tangent + self.pose[:3]
         quat = quat_multiply(quat_from_axis_angle(self.axis, self.angle * u[:, 0]), self.pose[3:])
         turn = self.angle * self.axis
         return np.hstack(
@@ -88,6 +86,11 @@ class Spline(NamedTuple):
     def duration(self) -> float:
         """Time from its start to its end [s]."""
         return float(self.times[-1])
+
+    def slowed(self, factor: float) -> "Spline":
+        """Return the same motion in a time that is longer by a factor."""
+        powers = np.arange(4.0)[:, None, None]
+        return Spline(factor * self.times, self.coefficients / factor**powers)
 
     def at(self, times: Array) -> Array:
         """Return pose, twist and acceleration at times since its start, (T, 19).

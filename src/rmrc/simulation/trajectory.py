@@ -20,6 +20,7 @@ Only this module uses ruckig.
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,10 +29,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from rmrc.scenario import TargetLimitsSection, TargetSection
 from rmrc.scenario.target import Arc, Line, Motion, PathFrame, Set, Tilt, Turn
-from rmrc.simulation.motion import needed, read_motion, spline
+from rmrc.simulation.motion import SLACK, eased, gaps, held, is_held, needed, read_motion, spline
 from rmrc.simulation.reference import POSE, Curve, Reference, Spline
 from rmrc.support import spatial
 from rmrc.support.errors import TargetError
+from rmrc.support.legible import listed
 from rmrc.support.spatial import ORIGIN, normalize, rotate
 
 Array = NDArray[np.float64]
@@ -49,8 +51,8 @@ _MOST_TICKS = 10_000_000
 # durations of `_MOST_TICKS` periods are rounded to 1e-9 of a period.
 _TICK_ROUNDING = 1e-6
 
-# A recorded motion may exceed a limit by this factor: its interpolation is not its fault.
-_SLACK = 0.01
+# No motion has a mean jerk beyond it that counts [m/s³ or rad/s³].
+_NO_JERK_LIMIT = 1e6
 
 
 class Places(NamedTuple):
@@ -253,7 +255,8 @@ class _Path:
             )
         except TargetError as error:
             raise TargetError(f'"{file.path}": {error}') from None
-        self.notes += (f"{file.path.name}: {note}" for note in notes)
+        for note in notes:
+            self._note(file, note)
         if file.origin == "start":
             turn = spatial.quat_multiply(spatial.quat_conjugate(poses[0, 3:]), self.pose[3:])
             poses[:, :3] += self.pose[:3] - poses[0, :3]
@@ -263,16 +266,50 @@ class _Path:
             self._go(poses[0])
         if poses[0, 3:] @ self.pose[3:] < 0:
             poses[:, 3:] *= -1.0
-        speed = 1.0 if file.speed == "auto" else file.speed
-        factor, reason = needed(time / speed, poses, self._target.limits)
-        if file.speed == "auto":
-            speed /= factor
-        elif factor > 1.0 + _SLACK:
-            raise TargetError(
-                f"{reason}; write speed: {speed / factor:.3g} or speed: auto, or raise the limit"
-            )
-        self.pieces.append(spline(time / speed, poses))
+        self._play_rows(file, time, poses)
+
+    def _play_rows(self, file: Motion, time: Array, poses: Array) -> None:
+        """Follow the rows of a motion, which begins at the present end of the path."""
+        limits, before, count = self._target.limits, gaps(time), len(time)
+        ends = [0, *(before + 1 if file.gaps == "stop" else []), count]
+        parts = [(slice(first, end), (first > 0, end < count)) for first, end in pairwise(ends)]
+        speed, holds = (1.0 if file.speed == "auto" else file.speed), file.interpolation == "hold"
+        if not holds:
+            factor, reason = needed(spline(time / speed, poses), limits)
+            if len(parts) > 1:  # perhaps it is too fast in its gaps alone, or by the jerk where it is cut
+                cut = limits.model_copy(update=dict.fromkeys(("jerk", "angular_jerk"), _NO_JERK_LIMIT))
+                motions = (spline(time[rows] / speed, poses[rows], moves) for rows, moves in parts)
+                within = max(needed(motion, cut) for motion in motions if motion.duration)
+                factor, reason = min((factor, reason), within)
+            if file.speed == "auto":
+                speed /= factor
+            elif factor > 1.0 + SLACK:
+                holds = file.interpolation == "auto" and is_held(time, poses)
+                if not holds:
+                    raise TargetError(
+                        f"{reason}; write speed: {speed / factor:.3g} or speed: auto, or interpolation: hold "
+                        "if the rows are steps or noisy, or raise the limit"
+                    )
+                self._note(file, "its rows repeat like those of a held signal, so interpolation: hold")
+        begin, due = self._duration(), time / speed
+        if holds:
+            self.pieces.append(held(due, poses))
+        for rows, moves in () if holds else parts:
+            self.hold(max(0.0, begin + due[rows.start] - self._duration()))
+            self._go(poses[rows.start])
+            self.pieces.append(eased(due[rows], poses[rows], limits, moves))
+            self.pose = poses[rows.stop - 1]
         self.pose = poses[-1]
+        if len(before):
+            where = (f"{time[row + 1] - time[row]:.3g} s after {time[row]:.4g} s" for row in before)
+            does = "stays" if holds else "stops" if len(parts) > 1 else "moves on"
+            self._note(file, f"no rows for {listed(where, 3)}: the target {does} there")
+
+    def _note(self, file: Motion, text: str) -> None:
+        self.notes.append(f"{file.path.name}: {text}")
+
+    def _duration(self) -> float:
+        return sum(piece.duration for piece in self.pieces)
 
 
 def _shortest(to: Array, start: Array) -> tuple[Array, float]:
