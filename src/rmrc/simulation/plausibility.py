@@ -11,7 +11,7 @@ target ten times as far is refused.
 import math
 import re
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from rmrc.support.errors import ScenarioError
 from rmrc.support.notices import tell
 
 Array = NDArray[np.float64]
+Bounds: TypeAlias = dict[str, tuple[float, str, str]]
 
 # What is this many times more than an arm can do is an error of units.
 SENSELESS = 10.0
@@ -44,7 +45,8 @@ MOST = (
     (0.05, "rad", "arm.encoder.noise arm.encoder.resolution"), (0.2, "rad", "plant.backlash"),
     (400.0, "rad/s²", "control.limits.acceleration"), (40.0, "rad/s", "target.limits.angular_velocity"),
 )  # fmt: skip
-# Whole numbers above a turn are degrees in keys with these words.
+# Whole numbers above a turn are degrees in these keys, below the names of angles.
+ANGLES = ("arm.pose", "arm.tool.orientation", "control.nullspace.posture", "target.path")
 _ANGLE = re.compile(r"\b(angle|orientation|posture|configurations)\b")
 
 
@@ -82,8 +84,8 @@ def reach_of(arm: Arm) -> Reach:
     return Reach(way[0], radius if radius > NOWHERE else math.inf, float(levers @ (ratio * rates)))
 
 
-def doubt(scenario: Scenario, arm: Arm, reach: Reach) -> None:
-    """Warn of the values of a scenario that are probably in another unit."""
+def bounds_of(arm: Arm, reach: Reach) -> Bounds:
+    """Return the largest plausible value of keys, with its unit, and what the arm can do, in words."""
     mass, limits = float(arm.model.body_mass.sum()), arm.rate_limit[np.isfinite(arm.rate_limit)]
     rate, radius = float(limits.max(initial=0.0)) or FASTEST, reach.radius
     bounds = {
@@ -96,17 +98,25 @@ def doubt(scenario: Scenario, arm: Arm, reach: Reach) -> None:
     bounds["task.length"] = SENSELESS * radius, "m", f"the arm reaches {radius:.3g}"
     bounds["arm.tool.position"] = max(2.0, 0.9 * radius), "m", f"the arm reaches {radius:.3g} with it"
     bounds["plant.payload"] = 3.0 * mass or math.inf, "kg", f"the bodies of its model have {mass:.3g}"
-    for key, value in _numbers("", scenario):
-        plain, text = re.sub(r"\[\d+\]", "", key), ""
-        most, unit, words = bounds.get(plain, (math.inf, "", ""))
-        if abs(value) > most:
-            slip = SLIPS.get(unit, unit.replace("rad", "deg"))
-            way = f"{value / 1e3:g}" if unit in SLIPS else f"{value:g} {slip}"
-            text = f"{value:g} {unit}, but {words}; are these {slip}? write {way}"
-        elif abs(value) > math.tau and value == round(value) and _ANGLE.search(plain):
-            text = f"{value:g} rad are {abs(value) / math.tau:.3g} turns; for degrees write {value:g} deg"
-        if text:
-            tell(f"warning: {scenario.locate(key)}: {text}", once=plain)
+    return bounds | dict.fromkeys(ANGLES, (math.inf, "", ""))
+
+
+def doubt(scenario: Scenario, bounds: Bounds) -> None:
+    """Warn of the values of a scenario that are probably in another unit."""
+    for key, (most, unit, words) in bounds.items():
+        section: Any = scenario
+        for step in key.split("."):
+            section = getattr(section, step, None)
+        for place, value in _numbers(key, section):
+            text = ""
+            if abs(value) > most:
+                slip = SLIPS.get(unit, unit.replace("rad", "deg"))
+                way = f"{value / 1e3:g}" if unit in SLIPS else f"{value:g} {slip}"
+                text = f"{value:g} {unit}, but {words}; are these {slip}? write {way}"
+            elif abs(value) > math.tau and value == round(value) and _ANGLE.search(place):
+                text = f"{value:g} rad are {abs(value) / math.tau:.3g} turns; for degrees write {value:g} deg"
+            if text:
+                tell(f"warning: {scenario.locate(place)}: {text}", once=key)
 
 
 def _numbers(key: str, value: Any) -> Iterator[tuple[str, float]]:
@@ -114,9 +124,9 @@ def _numbers(key: str, value: Any) -> Iterator[tuple[str, float]]:
     if isinstance(value, tuple):
         for i, inner in enumerate(value):
             yield from _numbers(f"{key}[{i}]", inner)
-    elif isinstance(value, Section | dict):
-        for name, inner in dict(value).items():
-            yield from _numbers(f"{key}.{name}".removeprefix("."), inner)
+    elif isinstance(value, Section):
+        for name, inner in value:
+            yield from _numbers(f"{key}.{name}", inner)
     elif isinstance(value, float):
         yield key, value
 

@@ -29,7 +29,7 @@ from rmrc.scenario.choices import PLANTS, POLICIES
 from rmrc.scenario.profile import Profile, load_profile
 from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.configuration import assumed_configuration, true_configuration
-from rmrc.simulation.plausibility import Reach, check_points, doubt, reach_of
+from rmrc.simulation.plausibility import Reach, bounds_of, check_points, doubt, reach_of
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import Places, make_reference
 from rmrc.support.brief import brief
@@ -162,7 +162,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     task = prepare_task(scenario, arm, cache, problems)
     law, by_arm = prepare_law(scenario, task, q, problems)
     reach = cache.get(("reach", arm), lambda: reach_of(arm))
-    doubt(scenario, arm, reach)
+    doubt(scenario, cache.get(("bounds", arm), lambda: bounds_of(arm, reach)))
     scenario = scenario.fitted(task.length, law.control)
     reference = prepare_reference(scenario, arm, q, reach, cache)
     held = arm.held(scenario.arm.start, qpos, own=PLANTS[scenario.plant.kind].own)
