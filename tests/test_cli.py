@@ -116,10 +116,10 @@ MISTAKES = {
     ),
     "keyframe": (["arm.start=hom"], ['--set arm.start: {model}: … keyframe "hom" … "home"… home']),
     "start outside limits": (
-        ["arm.start=[4, 170 deg]"],
+        ["arm.start=[400, 40000 deg]"],
         [
-            '--set arm.start: arm.start[0]: joint "shoulder" … [-2.96706, 2.96706] rad … 4',
-            '--set arm.start: arm.start[1]: joint "elbow" … [-2.79253, 2.79253] rad … 2.96706',
+            '--set arm.start: arm.start[0]: joint "shoulder" … [-2.96706, 2.96706] rad … 400',
+            '--set arm.start: arm.start[1]: joint "elbow" … [-2.79253, 2.79253] rad … 698.132',
         ],
     ),
     "wrong lengths": (

@@ -1,6 +1,7 @@
 """The frame that is controlled where none is named, and one that is put on a body or a tool."""
 
 import json
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -47,18 +48,18 @@ def urdf_of(tmp_path, *branches):
     """Return a URDF: each branch has the link where it begins, and its links; one without a joint is fixed."""
     inertia = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     links, joints = ['<link name="base"/>'], []
-    for parent, *names in branches:
-        for name in names:
-            name, _, follows = name.partition(" follows ")
+    for branch in branches:
+        for parent, words in pairwise(branch):
+            name, _, follows = words.partition(" follows ")
+            parent_link = parent.partition(" follows ")[0]
             kind = "fixed" if name.endswith(("tool0", "tip", "flange")) else "revolute"
             mimic = f'<mimic joint="{follows}_joint"/>' if follows else ""
             links.append(f'<link name="{name}"><inertial><mass value="1"/>{inertia}</inertial></link>')
             joints.append(
-                f'<joint name="{name}_joint" type="{kind}"><parent link="{parent}"/>'
+                f'<joint name="{name}_joint" type="{kind}"><parent link="{parent_link}"/>'
                 f'<child link="{name}"/><origin xyz="0 0 0.1"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="9" '
                 f'velocity="2"/>{mimic}</joint>'
             )
-            parent = name
     path = tmp_path / "robot.urdf"
     path.write_text(f'<robot name="robot">{"".join(links + joints)}</robot>')
     return path
@@ -80,6 +81,8 @@ PLANAR = ("base", "x", "y", "yaw")
         ([(*SIX, "flange", "tool0"), ("l3", "pan", "tilt")], "tool0", 6, ""),
         ([SIX, ("l3", "camera_pan", "camera_tilt")], "l6", 6, ""),
         ([SIX, ("base", "pan", "tilt")], "l6", 6, ""),
+        ([SIX, ("l6", "camera_tilt"), ("l6", "jaw")], "l6", 6, "--body jaw"),
+        ([SIX, ("l6", "camera_pan", "camera_tilt")], "l6", 6, "--body camera_tilt"),
         # a branch that no name explains is a warning, and so is a joint behind the tool, unless it is a jaw's
         ([SIX, ("l4", "pan", "tilt")], "l4", 4, "l5_joint, l6_joint of a longer chain; take all of it by --body l6 "),
         ([(*SIX, "tool0", "spindle")], "tool0", 6, "--body spindle"),

@@ -181,7 +181,7 @@ def test_an_encoder_that_is_off_beyond_sense_is_refused(scenario, name, value, i
         ("hom", '--set arm.start: … "hom"… keyframes: …'),
         ("zero", "--set arm.start: … [0, 0] … zero"),
         ("30 deg", "--set arm.start: … [30 deg, 30 deg] …"),
-        ("[4, 0]", '--set arm.start: arm.start[0]: … "shoulder" … [-2.96706, 2.96706] rad… 4'),
+        ("[400, 0]", '--set arm.start: arm.start[0]: … "shoulder" … [-2.96706, 2.96706] rad… 400'),
         ("[60, 0]", '--set arm.start: arm.start[0]: … "shoulder" … [-2.96706, 2.96706] rad… 60; … 60 deg'),
     ],
 )

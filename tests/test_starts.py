@@ -188,7 +188,7 @@ def test_an_arm_that_starts_outside_its_limits_comes_back_and_is_told_of(simulat
     assert q[0] == pytest.approx(LOWER - 0.05)
     back = int(np.argmax(q >= LOWER))
     # at 5/s towards a point 1 mrad inside the limit it takes ln(51)/5 s, and the plant's lag
-    assert 0 < back and run["time"][back] < 0.9 and run.divergence is None
+    assert back > 0 and run["time"][back] < 0.9 and run.divergence is None
     # a servo's limit keeps a joint to 1 mrad
     assert (q[back:] >= LOWER - 1e-3).all() and (rates[:back] >= 0.0).all()
     # then the arm follows its target as from any start

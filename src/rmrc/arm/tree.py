@@ -19,7 +19,7 @@ from rmrc.arm.wiring import HINGE, SLIDE, joints_of, soft_bodies
 # Beginnings of words in names; those of three letters or fewer are whole words. Ends of arms:
 _ENDS = ("attach", "ee", "eef", "effector", "endeff", "flange", "tcp", "tool")
 _FINGERS = ("claw", "finger", "jaw", "knuckle", "thumb")
-# Branches that are no fingers.
+# Branches that are no fingers, and no arms if they are as short.
 _NO_FINGERS = ("balancer", "cam", "camera", "cyl", "cylinder", "head", "lidar", "rod", "sensor", "wheel")
 # Words in the names of frames to mount, hold or aim with, the most specific last.
 _TELLING = (
@@ -101,19 +101,19 @@ class Tree:
         return before, behind
 
     def chain(self, body: int = 0) -> Chain:
-        """Return the chain of an arm from a body outward; a single finger ends it by its name."""
+        """Return the chain of an arm from a body outward; a single finger or camera ends it by its name."""
         chain = self._walk(body)
-        k = next((k for k, link in enumerate(chain.links) if self._is_finger(link)), 0)
-        joints = self.before[self.model.body_parentid[chain.links[k]]] if k else 0
-        if joints and not self._leads[chain.links[k]] and joints >= 2 * self.behind[chain.links[k]]:
-            return Chain(chain.links[:k], 1, chain.equals)
+        for is_other in (self._is_finger, self._is_beside):
+            k = next((k for k, link in enumerate(chain.links) if is_other(link)), 0)
+            joints = self.before[self.model.body_parentid[chain.links[k]]] if k else 0
+            if joints and not self._leads[chain.links[k]] and joints >= 2 * self.behind[chain.links[k]]:
+                return Chain(chain.links[:k], 1, chain.equals)
         return chain
 
     def _walk(self, body: int) -> Chain:
         links, equals, weld = [body] if body else [], list[int](), self.model.body_weldid
         while ahead := self._moving(body):
-            others = [b for b in ahead if not self._is_finger(b) or self.behind[b] > _LONGEST_FINGER]
-            longest, joints = self._longest(others or ahead), self.before[body]
+            longest, joints = self._longest(ahead), self.before[body]
             most = joints + self.behind[longest]
             ends = [b for b in ahead if self._leads[b] and 2 * (joints + self.behind[b]) >= most]
             if len(ends) != 1 or not body or (joints and self._ends[weld == weld[body]].any()):
@@ -121,7 +121,8 @@ class Tree:
                     return Chain(links, len(ahead), equals)
                 ends = [longest]
             body = ends[0]
-            equals += [b for b in ahead if b != body and self.behind[b] == self.behind[body] > 0]
+            alike = [b for b in ahead if b != body and not self._is_beside(b)]
+            equals += [b for b in alike if self.behind[b] == self.behind[body] > 0]
             links.append(body)
         return Chain(links, 0, equals)
 
@@ -133,6 +134,10 @@ class Tree:
         return bodies
 
     def _longest(self, branches: Sequence[int]) -> int:
+        """Return the longest of some branches: short ones that names tell to be something else come last."""
+        arms = [b for b in branches if self.behind[b] > _LONGEST_FINGER or not self._is_beside(b)]
+        hands = [b for b in arms if self.behind[b] > _LONGEST_FINGER or not self._is_finger(b)]
+        branches = hands or arms or branches
         return max(branches, key=lambda body: (self.behind[body], self._reach[body]))
 
     def _moving(self, body: int) -> list[int]:
@@ -144,7 +149,7 @@ class Tree:
         """Return whether branches on a body are fingers."""
         joints, longest = self.before[body], max(self.behind[branches])
         alike = [b for b in branches if longest < 2 or 2 * self.behind[b] >= longest]
-        fingers = [b for b in alike if not any(_has(name, _NO_FINGERS) for name in self.names(b))]
+        fingers = [b for b in alike if not self._is_beside(b)]
         is_small = joints >= longest or (len(fingers) > 3 and longest <= _LONGEST_FINGER)
         return bool(joints > 0 and len(fingers) > 1 and is_small)
 
@@ -159,6 +164,10 @@ class Tree:
         """Return whether a body, or a joint that moves it, has the name of a finger or a gripper."""
         grips = (_has(name, ("grip",)) and not _has(name, _TURNS) for name in self.names(body)[1:])
         return self.has_finger([body]) or any(grips)
+
+    def _is_beside(self, body: int) -> bool:
+        """Return whether a body, or a joint that moves it, has a name that no finger has."""
+        return any(_has(name, _NO_FINGERS) for name in self.names(body))
 
     def has_finger(self, bodies: Iterable[int]) -> bool:
         """Return whether the name of a body, or of a joint that moves it, has the word for a finger."""
