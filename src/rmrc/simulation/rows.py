@@ -32,8 +32,8 @@ Array = NDArray[np.float64]
 # What may stand in place of a quaternion.
 WAYS = " (or roll pitch yaw, or rx ry rz; where task.axes has no rotation, x y z alone)"
 POSE_REF = tuple(f"{name}_ref" for name in POSE)
-# Times without a unit are in s if their steps are below this; in a column `t`, which is documented to be in s,
-# and in a file of a few poses, below these [s].
+# Times without a unit are in s if their steps are below this; in a column `t`, which is documented to be in
+# s, and in a file of a few poses, below these [s].
 STEP, STEP_OF_T, FEW, STEP_OF_FEW = 0.99, 4.9, 30, 200.0
 # Larger angles without a unit are in degrees: those of an orientation, and of joints [rad].
 LARGEST, LARGEST_OF_JOINT = 2.0 * np.pi, 15.0
