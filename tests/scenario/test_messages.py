@@ -36,6 +36,7 @@ from wording import says
         ("expect={sigma.min: {less: 3.3}}", "… key; write below; … below, above, equals, within"),
         ("expect={sigma.min: < 3.3}", '… mapping, such as {below: 1}, got "< 3.3"'),
         ("control.inverse={feedback: 20}", "… key; … key of control: indent it less"),
+        ("plant={kind ideal}", "… key; write a colon: kind: ideal"),
         ("control.plant={kind: ideal}", "… key; … whole scenario: indent it less"),
         ("control.method=damped", "… key; … key of control.inverse: put it there"),
         ("control={inverse.method: damped}", "… write inverse: {method: ...}"),

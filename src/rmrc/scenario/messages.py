@@ -122,10 +122,12 @@ def _way_to_key(name: str, above: Key, section: type[Section]) -> str:
     for depth in reversed(range(len(above))):
         if name in fields_at(section, above[:depth]):
             return f"it is a key of {join(above[:depth]) or 'the whole scenario'}: indent it less"
-    head, mark, rest = re.split(r"([.:]|$)", name, maxsplit=1)
+    head, mark, rest = re.split(r"([.: ]|$)", name, maxsplit=1)
     if head in known:
-        spaced = f"write a space after the colon: {head}: {rest}"
-        return spaced if mark == ":" else f"only --set takes dots; write {head}: {{{rest}: ...}}"
+        if mark == ".":
+            return f"only --set takes dots; write {head}: {{{rest}: ...}}"
+        missing = "a colon" if mark == " " else "a space after the colon"
+        return f"write {missing}: {head}: {rest}"
     if word in known:
         return f"write {word}; the keys are {', '.join(known)}"
     if inner := below(name, known):
