@@ -6,7 +6,7 @@ The goals are the poses of random joint positions within the limits, from a seed
 is drawn from. Every search begins at `home`, then at random starts within the limits; a success is an error
 of at most 1e-9 (m and rad), by MuJoCo's own forward kinematics.
 
-1. Success, steps, starts and time of a goal alone, and of all of them on all cores.
+1. Success, steps, starts and time of a goal.
 2. On some of the same goals, what a user would write: a loop of damped Newton steps in numpy on mj_jacSite,
    and scipy's least_squares with bounds, both with the same starts, one after the other until one succeeds.
    The ratios are their time over ours, of the same goals on one core in one process, in turn.
@@ -24,7 +24,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rmrc import arm as arms
-from rmrc.analysis.ik.solve import RESTARTS, TOLERANCE, random_starts, solve_ik, solve_many
+from rmrc.analysis.ik.solve import RESTARTS, TOLERANCE, random_starts, solve_ik
 from rmrc.analysis.survey import survey
 from rmrc.law.task import Array, Task, choose
 from rmrc.support.spatial import pose_error
@@ -32,7 +32,6 @@ from rmrc.support.spatial import pose_error
 ROOT = Path(__file__).parent.parent
 ARMS = ("stanford", "puma560")
 GOAL_SEED = 20261121  # no seed of the search
-CALLS = 200  # of solve_ik, one by one
 
 
 def size(task: Task, goal: Array, q: Array) -> float:
@@ -85,23 +84,19 @@ def measure(name: str, goals: int, peer_goals: int, rounds: int) -> dict[str, ob
     """All figures of one arm."""
     task = choose(arms.load(ROOT / f"models/{name}.xml"))
     poses = survey(task, task.arm.sampled(goals, GOAL_SEED)).pose
-    solve_many(task, poses[:1])  # compiles, or loads
-    found = solve_many(task, poses)
-    proven = [
-        bool(ok) and size(task, goal, q) <= TOLERANCE
-        for ok, goal, q in zip(found.found, poses, found.q, strict=True)
-    ]
+    solve_ik(task, poses[0])  # compiles, or loads
+    found = [solve_ik(task, goal) for goal in poses]
+    proven = [it.found and size(task, goal, it.q) <= TOLERANCE for goal, it in zip(poses, found, strict=True)]
     lower, upper = task.arm.position_limit.T
-    within = (found.q >= lower).all() and (found.q <= upper).all()
-    each = [seconds(partial(solve_many, task, goal[None])) for goal in poses]
-    calls = [seconds(partial(solve_ik, task, goal)) for goal in poses[:CALLS]]
+    within = all((it.q >= lower).all() and (it.q <= upper).all() for it in found)
+    each = [seconds(partial(solve_ik, task, goal)) for goal in poses]
     some = poses[:peer_goals]
     peers = {"numpy loop": newton_loop, "scipy least_squares": scipy_bounded}
     ratios: dict[str, list[float]] = {peer: [] for peer in peers}
     succeeded: dict[str, float] = {}
     for _ in range(rounds):
         for peer, method in peers.items():
-            ours = seconds(partial(solve_many, task, some, threads=1))
+            ours = seconds(lambda: [solve_ik(task, goal) for goal in some])
             begun = time.perf_counter()
             ended = [with_restarts(task, goal, method) for goal in some]
             theirs = time.perf_counter() - begun
@@ -110,14 +105,10 @@ def measure(name: str, goals: int, peer_goals: int, rounds: int) -> dict[str, ob
     return {
         "success, %": 100.0 * statistics.mean(proven),
         "within limits": bool(within),
-        "at the first start, %": 100.0 * float(np.mean(found.found & (found.tries == 1))),
-        "steps a goal": quartiles(found.steps),
-        "starts a goal": quartiles(found.tries),
-        "a goal alone, us": quartiles(np.array(each) * 1e6),
-        "solve_ik, with iterates, us": quartiles(np.array(calls) * 1e6),
-        "of all on all cores, us a goal": quartiles(
-            [seconds(partial(solve_many, task, poses)) / goals * 1e6 for _ in range(rounds)]
-        ),
+        "at the first start, %": 100.0 * statistics.mean(it.found and it.tries == 1 for it in found),
+        "steps a goal": quartiles([it.steps for it in found]),
+        "starts a goal": quartiles([it.tries for it in found]),
+        "a goal, us": quartiles(np.array(each) * 1e6),
         **{f"{peer} / ours": quartiles(values) for peer, values in ratios.items()},
         **{f"{peer}: success, %": 100.0 * value for peer, value in succeeded.items()},
     }

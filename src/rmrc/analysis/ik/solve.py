@@ -89,25 +89,6 @@ class Solution:
     iterates: Iterates
 
 
-@dataclass(frozen=True, eq=False)
-class Solutions:
-    """Solutions for N goals.
-
-    Attributes:
-        q: Joint positions, reached or nearest, (N, n).
-        error: |e| there, as in `Solution`, (N,).
-        found: Whether it is within the tolerance, (N,).
-        steps: Steps of all tries together, (N,).
-        tries: Number of starts, (N,).
-    """
-
-    q: Array
-    error: Array
-    found: NDArray[np.bool_]
-    steps: NDArray[np.int64]
-    tries: NDArray[np.int64]
-
-
 def goal_pose(task: Task, values: ArrayLike, quat: ArrayLike | None = None) -> Array:
     """Return the pose (7,) for values of the rows of a task, in their order.
 
@@ -189,30 +170,29 @@ def solve_ik(
         >>> from rmrc.law.task import choose
         >>> from rmrc.arm import load
         >>> task = choose(load(Path("models/planar_2link.xml")))
-        >>> found = solve_ik(task, goal_pose(task, [1.0, 1.0]))
-        >>> found.found, np.degrees(found.q).round(6).tolist()
+        >>> reached = solve_ik(task, goal_pose(task, [1.0, 1.0]))
+        >>> reached.found, np.degrees(reached.q).round(6).tolist()
         (True, [90.0, -90.0])
         >>> beyond = solve_ik(task, goal_pose(task, [0.0, 3.0]))
         >>> beyond.found, round(beyond.position_error, 9)
         (False, 1.0)
     """
-    arm, goals, begin = task.arm, checked_goals(goal, 1), checked_starts(task.arm, start, 1)
-    limit, most, aim = kept_limit(arm, limits), STEPS[method], AIM * tolerance
+    arm, pose, begin = task.arm, normalized_goal(goal), begin_at(task.arm, start)
+    limit, most, aim = limits_of(arm, limits), STEPS[method], AIM * tolerance
     trace, winner = np.full((most + 1, arm.n + 2), np.nan), 0
     if method == "newton":
         restarts = 0
-        q, steps = newton(task, aim, most, goals[0], begin[0], trace)
+        q, steps = newton(task, aim, most, pose, begin, trace)
     else:
-        first, more = np.clip(begin, *limit.T), random_starts(task, restarts, limits)
-        _, _, tally = search(task, limit, aim, most, goals, first, more)
+        first, more = np.clip(begin, *limit.T)[None], random_starts(task, restarts, limits)
+        _, _, tally = search(task, limit, aim, most, pose[None], first, more)
         winner = int(tally[0, 1])
         # Once more from the successful start, now with all iterates.
-        if winner > 0:
-            first = more[winner - 1 : winner]
-        (q,), _, tally = search(task, limit, aim, most, goals, first, more[:0], trace=trace)
+        first = more[winner - 1 : winner] if winner > 0 else first
+        (q,), _, tally = search(task, limit, aim, most, pose[None], first, more[:0], trace=trace)
         steps = int(tally[0, 0])
     trace = trace[~np.isnan(trace[:, 0])]
-    solution = judge(task, limit, unwound(arm, limit, q[None], begin)[0], goals[0], tolerance)
+    solution = judge(task, limit, unwound(arm, limit, q[None], begin[None])[0], pose, tolerance)
     return replace(
         solution,
         method=method,
@@ -220,46 +200,6 @@ def solve_ik(
         tries=1 + (winner if solution.found else restarts),
         iterates=Iterates(trace[:, :-2], trace[:, -2], trace[1:, -1]),
     )
-
-
-def solve_many(
-    task: Task, goals: ArrayLike, starts: ArrayLike | None = None, *, limits: bool = True,
-    tolerance: float = TOLERANCE, restarts: int = RESTARTS, threads: int | None = None,
-) -> Solutions:  # fmt: skip
-    """Find joint positions for many goals, on all cores, by the damped method of `solve_ik`.
-
-    Args:
-        task: The arm and the rows that count.
-        goals: Poses of the site, (N, 7).
-        starts: Joint positions to begin at, (n,) or one for each goal, (N, n); None: `home`.
-        limits: Whether to keep the model's position limits.
-        tolerance: Tolerance of |e|: orientation in rad, position over L.
-        restarts: Other starts to try for a goal.
-        threads: None: one per core; the result does not depend on it.
-
-    Returns:
-        The result for each, as in `solve_ik`; |e| is the search's own.
-
-    Raises:
-        QuestionError: Goals or starts do not fit the arm or are not finite.
-
-    Example:
-        >>> from pathlib import Path
-        >>> from rmrc.law.task import choose
-        >>> from rmrc.arm import load
-        >>> task = choose(load(Path("models/planar_2link.xml")))
-        >>> found = solve_many(task, [goal_pose(task, [x, 1.0]) for x in (1.0, 2.0)])
-        >>> found.found.tolist(), found.error.round(6).tolist()
-        ([True, False], [0.0, 0.236068])
-    """
-    goals = checked_goals(goals)
-    begin, limit = checked_starts(task.arm, starts, len(goals)), kept_limit(task.arm, limits)
-    more = random_starts(task, restarts, limits)
-    first = np.clip(begin, *limit.T)
-    q, error, tally = search(task, limit, AIM * tolerance, STEPS["damped"], goals, first, more, threads)
-    found = error <= tolerance
-    tries = 1 + np.where(found, tally[:, 1], len(more))
-    return Solutions(unwound(task.arm, limit, q, begin), error, found, tally[:, 0], tries)
 
 
 def random_starts(task: Task, count: int, limits: bool) -> Array:
@@ -281,7 +221,7 @@ def judge(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> 
 
     Args:
         task: The arm and the rows that count.
-        limit: Position limits to keep, (n, 2); see `kept_limit`.
+        limit: Position limits to keep, (n, 2); see `limits_of`.
         q: Joint positions, (n,).
         goal: Pose of the site, (7,).
         tolerance: Tolerance of |e|: orientation in rad, position over L.
@@ -294,11 +234,10 @@ def judge(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> 
     lower, upper = limit.T
     beyond = (q < lower - AT_LIMIT) | (q > upper + AT_LIMIT)
     at_limit = (q >= upper - AT_LIMIT).astype(np.int64) - (q <= lower + AT_LIMIT)
-    found = bool(error <= tolerance and not beyond.any())
-    return Solution(
-        found, "damped", q, pose, goal, error, float(position), float(orientation), at_limit, beyond, 0, 0,
-        Iterates(q[None], np.array([error]), np.empty(0)),
-    )  # fmt: skip
+    is_reached = bool(error <= tolerance and not beyond.any())
+    nowhere = Iterates(q[None], np.array([error]), np.empty(0))
+    errors = error, float(position), float(orientation)
+    return Solution(is_reached, "damped", q, pose, goal, *errors, at_limit, beyond, 0, 0, nowhere)
 
 
 def linearized(task: Task, solution: Solution) -> tuple[Array, Array]:
@@ -312,33 +251,38 @@ def linearized(task: Task, solution: Solution) -> tuple[Array, Array]:
         f, the site's excess over the goal, (k + 1, m) [m, rad], and J, (k + 1, m, n).
     """
     q = solution.iterates.q
-    poses = np.array([task.arm.pose(one) for one in q])
-    J = task.turned(np.array([task.arm.jacobian(one) for one in q]), poses)
+    poses = np.array([task.arm.pose(row) for row in q])
+    J = task.turned(np.array([task.arm.jacobian(row) for row in q]), poses)
     return -task.view.error(solution.goal, poses)[:, task.rows], J[:, task.rows]
 
 
-def kept_limit(arm: Arm, limits: bool) -> Array:
-    """Return the position limits to keep, (n, 2)."""
+def limits_of(arm: Arm, limits: bool) -> Array:
+    """Return the position limits to keep, (n, 2); infinite without `limits`."""
     return arm.position_limit if limits else np.tile([-np.inf, np.inf], (arm.n, 1))
 
 
-def checked_goals(goals: ArrayLike, count: int | None = None) -> Array:
-    """Return goals as (N, 7), their quaternions normalized and with w >= 0, like those of a site."""
-    poses = np.array(goals, np.float64)
-    poses = poses[None] if poses.ndim == 1 and count == 1 else poses
-    if poses.ndim != 2 or poses.shape[1] != 7 or (count is not None and len(poses) != count):
-        raise QuestionError(
-            f"a goal must be a pose [x, y, z, qw, qx, qy, qz], got an array {np.shape(goals)}"
-        )
-    if not (np.isfinite(poses).all() and poses[:, 3:].any(axis=1).all()):
+def normalized_goal(goal: ArrayLike) -> Array:
+    """Return a goal, (7,), with a unit quaternion of w >= 0, like that of a site.
+
+    Raises:
+        QuestionError: It is no pose, is not finite, or has a quaternion of zeros.
+    """
+    pose = np.array(goal, np.float64)
+    if pose.shape != (7,):
+        raise QuestionError(f"a goal must be a pose [x, y, z, qw, qx, qy, qz], got an array {pose.shape}")
+    if not (np.isfinite(pose).all() and pose[3:].any()):
         raise QuestionError("a goal must be finite, with a quaternion that is not zero")
-    poses[:, 3:] = normalize(np.where(poses[:, 3:4] < 0.0, -1.0, 1.0) * poses[:, 3:])
-    return poses
+    pose[3:] = normalize(-pose[3:] if pose[3] < 0.0 else pose[3:])
+    return pose
 
 
-def checked_starts(arm: Arm, start: ArrayLike | None, count: int) -> Array:
-    """Return joint positions to begin at, (count, n)."""
-    q = np.asarray(arm.configuration("home")[arm.wiring.qpos] if start is None else start, np.float64)
-    if q.shape not in {(arm.n,), (count, arm.n)} or not np.isfinite(q).all():
+def begin_at(arm: Arm, start: ArrayLike | None) -> Array:
+    """Return joint positions to begin at, (n,); None: `home`.
+
+    Raises:
+        QuestionError: There are more or fewer than n, or one is not finite.
+    """
+    q = np.array(arm.configuration("home")[arm.wiring.qpos] if start is None else start, np.float64)
+    if q.shape != (arm.n,) or not np.isfinite(q).all():
         raise QuestionError(f"a start must be {arm.n} finite joint positions, got an array {q.shape}")
-    return np.array(np.broadcast_to(q, (count, arm.n)))
+    return q
