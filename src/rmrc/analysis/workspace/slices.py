@@ -277,10 +277,10 @@ def zero_curves(
     """
     steps = [np.array([2.0 * e[0] - e[1], *e, 2.0 * e[-1] - e[-2]]) for e in edges]
     q = grid(home, joints, steps)
-    seen = survey(task, q.reshape(-1, len(home)))
-    J = jacobians(task, seen.q)[1]
+    flat = q.reshape(-1, len(home))
+    J = jacobians(task, flat)[1]
     if known is None:
-        value = np.linalg.det(task.turned(J, seen.pose)[:, task.rows][..., columns])[:, None]
+        value = np.linalg.det(task.turned(J, survey(task, flat).pose)[:, task.rows][..., columns])[:, None]
         value, names = value / np.abs(value).max(), ["singular"]
     else:
         value, names = known.values(J[..., columns]) / known.largest, [rule.name for rule in known.rules]
