@@ -181,7 +181,7 @@ def picture(space: Workspace, measure: str | None = None) -> Figure:
         patches.append(_region(axes, space.limited, "0.7", "////", "reached within the limits"))
     _singular(axes, space, scale)
     for i, curve in enumerate(space.limits):
-        at, joint = curve.points[(i + 1) * len(curve.q) // 5], arm.joints.index(curve.name.rpartition(" ")[0])
+        at, joint = curve.points[(7 + 2 * i) * len(curve.q) // 20], arm.joints.index(curve.name.rpartition(" ")[0])
         value = (
             f"{curve.q[0, joint]:.3g} m" if arm.is_slide[joint] else f"{np.degrees(curve.q[0, joint]):.4g}°"
         )
