@@ -38,6 +38,8 @@ FAMILIES = {
     "boom": ("#00809c", "s"), "pivot": ("#8c1d40", ""), "singular": ("black", ""),
 }  # fmt: skip
 BLUE = "#1f4e9c"
+# Where along the curve of a limit its words stand: apart for the limits of two joints.
+SHARES = (0.3, 0.7, 0.4, 0.6)
 WIDTH = 7.2  # width of the picture [in]
 # Curves must be visible on maps and on gray.
 CASING = [Stroke(linewidth=4.2, foreground="white"), Normal()]
@@ -180,12 +182,12 @@ def picture(space: Workspace, measure: str | None = None) -> Figure:
     else:
         patches.append(_region(axes, space.limited, "0.7", "////", "reached within the limits"))
     _singular(axes, space, scale)
-    for i, curve in enumerate(space.limits):
-        at, joint = curve.points[(7 + 2 * i) * len(curve.q) // 20], arm.joints.index(curve.name.rpartition(" ")[0])
+    for share, curve in zip(SHARES, space.limits, strict=False):
+        at, joint = curve.points[int(share * len(curve.q))], arm.joints.index(curve.name.rpartition(" ")[0])
         value = (
             f"{curve.q[0, joint]:.3g} m" if arm.is_slide[joint] else f"{np.degrees(curve.q[0, joint]):.4g}°"
         )
-        axes.plot(*curve.points.T, "k", linewidth=1.2, label="" if i else "a joint at its limit")
+        axes.plot(*curve.points.T, "k", linewidth=1.2, label="a joint at its limit")
         box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
         text = f"{figures.plain(arm.joints[joint])} = {value}".replace("-", "−")
         axes.annotate(text, (at[0], at[1]), fontsize=8, ha="center", va="center", zorder=7, bbox=box)
