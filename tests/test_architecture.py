@@ -66,9 +66,10 @@ OWNERS = {
         *(
             "rmrc.analysis.identify.figure",
             "rmrc.analysis.inspect.figure",
-            "rmrc.analysis.workspace.figure",
+            "rmrc.analysis.workspace.report",
         ),
     ),
+    "contourpy": ("rmrc.analysis.workspace.slices",),  # comes with matplotlib
     "rich": (
         "rmrc.cli",
         "rmrc.show.tables",

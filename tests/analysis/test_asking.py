@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 import rmrc
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.workspace.joint_map import joint_map
 from rmrc.scenario import loads
 from rmrc.support.errors import ModelError, QuestionError
 from rmrc.support.spatial import quat_to_matrix
@@ -31,12 +30,12 @@ QUESTIONS = {
         lambda found: (found.balance.q, found.balance.torque, found.costs[0].directions[-1].wrench),
     ),
     "workspace": (
-        lambda model, **more: rmrc.workspace(model, cells=8, **more),
+        lambda model, **more: rmrc.workspace(model, cells=8, samples=1000, **more),
         lambda found: (found.home, found.free.values["sigma_min"], found.free.reached),
     ),
-    "joint_map": (
-        lambda model, **more: joint_map(model, ["shoulder", "elbow"], cells=5, **more),
-        lambda found: (found.q, found.values["sigma_min"]),
+    "workspace over joints": (
+        lambda model, **more: rmrc.workspace(model, over=["shoulder", "elbow"], cells=5, **more),
+        lambda found: (found.home, found.limited.values["sigma_min"]),
     ),
 }  # fmt: skip
 

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 import rmrc
 from project import ROOT
 from rmrc.analysis.survey import survey
-from rmrc.analysis.workspace.joint_map import joint_map
 from rmrc.arm import load
 from rmrc.law.task import choose
 from rmrc.support.errors import QuestionError
@@ -81,12 +80,12 @@ def test_a_determinant_is_that_of_the_rows(puma):
 
 
 def test_a_map_over_joints_takes_rows_of_the_site():
-    found = joint_map("planar_2link", ["shoulder", "elbow"], axes=["x"], task_frame="site", cells=12)
-    # along the last link only the shoulder moves the site: l1 |sin θ₂|
-    expected = np.abs(np.sin(found.second))
-    np.testing.assert_allclose(
-        found.values["sigma_min"], np.tile(expected, (len(found.first), 1)), atol=ROUNDING
+    space = rmrc.workspace(
+        "planar_2link", over=["shoulder", "elbow"], axes=["x"], task_frame="site", cells=12
     )
+    # along the last link only the shoulder moves the site: l1 |sin θ₂|
+    expected = np.abs(np.sin(space.limited.centers[1]))
+    np.testing.assert_allclose(space.limited.values["sigma_min"], np.tile(expected, (12, 1)), atol=ROUNDING)
 
 
 def test_a_goal_of_whole_positions_and_rotations_is_the_same_in_every_frame(puma):

@@ -34,12 +34,7 @@ def test_it_leaves_a_picture_and_arrays_and_prints_a_table(workspace, tmp_path):
     # The circle of 9 m, and what the limits leave: from q1 = 135 deg and the forearm level, and from both at 0.
     assert rows["x [m]"][2:] == ["-9.000", "to", "9.000", "-7.243", "to", "9.000"]
     assert rows["y [m]"][2:] == ["-9.000", "to", "9.000", "0", "to", "9.000"]
-    assert rows["σ_min [1], best posture"][4:] == ["0", "to", "3.000", "0", "to", "3.000"]
-    assert rows["condition κ [1], best posture"].count("inf") == 2
-    assert out.count("singular curves") == 2
-    assert (
-        rows["better end from cells of [m]"][-1] == "0.3051"
-    )  # 18 m are 59, with a half to spare at both ends
+    assert rows["singular curves"][2:] == ["elbow", "2", "elbow", "1"]
     assert out.endswith(
         "wrote recordings/planar_6_3.workspace.png\nwrote recordings/planar_6_3.workspace.npz\n"
     )
@@ -50,7 +45,7 @@ def test_it_leaves_a_picture_and_arrays_and_prints_a_table(workspace, tmp_path):
     ]
     assert imread(folder / "planar_6_3.workspace.png").shape[0] > 500
     with np.load(folder / "planar_6_3.workspace.npz") as file:
-        assert max(file["free_reached"].shape) == 60
+        assert max(file["without_limits_share"].shape) == 60
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -60,57 +55,34 @@ def test_json_is_the_summary_and_nothing_else(workspace, tmp_path):
     assert (code, err) == (0, "")
     assert facts["without_limits"]["area"] == pytest.approx(72 * np.pi, rel=0.02)
     limited = facts["with_limits"]
-    assert limited["y"] == pytest.approx([0.0, 9.0], abs=1e-9) and limited["extent_accuracy"] <= 1e-9
-    assert limited["extent_is_at_least"] is False and limited["condition"][1] is None
-    assert limited["sigma_min"][0] == 0.0 and limited["worst_from"]["sigma_min"] == "singular"
+    assert limited["y"] == pytest.approx([0.0, 9.0], abs=1e-6)
+    assert limited["area"] == pytest.approx(63.617, abs=limited["area_accuracy"])
     assert facts["files"] == ["b/c.svg", "a/planar_6_3.workspace.npz"]
     assert all((tmp_path / name).is_file() for name in facts["files"])
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_quiet_says_nothing(workspace, tmp_path):
-    assert workspace(SIX_THREE, "--cells", "20", "-q", "--map", "postures") == (0, "", "")
+    assert workspace(SIX_THREE, "--cells", "20", "-q", "--map", "condition") == (0, "", "")
     assert (tmp_path / "recordings/planar_6_3.workspace.png").is_file()
 
 
-OPTIONS = ["--plane", "yz", "--through", "0.3,0,0", "--axes", "x,y,z", "--length", "0.5", "--worst"]
-
-
-def test_samples_axes_through_and_worst_reach_the_computation(workspace, monkeypatch):
-    asked = {}
-
-    def ask(_, **options):
-        asked.update(options)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("rmrc.analysis.workspace.workspace.workspace", ask)
-    code, *_ = workspace(STANFORD, "--cells", "10", "--samples", "1000", "--json", *OPTIONS)
-    assert code == 130
-    assert asked.pop("through").tolist() == [0.3, 0.0, 0.0] and len(asked.pop("q")) == 6
-    assert callable(asked.pop("on_samples"))
-    assert asked == {
-        "plane": "yz", "samples": 1000, "worst": True, "axes": ("x", "y", "z"), "task_frame": None,
-        "length": 0.5, "cells": 10,
-    }  # fmt: skip
-
-
-@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
-def test_the_summary_tells_samples_axes_through_and_worst(workspace):
-    code, out, _ = workspace(STANFORD, "--cells", "10", "--samples", "1000", "--json", *OPTIONS)
+def test_the_options_reach_the_answer(workspace):
+    options = ["--plane", "yz", "--axes", "x,y,z", "--length", "0.5", "--worst", "--samples", "1000"]
+    code, out, _ = workspace(STANFORD, "--cells", "10", "--json", *options)
     facts = json.loads(out)
     assert code == 0
-    assert (facts["slice"], facts["origin"], facts["posture"]) == ("yz", [0.3, 0.0, 0.0], "worst")
-    assert (facts["axes"], facts["length"], facts["method"]) == (["x", "y", "z"], 0.5, "samples")
-    assert facts["without_limits"]["postures"] is None
-    assert facts["without_limits"]["extent_is_at_least"] is True
+    assert (facts["map"], facts["labels"], facts["posture"]) == ("slice yz", ["y", "z"], "worst")
+    assert (facts["axes"], facts["length"], max(facts["cells"])) == (["x", "y", "z"], 0.5, 10)
+    assert facts["without_limits"]["singular_samples"]["singular"] > 0
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_map_over_two_joints(workspace, tmp_path):
     code, out, err = workspace(STANFORD, "--over", "theta_2,theta_5", "--cells", "20", "--map", "condition")
     assert (code, err) == (0, "")
-    assert "curves of det J = 0" in out
+    assert "singular curves" in out
     assert sorted(p.name for p in (tmp_path / "recordings").iterdir()) == [
         "stanford.joints.npz", "stanford.joints.png",
     ]  # fmt: skip
@@ -118,7 +90,7 @@ def test_a_map_over_two_joints(workspace, tmp_path):
         STANFORD, "--over", "theta_2, theta_5", "--cells", "20", "--json", "--q", "0,0,0.5,0,0,0"
     )
     facts = json.loads(out)
-    assert facts["over"] == ["theta_2", "theta_5"] and facts["q"][2] == 0.5 and facts["cells"] == [20, 20]
+    assert facts["labels"] == ["theta_2", "theta_5"] and facts["q"][2] == 0.5 and facts["cells"] == [20, 20]
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -126,29 +98,20 @@ def test_a_map_over_two_joints_has_no_determinant_where_j_is_not_square(workspac
     out = workspace(STANFORD, "--over", "theta_2,theta_5", "--cells", "20", "--axes", "x,y,z")[1]
     title, *_, curves = out.partition("\n\n")[0].splitlines()
     assert title == "stanford.xml, site tool, over theta_2 and theta_5, rows x y z"  # on one line
-    assert curves.split() == ["curves", "of", "det", "J", "=", "0", "-"]
+    assert curves.split() == ["singular", "curves", "-"]
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ((SIX_THREE, "--picture", "a.gif"), "--picture a.gif: … .png, .svg or .pdf"),
-        ((SIX_THREE, "--map", "beauty"), "--map … sigma_min, manipulability, condition, postures … 'beauty'"),
+        ((SIX_THREE, "--map", "beauty"), "--map … sigma_min, manipulability, condition… 'beauty'"),
         ((SIX_THREE, "--plane", "xz"), f'{SIX_THREE}: site "tip" … xy; … --plane … xz'),
         ((STANFORD, "--plane", "up"), "--plane … xy, xz, yz, rz … 'up'"),
-        ((STANFORD, "--through", "1,2"), "--through … 3 … x, y, z … 2: '1,2'"),
-        ((STANFORD, "--map", "postures"), "--map postures: 4 joints … rz; … two …"),
-        ((STANFORD, "--over", "theta_2"), "--over … two joints … theta_1,theta_2 … 'theta_2'"),
-        (
-            (STANFORD, "--over", "theta_2,theta_9"),
-            '--over: … joint "theta_9" … "theta_6"… theta_1, theta_2, d_3, theta_4, theta_5, theta_6',
-        ),
-        ((STANFORD, "--over", "d_3,d_3"), '--over … two … joints … "d_3" …'),
-        (
-            (STANFORD, "--over", "theta_2,theta_5", "--plane", "xz"),
-            "--over … --plane, --through, --worst and --map postures",
-        ),
-        ((STANFORD, "--plane", "xy", "--through", "0,0,9"), "… slice xy through (0, 0, 9); … --through"),
+        ((STANFORD, "--over", "theta_2"), "--over … two … joints … theta_1, theta_2, d_3… 'theta_2'"),
+        ((STANFORD, "--over", "theta_2,theta_9"), "--over … theta_6; … 'theta_2,theta_9'"),
+        ((STANFORD, "--over", "d_3,d_3"), "--over … two different joints … 'd_3,d_3'"),
+        ((STANFORD, "--over", "theta_2,theta_5", "--plane", "xz"), "--over … --plane and --worst"),
         ((STANFORD, "--q", "0", "--keyframe", "home"), "… --q or --keyframe …"),
         ((STANFORD, "--axes", "x,w"), '--axes: … "w" … x y z rx ry rz'),
     ],
@@ -161,11 +124,11 @@ def test_bad_input_is_one_line_and_leaves_nothing(workspace, tmp_path, arguments
 
 
 def test_ctrl_c_leaves_nothing_and_exits_130(workspace, tmp_path, monkeypatch):
-    from rmrc.analysis.workspace import search as module
+    from rmrc.analysis.workspace import slices
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "zero_curves", interrupted)
+    monkeypatch.setattr(slices, "zero_curves", interrupted)
     assert workspace(SIX_THREE, "--cells", "20") == (130, "", "rmrc: interrupted; nothing was written\n")
     assert not (tmp_path / "recordings").exists()

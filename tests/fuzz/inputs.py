@@ -110,7 +110,7 @@ VALUES = {
     "set_": ("control.feedback=1", "task.axes=[x]", "plant.kind=servo", "arm.start[9]=1", "control..feedback=1", "=", "a["),
     "vary": ("control.feedback=1,2", "plant.kind=ideal,servo", "control.feedback=", "x=1"), "only": ("control.feedback=20", "x=1", "="),
     "random": ("control.feedback=1..2", "x=1..2", ".."), "sobol": ("control.feedback=1..2", "control.feedback=2"),
-    "plane": ("xy", "rz"), "map_": ("sigma_min", "postures"), "delay": ("8ms", "6ms..12ms", ".."), "plant": PLANTS.names,
+    "plane": ("xy", "rz"), "map_": ("sigma_min", "condition"), "delay": ("8ms", "6ms..12ms", ".."), "plant": PLANTS.names,
     "samples": ("2", "1000", "0", "x"), "repeat": ("2", "0", "x"), "runs": ("10", "0", "x"), "perturbed": ("0", "1", "x"), "copies": ("1", "x"),
     "cells": ("10", "0", "x"), "accuracy": ("0.5", "0", "x"), "size": ("64x64", "0x0", "x", "-1x64"), "fps": ("5", "0", "x"),
     "columns": ("t=t", "q=q*", "="), "panels": ("rates", "status", ","), "speed": ("1", "0", "x"),

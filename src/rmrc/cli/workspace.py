@@ -1,9 +1,7 @@
 """The verb `workspace`: map an arm's reach, its singularities and its dexterity."""
 
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -26,17 +24,12 @@ from rmrc.cli.options import (
     read_arm,
 )
 from rmrc.cli.reports import show
-from rmrc.cli.texts import configuration, numbers, task_axes
+from rmrc.cli.texts import configuration, task_axes
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import quoted
 from rmrc.support.notices import READING
 
-if TYPE_CHECKING:
-    from rmrc.analysis.workspace.joint_map import JointMap
-    from rmrc.analysis.workspace.reach import Workspace
-    from rmrc.analysis.workspace.slices import Slice
-
-MAPS = ("sigma_min", "manipulability", "condition", "postures")
+MAPS = ("sigma_min", "manipulability", "condition")
 
 
 def _known(measure: str | None) -> str | None:
@@ -49,12 +42,9 @@ Plane = Annotated[
     str | None,
     typer.Option(
         metavar="xy|xz|yz|rz",
-        help="Plane of the slice; rz: distance from the first axis and height. Default: a planar arm's "
-        "plane, rz or xz.",
+        help="rz: distance from the first axis and height; others: the view along the third axis. Default: a "
+        "planar arm's plane, rz or xz.",
     ),
-]
-Through = Annotated[
-    str | None, typer.Option(metavar="X,Y,Z", help="A point of the plane [m]; default: the site.")
 ]
 Map = Annotated[
     str | None,
@@ -81,7 +71,7 @@ Cells = Annotated[int, typer.Option(help="Cells along the longer side.", min=10,
 Samples = Annotated[
     int,
     typer.Option(
-        help="Number of random configurations, used if the arm is redundant for a point of the slice.",
+        help="Number of random configurations, with and without limits.",
         min=1000,
     ),
 ]
@@ -100,7 +90,6 @@ def workspace(
     body: Body = None,
     package: Packages = None,
     plane: Plane = None,
-    through: Through = None,
     map_: Map = None,
     worst: Worst = False,
     over: Over = None,
@@ -119,54 +108,29 @@ def workspace(
     """Map the reach and the singularities of an arm; write NAME.workspace.png and .npz."""
     rows = task_axes(axes)
     with notice(READING):
-        from rmrc.analysis.workspace import joint_map, slices
-        from rmrc.analysis.workspace import workspace as slicing
-        from rmrc.analysis.workspace.files import save
-        from rmrc.analysis.workspace.report import report
+        from rmrc.analysis.workspace import workspace as mapping
+        from rmrc.analysis.workspace.report import report, save
         from rmrc.results.leaving import refuse_unwritable
 
         arm = read_arm(model, site, body, package)
-        slicing.compile_for(arm)
     name = f"{arm.path.stem}.{'workspace' if over is None else 'joints'}"
     files = [picture or out / f"{name}.png", out / f"{name}.npz"]
     arm, at = configuration(arm, q, keyframe)
     refuse_unwritable(files)
-    ask: Callable[..., Workspace | JointMap]
+    names, total = None if over is None else over.split(","), cells**2 if over else 2 * samples
+    if over is not None and (plane is not None or worst):
+        raise QuestionError("--over has no slice: leave out --plane and --worst")
     try:
-        if over is None:
-            point = None if through is None else numbers("--through", through, ("x", "y", "z"))
-            part = slices.choose_slice(arm, plane, at, point)
-            _refuse_to_count(part, map_)
-            what, total = "workspace", slicing.expected(part, cells, samples)
-            ask = partial(slicing.workspace, plane=plane, through=point, samples=samples, worst=worst)
-        else:
-            _refuse_slice(plane is not None or through is not None or worst or map_ == "postures")
-            what, total = over, (cells + 1) ** 2
-            ask = partial(joint_map.joint_map, over=over.split(","))
-        with progress(f"{arm.path.stem}: {what}", total, quiet or as_json) as on_samples:
-            found = ask(
-                arm, q=at, axes=rows, task_frame=task_frame, length=length, cells=cells, on_samples=on_samples
-            )
-        answer = report(found, map_)
+        with progress(f"{arm.path.stem}: {over or 'workspace'}", total, quiet or as_json) as on_samples:
+            space = mapping.workspace(
+                arm, plane, at, over=names, axes=rows, task_frame=task_frame, length=length, cells=cells,
+                samples=samples, worst=worst, on_samples=on_samples,
+            )  # fmt: skip
+        answer = report(space, map_)
         if answer.draw is not None:
             answer.draw(files[0])
-        save(found, files[1])
+        save(space, files[1])
     except KeyboardInterrupt:
         complain("interrupted; nothing was written")
         raise typer.Exit(EXIT_INTERRUPTED) from None
     show(answer, as_json, quiet, files)
-
-
-def _refuse_slice(is_asked: bool) -> None:
-    """Refuse options of a slice together with --over."""
-    if is_asked:
-        raise QuestionError("--over has no slice: leave out --plane, --through, --worst and --map postures")
-
-
-def _refuse_to_count(part: "Slice", measure: str | None) -> None:
-    """Refuse to count postures where they are infinitely many."""
-    if measure == "postures" and not part.is_surface:
-        raise QuestionError(
-            f"--map postures: {len(part.joints)} joints move the site in the slice {part.name}; postures "
-            "can be counted for two"
-        )

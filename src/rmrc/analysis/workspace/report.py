@@ -1,204 +1,262 @@
-"""The numbers of a workspace, as tables, as JSON and as a picture."""
+"""A workspace as a table and as JSON, as arrays in a file, and as a picture."""
 
+import json
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, Stroke
 
-from rmrc.analysis.workspace.joint_map import JointMap
-from rmrc.analysis.workspace.reach import MEASURES, Reach, Workspace
+from rmrc.analysis.workspace.slices import Map
+from rmrc.analysis.workspace.workspace import Workspace
+from rmrc.arm import Arm
+from rmrc.law.task import Array
+from rmrc.show import figures
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
+from rmrc.support.files import written_whole
 
-WORDS = {"sigma_min": "σ_min [1]", "manipulability": "manipulability w [1]", "condition": "condition κ [1]"}
-# Sources of the worst values of a workspace.
-SOURCES = {"singular": "singular curves", "limits": "limit curves", "cells": "cells"}
+# What a set has: its key in JSON, and its words in the table.
+WORDS = {
+    "area": "area of the slice [m²]",
+    "area_accuracy": "  off by at most [m²]",
+    "volume_if_first_joint_turns_fully": "volume, first joint turned fully [m³]",
+    "sigma_min": "σ_min [1], in cells",
+    "manipulability": "manipulability w [1], in cells",
+    "condition": "condition κ [1], in cells",
+    "singular_curves": "singular curves",
+    "singular_samples": "singular samples",
+}
+# Color and marker of each factor of a determinant; singularities of no known family are black.
+FAMILIES = {
+    "shoulder": ("#e06c00", "o"), "elbow": ("#8c1d40", ""), "wrist": ("#5b2fd0", "D"),
+    "boom": ("#00809c", "s"), "pivot": ("#8c1d40", ""), "singular": ("black", ""),
+}  # fmt: skip
+BLUE = "#1f4e9c"
+# Where along the curve of a limit its words stand: apart for the limits of two joints.
+SHARES = (0.3, 0.7, 0.4, 0.6)
+WIDTH = 7.2  # width of the picture [in]
+# Curves must be visible on maps and on gray.
+CASING = [Stroke(linewidth=4.2, foreground="white"), Normal()]
 
 
-def report(found: Workspace | JointMap, measure: str | None = None) -> Report:
+def report(space: Workspace, measure: str | None = None) -> Report:
     """Return the report of a workspace, or of a map over two joints.
 
-    The JSON of a workspace has slice and cells. For both reachable sets it has area (and volume, for a slice
-    about an axis) with their errors, extents with their accuracy, the extremes of σ_min, w and κ, and in
-    `worst_from` the source of the worse ones: `singular` curves, those of `limits`, or the middles of
-    `cells`, from which the better ones always come; and counts of singular configurations, in all and per
-    family. For samples an extent is reached to its accuracy, but is only the largest that was found:
-    `extent_is_at_least`. Over two joints the extremes are searched between the positions of the map, to 1e-9
-    and less; an infinite κ is null.
+    The JSON has the question, and for each reachable set its area (and volume, for a slice about an axis)
+    with its accuracy, the largest extents that were reached, the smallest and the largest σ_min, w and κ of
+    the cells, and the number of singular curves, or of singular samples, by factor. Over two joints a curve
+    det J = 0 makes the smallest σ_min and w 0, and κ infinite, which is null.
 
     Args:
-        found: The result of `workspace` or `joint_map`.
-        measure: The color map of the picture: `sigma_min`, `manipulability`, `condition`, or for a slice
-            `postures`; None: none, or over two joints `sigma_min`.
+        space: The answer of `workspace`.
+        measure: The color map of the picture: `sigma_min`, `manipulability` or `condition`; None: none, or
+            over two joints `sigma_min`.
 
     Example:
         >>> from rmrc.analysis.workspace.workspace import workspace
         >>> shown = report(workspace("models/planar_2link.xml", cells=20))
-        >>> shown.sheets[0].rows[0][0], shown.json["without_limits"]["x"]
-        ('area of the slice [m²]', [-2.0, 2.0])
+        >>> shown.sheets[0].rows[0], shown.json["with_limits"]["y"]
+        (('x [m]', '-2.000 to 2.000', '-1.985 to 2.000'), [-2.0, 2.0])
     """
-    if isinstance(found, JointMap):
-        values = plain(_joint_values(found))
-        return Report([_joint_table(values)], values, partial(_draw, found, measure))
-    values = plain(_values(found))
-    return Report([_table(values)], values, partial(_draw, found, measure))
-
-
-def _draw(found: Workspace | JointMap, measure: str | None, path: Path) -> None:
-    from rmrc.analysis.workspace.figure import draw
-
-    draw(found, path, measure)
-
-
-# JSON -------------------------------------------------------------------------------------------
-
-
-def _values(found: Workspace) -> dict[str, Any]:
-    arm, part = found.task.arm, found.part
-    return {
-        "model": arm.path.name, "site": arm.site, "joints": arm.joints, "slice": part.name,
-        "labels": part.labels, "origin": part.origin, "axes": found.task.axes,
-        "task_frame": found.task.frame, "length": found.task.length,
-        "method": "sheet" if part.is_surface else "samples",
-        "posture": "worst" if found.worst else "best", "configurations": found.samples,
-        "cell": found.free.size, "cells": found.free.reached.shape,
-        "without_limits": _reach_values(found, found.free),
-        "with_limits": _reach_values(found, found.limited),
-        "singular": {
-            "curves": len(found.singular) if part.is_surface else None,
-            "configurations": sum(len(curve.q) for curve in found.singular),
-            "within_limits": sum(int(curve.within.sum()) for curve in found.singular),
-            "families": _family_values(found),
-        },
-        "limit_curves": [curve.label for curve in found.limits],
-    }  # fmt: skip
-
-
-def _family_values(found: Workspace) -> list[dict[str, Any]]:
-    """Return the families of singularities that were found, each with its counts."""
-    values = []
-    for i, rule in enumerate(found.families):
-        own = [curve.within[curve.family == i] for curve in found.singular]
-        values.append(
-            {
-                "name": rule.name, "family": rule.family, "where": rule.where,
-                "configurations": sum(map(len, own)), "within_limits": sum(int(some.sum()) for some in own),
-            }
-        )  # fmt: skip
-    return values
-
-
-def _reach_values(found: Workspace, reach: Reach) -> dict[str, Any]:
-    values: dict[str, Any] = {"area": reach.area, "area_accuracy": reach.accuracy}
-    if found.part.is_round:
-        values["volume_if_first_joint_turns_fully"] = found.volume(reach)
-    for label, extent in zip(found.part.labels, reach.extents or (None, None), strict=True):
-        values[label] = None if extent is None else [extent.low, extent.high]
-    accuracy = max((extent.accuracy for extent in reach.extents), default=None)
-    values |= {"extent_accuracy": accuracy, "extent_is_at_least": not found.part.is_surface}
-    values |= {measure: reach.ends.get(measure) for measure in MEASURES}
-    values["worst_from"] = {measure: reach.source[measure] for measure in MEASURES if measure in reach.source}
-    values["postures"] = np.unique(reach.postures[reach.postures > 0]).tolist() or None
-    return values
-
-
-def _joint_values(found: JointMap) -> dict[str, Any]:
-    arm = found.task.arm
-    return {
-        "model": arm.path.name, "site": arm.site, "over": [arm.joints[joint] for joint in found.joints],
-        "q": found.q, "axes": found.task.axes, "task_frame": found.task.frame, "length": found.task.length,
-        "cells": [len(found.first) - 1, len(found.second) - 1],
-        "configurations": found.values["sigma_min"].size,
-        # det J has as many rows as joints
-        "singular_curves": len(found.singular) if len(found.task.rows) == arm.n else None,
-        "families": [
-            {"name": rule.name, "family": rule.family, "where": rule.where, "curves": found.family.count(i)}
-            for i, rule in enumerate(found.families)
-        ],
-        **{measure: found.ends[measure] for measure in MEASURES},
-    }  # fmt: skip
-
-
-# Tables -----------------------------------------------------------------------------------------
-
-
-def _table(values: dict[str, Any]) -> Sheet:
-    both = [values["without_limits"], values["with_limits"]]
-    rows: list[tuple[str, ...]] = [
-        ("area of the slice [m²]", *(number(one["area"]) for one in both)),
-        ("  off by at most [m²]", *(_accuracy(values, one) for one in both)),
+    facts, names = _facts(space), list(_sets(space))
+    words = {label: f"{label} [m]" for label in facts["labels"]} | WORDS
+    rows = [
+        (word, *(_text(facts[name].get(key)) for name in names))
+        for key, word in words.items()
+        if key in facts[names[0]]
     ]
-    if "volume_if_first_joint_turns_fully" in both[0]:
-        rows.append(
-            (
-                "volume, first joint turned fully [m³]",
-                *(number(one["volume_if_first_joint_turns_fully"]) for one in both),
-            )
+    title = f"{facts['model']}, site {facts['site']}, {facts['map']}, rows {' '.join(space.task.axes)}"
+    headings = ("", *(name.replace("_", " ") for name in names))
+    notes = [f"{rule['name']}, {rule['family']}: {rule['where']}" for rule in facts["families"]]
+    return Report(
+        [Sheet(title, headings, rows, notes=tuple(notes))],
+        plain(facts),
+        partial(draw, space, measure=measure),
+    )
+
+
+def save(space: Workspace, path: Path) -> None:
+    """Write all results as arrays, atomically, into an `.npz` file; `about` is the JSON of the report."""
+    arrays: dict[str, Any] = {"home": space.home, "about": json.dumps(plain(_facts(space)))}
+    arrays |= dict(zip("ab", space.limited.edges, strict=True))
+    for name, some in _sets(space).items():
+        values = {"share": some.share, "q": some.q} | some.values
+        arrays |= {f"{name}_{key}": value for key, value in values.items()}
+    curves = [*space.singular, *space.limits]
+    arrays["curve"] = np.repeat([curve.name for curve in curves] or [""], [len(c.q) for c in curves] or [0])
+    for key in ("q", "points", "within"):
+        arrays[f"curve_{key}"] = np.concatenate([getattr(curve, key) for curve in curves] or [np.empty(0)])
+    with written_whole(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def _sets(space: Workspace) -> dict[str, Map]:
+    if space.part is None:
+        return {"over_joints": space.limited}
+    return {"without_limits": space.free, "with_limits": space.limited}
+
+
+def _facts(space: Workspace) -> dict[str, Any]:
+    """Return the JSON of a workspace, with numbers and arrays of numpy."""
+    task, part, arm = space.task, space.part, space.task.arm
+    names = tuple(arm.joints[joint] for joint in space.over)
+    name = f"slice {part.name}" if part else f"over {' and '.join(names)}"
+    families = [{"name": rule.name, "family": rule.family, "where": rule.where} for rule in space.families]
+    about = {
+        "model": arm.path.name, "site": arm.site, "joints": arm.joints, "q": space.home, "axes": task.axes,
+        "task_frame": task.frame, "length": task.length, "map": name,
+        "labels": part.labels if part else names, "cells": space.limited.count.shape,
+        "posture": "worst" if space.limited.worst else "best", "families": families,
+    }  # fmt: skip
+    return about | {name: _set_facts(space, some) for name, some in _sets(space).items()}
+
+
+def _set_facts(space: Workspace, some: Map) -> dict[str, Any]:
+    part, facts, counts = some.part, dict[str, Any](), dict[str, int]()
+    for curve in space.singular:
+        inside = curve.within | (some is space.free)
+        counts[curve.name] = counts.get(curve.name, 0) + int(
+            inside.any() if space.has_lines else inside.sum()
         )
-    rows += [(f"{label} [m]", *(_range(one[label]) for one in both)) for label in values["labels"]]
-    rows.append(("  off by at most [m]", *(_extent_accuracy(one) for one in both)))
-    rows += [
-        (f"{word}, {values['posture']} posture", *(_range(one[key]) for one in both))
-        for key, word in WORDS.items()
-    ]
-    rows.append(("  worse end from", *(_source(one) for one in both)))
-    rows.append(("  better end from cells of [m]", *([number(values["cell"])] * 2)))
-    rows.append(("postures that reach a point", *(_counts(one["postures"]) for one in both)))
-    singular = values["singular"]
-    rows.append(
-        ("singular configurations found", str(singular["configurations"]), str(singular["within_limits"]))
+    ends = {key: [np.nanmin(value), np.nanmax(value)] for key, value in some.values.items()}
+    if part is None and space.singular:
+        ends["sigma_min"][0] = ends["manipulability"][0] = 0.0
+        ends["condition"][1] = np.inf
+    if part and some.extents is not None:
+        facts = dict(zip(part.labels, some.extents.round(9) + 0.0, strict=True))
+        facts |= {"area": some.area, "area_accuracy": some.accuracy}
+    if part and part.is_round:
+        facts["volume_if_first_joint_turns_fully"] = some.volume
+    is_square = part is not None or len(space.task.rows) == space.task.arm.n
+    return (
+        facts
+        | ends
+        | {"singular_curves" if space.has_lines else "singular_samples": counts if is_square else None}
     )
-    rows += [
-        (f"  {_called(one)}", str(one["configurations"]), str(one["within_limits"]))
-        for one in singular["families"]
-    ]
-    title = (
-        f"{values['model']}, site {values['site']}, slice {values['slice']}, rows {' '.join(values['axes'])}"
+
+
+def _text(value: Any) -> str:
+    """Return a number, ends, or counts by name as a cell of a table."""
+    if value is None:
+        return UNDEFINED
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {count}".removeprefix("singular ") for name, count in value.items()) or "0"
+    return number(value) if isinstance(value, float) else " to ".join(map(number, value))
+
+
+def draw(space: Workspace, path: Path, measure: str | None = None) -> None:
+    """Draw a slice of a workspace, or a map over two joints.
+
+    Args:
+        space: What to draw.
+        path: File to write atomically, in the format of the suffix: `.png`, `.svg` or `.pdf`.
+        measure: As in `report`.
+    """
+    with figures.lettering():
+        figures.save(picture(space, measure), [path])
+
+
+def picture(space: Workspace, measure: str | None = None) -> Figure:
+    """Return the picture of a workspace; see `draw`."""
+    arm, part, measure = space.task.arm, space.part, measure or ("" if space.part else "sigma_min")
+    scale = np.array([1.0 if arm.is_slide[joint] else np.degrees(1.0) for joint in space.over] or [1.0, 1.0])
+    labels = [f"{figures.plain(arm.joints[i])} [{'m' if arm.is_slide[i] else '°'}]" for i in space.over]
+    a, b = (edges * factor for edges, factor in zip(space.limited.edges, scale, strict=True))
+    # The axes are narrower than the picture by labels, and by a colorbar.
+    width = WIDTH - (2.3 if measure else 1.0)
+    high = float(np.clip(width * (b[-1] - b[0]) / (a[-1] - a[0]), 2.0, 7.5)) if part else width
+    figure = figures.sheet(WIDTH, high + 1.9)
+    axes, patches = figure.add_subplot(aspect="equal" if part else "auto"), list[Patch]()
+    if part:
+        axis = f"distance from the axis of {figures.plain(arm.joints[part.movers[0]])}, " * part.is_round
+        labels = [f"{axis}${part.labels[0]}$ [m]", f"${part.labels[1]}$ [m]"]
+        patches.append(_region(axes, space.free, "0.88", "....", "reached without joint limits"))
+    if measure:
+        _colored(figure, axes, a, b, space.limited, measure)
+    else:
+        patches.append(_region(axes, space.limited, "0.7", "////", "reached within the limits"))
+    _singular(axes, space, scale)
+    for share, curve in zip(SHARES, space.limits, strict=False):
+        at, joint = curve.points[int(share * len(curve.q))], arm.joints.index(curve.name.rpartition(" ")[0])
+        value = (
+            f"{curve.q[0, joint]:.3g} m" if arm.is_slide[joint] else f"{np.degrees(curve.q[0, joint]):.4g}°"
+        )
+        axes.plot(*curve.points.T, "k", linewidth=1.2, label="a joint at its limit")
+        box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
+        text = f"{figures.plain(arm.joints[joint])} = {value}".replace("-", "−")
+        axes.annotate(text, (at[0], at[1]), fontsize=8, ha="center", va="center", zorder=7, bbox=box)
+    links = part.coordinates(_links(arm, space.home)) if part else space.home[None, space.over] * scale
+    style: dict[str, Any] = {"linewidth": 3.5, "marker": "o", "markersize": 7.0, "markerfacecolor": "white"}
+    axes.plot(*links.T, color=BLUE, zorder=5, label="the arm", **style)
+    axes.plot(*links[-1], "*", markersize=14.0, color=BLUE, markeredgecolor="white", zorder=6)
+    axes.set(xlabel=labels[0], ylabel=labels[1], xlim=a[[0, -1]], ylim=b[[0, -1]])
+    rows = "workspace" if part else f"rows {' '.join(space.task.axes)}"
+    figures.entitle(figure, figures.plain(f"{arm.path.stem}: {rows} of {arm.site}"))
+    handles = {handle.get_label(): handle for handle in [*patches, *axes.get_legend_handles_labels()[0]]}
+    figures.explain(
+        figure, handles=[*handles.values()], loc="outside lower center", ncols=2, handlelength=3.5
     )
-    return Sheet(title, ("", "without limits", "with limits"), rows)
+    return figure
 
 
-def _joint_table(values: dict[str, Any]) -> Sheet:
-    over, counted = " and ".join(values["over"]), " ".join(values["axes"])
-    title = f"{values['model']}, site {values['site']}, over {over}, rows {counted}"
-    rows = [(word, _range(values[key])) for key, word in WORDS.items()]
-    rows.append(("  searched between steps of a grid", " x ".join(map(str, values["cells"]))))
-    rows.append(("curves of det J = 0", _count(values["singular_curves"])))
-    rows += [(f"  {_called(one)}: {one['where']}", str(one["curves"])) for one in values["families"]]
-    return Sheet(title, ("", "from least to most"), rows)
+def _region(axes: Axes, some: Map, color: str, hatch: str, label: str) -> Patch:
+    """Fill the reached cells, up to the middle of those at the edge."""
+    (a, b), share = some.centers, some.share
+    if some.part and some.part.is_round:  # it begins on the axis, not in the middle of its first cells
+        a, share = np.insert(a, 0, 0.0), np.vstack([share[:1], share])
+    filled = axes.contourf(a, b, share.T, levels=[0.49, 1.5], colors=[color], hatches=[hatch])
+    filled.set(edgecolor="0.5", linewidth=0.0)
+    return Patch(facecolor=color, edgecolor="0.5", hatch=hatch, label=label)
 
 
-def _called(one: dict[str, Any]) -> str:
-    """Return the name of a family of singularities and its kind."""
-    return f"{one['name']}{', ' * bool(one['family'])}{one['family']}"
+def _singular(axes: Axes, space: Workspace, scale: Array) -> None:
+    """Draw singular curves: bold within the limits, dashed beyond; or samples: points, and crosses beyond."""
+    labels = {rule.name: f"singular: {rule.name}, {rule.family}" for rule in space.families}
+    for within, more in ((False, ", beyond the limits"), (True, "")):
+        for curve in space.singular:
+            color, marker = FAMILIES.get(curve.name, FAMILIES["singular"])
+            shown: Any = curve.within == within
+            style: dict[str, Any] = {"linestyle": "", "marker": "." if within else "x", "markersize": 3.0}
+            if space.has_lines:
+                shown = shown | ((not within) & (np.roll(shown, 1) | np.roll(shown, -1)))  # up to the limit
+                style = {"marker": marker, "markevery": 0.12, "markersize": 5.0, "markerfacecolor": "white"}
+                style |= (
+                    {"linewidth": 2.8, "path_effects": CASING}
+                    if within
+                    else {"linewidth": 1.4, "dashes": (7, 4)}
+                )
+            if shown.any():
+                points = np.where(shown[:, None], curve.points * scale, np.nan)
+                (line,) = axes.plot(*points.T, color=color, zorder=4, **style)
+                line.set_label(labels.get(curve.name, "singular") + more)
 
 
-def _count(count: int | None) -> str:
-    return UNDEFINED if count is None else str(count)
+def _colored(figure: Figure, axes: Axes, a: Array, b: Array, some: Map, measure: str) -> None:
+    """Draw a map with contours and its colorbar."""
+    values, most = some.values[measure], np.nanmax(some.values[measure])
+    norm, colors, levels = Normalize(0.0, most), "viridis", most * np.array([0.1, 0.25, 0.5, 0.75, 0.9])
+    if measure == "condition":  # larger ones are drawn alike
+        norm, colors, levels = LogNorm(1.0, 100.0), "viridis_r", np.array([2.0, 5.0, 10.0, 20.0, 50.0])
+    mesh = axes.pcolormesh(a, b, values.T, norm=norm, cmap=colors, rasterized=True, zorder=1.5)
+    posture = f", {'worst' if some.worst else 'best'} posture" if some.part else ""
+    scale = figure.colorbar(
+        mesh, ax=axes, label=WORDS[measure].removesuffix(", in cells") + posture, shrink=0.85
+    )
+    centers = [0.5 * (edges[1:] + edges[:-1]) for edges in (a, b)]
+    scale.add_lines(axes.contour(*centers, values.T, levels=levels, colors="white", linewidths=1.0, zorder=2))
 
 
-def _accuracy(values: dict[str, Any], one: dict[str, Any]) -> str:
-    # Samples find cells, and may miss some.
-    return number(one["area_accuracy"]) + (" or more" if values["method"] == "samples" else "")
-
-
-def _extent_accuracy(one: dict[str, Any]) -> str:
-    if one["extent_accuracy"] is None:
-        return UNDEFINED
-    return number(one["extent_accuracy"]) + (" or more" if one["extent_is_at_least"] else "")
-
-
-def _source(one: dict[str, Any]) -> str:
-    found = {SOURCES[source] for source in one["worst_from"].values()}
-    return ", ".join(sorted(found)) or UNDEFINED
-
-
-def _range(ends: list[float | None] | None) -> str:
-    if ends is None:
-        return UNDEFINED
-    return " to ".join("inf" if end is None else number(end) for end in ends)
-
-
-def _counts(counts: list[int] | None) -> str:
-    return UNDEFINED if counts is None else ", ".join(map(str, counts))
+def _links(arm: Arm, q: Array) -> Array:
+    """Return the origins of the bodies along the arm from the world to the site, (k, 3)."""
+    poses, _ = arm.frames(arm.configuration(q)[None])
+    chain, body = [arm.pose(q)[:3]], int(arm.wiring.body)
+    while body > 0:
+        chain.insert(0, poses[0, body, :3])
+        body = int(arm.model.body_parentid[body])
+    return np.array(chain)
