@@ -21,7 +21,7 @@ SAYS = {
         "cannot turn about",
         r"\[ 90. -90.\]",
         r"\[15.403  5.403\]",
-        "6[34] of 22[56] m²",
+        "6[2-5] of 22[4-8] m²",
     ],
     "log_an_arm": [r"^t,q_shoulder,q_elbow,qdot_cmd_shoulder,qdot_cmd_elbow\n0.000,"],
     "own_loop": [r"5213 ticks, the bits of `rmrc run`: True", "least singular value: 0.0018"],

@@ -151,8 +151,10 @@ def test_what_a_verb_that_is_interrupted_elsewhere_exits_with(rmrc, monkeypatch,
         signal.raise_signal(number)
 
     monkeypatch.setattr("rmrc.study.run.Job.compile", interrupted)
-    assert rmrc("run", "hard.yaml") == (code, "", "rmrc: interrupted before the first tick\n")
-    monkeypatch.setattr("rmrc.scenario.load", interrupted)
+    *ended, err = rmrc("run", "hard.yaml")
+    # its period of a second is warned of before
+    assert (*ended, err.splitlines()[-1]) == (code, "", "rmrc: interrupted before the first tick")
+    monkeypatch.setattr("rmrc.study.run.draft_of", interrupted)
     assert rmrc("run", "hard.yaml") == (code, "", "rmrc: interrupted\n")
 
 

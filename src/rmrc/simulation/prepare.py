@@ -162,7 +162,8 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     task = prepare_task(scenario, arm, cache, problems)
     law, by_arm = prepare_law(scenario, task, q, problems)
     reach = cache.get(("reach", arm), lambda: reach_of(arm))
-    doubt(scenario, cache.get(("bounds", arm), lambda: bounds_of(arm, reach)))
+    # variants, which a search may draw, need no second word
+    cache.get(("doubts",), lambda: doubt(scenario, bounds_of(arm, reach)))
     scenario = scenario.fitted(task.length, law.control)
     reference = prepare_reference(scenario, arm, q, reach, cache)
     held = arm.held(scenario.arm.start, qpos, own=PLANTS[scenario.plant.kind].own)
