@@ -486,6 +486,13 @@ class Arm:
         mujoco.mj_fwdVelocity(self.model, data)
         return (data.qfrc_bias - data.qfrc_gravcomp) @ self.motion, -data.qfrc_spring @ self.motion
 
+    @property
+    def weights(self) -> Array:
+        """Weight of each body of the model, less what it compensates itself, (nbody, 3) [N]."""
+        model, is_off = self.model, self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+        carried = model.body_mass * (0.0 if is_off else 1.0 - model.body_gravcomp)
+        return np.outer(carried, model.opt.gravity)
+
     @cached_property
     def inertia(self) -> Array:
         """Inertia that each joint alone moves at `home`, (n,) [kg·m² or kg]: the diagonal of M."""
