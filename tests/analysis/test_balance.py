@@ -422,16 +422,6 @@ def test_an_arm_waits_for_what_it_carries(made):
     assert not swings["agrees"] and "hold it for longer" in swings["verdict"]
 
 
-def test_what_does_not_fit_is_refused():
-    arm = shipped("planar_2link")
-    with pytest.raises(QuestionError) as caught:
-        balance(arm, [0, 0], [1, 2, 3])
-    assert str(caught.value) == says("… wrench … 6 … [f; n] … (3,)")
-    with pytest.raises(QuestionError) as caught:
-        balance(arm, [0], np.zeros(6))
-    assert str(caught.value) == says("q … 2 … joint … (1,)")
-
-
 @pytest.mark.parametrize(
     ("name", "here", "there"), [("stanford", "tool", "wrist"), ("puma560", "wrist", "tool")]
 )

@@ -18,7 +18,7 @@ from rmrc.arm.wiring import SLIDE
 from rmrc.law.task import RANK_TOLERANCE, SAMPLES, Task, choose
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.spatial import AXES, quat_from_axis_angle, quat_to_matrix, twist_transform, wrench_transform
-from rmrc.textbook.screws import exp_screw, joint_screw
+from rmrc.textbook.screws import joint_screw, product_of_exponentials
 from rmrc.textbook.statics import joint_torques
 
 Array = NDArray[np.float64]
@@ -94,15 +94,8 @@ def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) ->
         q: Joint positions, (n,) [rad or m].
         wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
         gravity: Whether the actuators support the arm's weight; otherwise it is compensated.
-
-    Raises:
-        QuestionError: The wrench has not 6 values, or q not n.
     """
     q, wrench = np.asarray(q, dtype=np.float64), np.asarray(wrench, dtype=np.float64)
-    if wrench.shape != (6,):
-        raise QuestionError(f"a wrench must have 6 values [f; n], got shape {wrench.shape}")
-    if q.shape != (arm.n,):
-        raise QuestionError(f"q must have {arm.n} values, one for each joint, got shape {q.shape}")
     J, frames, (weight, springs) = arm.jacobian(q), link_frames(arm, q), arm.rest_torques(q)
     equivalent, weight = joint_torques(J, wrench), weight * gravity
     levers, acts = (np.linalg.norm(each.reshape(2, 3, -1), axis=1) for each in (J, wrench))
@@ -166,15 +159,12 @@ def link_frames(arm: Arm, q: ArrayLike) -> Array:
     x, y, z = chain.axis.T
     across = np.hypot(x, y)
     normal = np.where(across > 0.0, [-y, x, np.zeros_like(z)], [[1.0], [0.0], [0.0]]).T
-    frames = np.tile(np.eye(4), (len(z), 1, 1))
-    frames[:, :3, :3] = quat_to_matrix(quat_from_axis_angle(normal, np.arctan2(across, z)))
-    frames[:, :3, 3] = np.cumsum(chain.step, axis=0)
-    moved = np.eye(4)
-    screws = joint_screw(chain.axis, frames[:, :3, 3], chain.pitch)
-    for i, motion in enumerate(exp_screw(screws, chain.positions(q))):
-        moved = moved @ motion
-        frames[i] = moved @ frames[i]
-    return frames
+    at_zero = np.tile(np.eye(4), (len(z), 1, 1))
+    at_zero[:, :3, :3] = quat_to_matrix(quat_from_axis_angle(normal, np.arctan2(across, z)))
+    at_zero[:, :3, 3] = np.cumsum(chain.step, axis=0)
+    screws, moved = joint_screw(chain.axis, at_zero[:, :3, 3], chain.pitch), chain.positions(q)
+    frames = (product_of_exponentials(screws[: i + 1], moved[: i + 1], T) for i, T in enumerate(at_zero))
+    return np.array(list(frames))
 
 
 def elsewhere(arm: Arm, q: ArrayLike, wrench: ArrayLike, site: str) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,13 +13,11 @@ from rmrc.show.report import Report, plain
 from rmrc.show.sheets import Sheet, number
 
 TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
-LINK = ("joint", "frame", "reaction", "reaction_world", "drive", "structure")
 # Headings of columns of words.
 WORDS = {"", "costs"}
 PLURALS = {"wrench": "wrenches", "force": "forces alone", "moment": "moments alone"}
 
 Values: TypeAlias = Mapping[str, Any]
-Row: TypeAlias = Sequence[str | float]
 
 
 def report(found: Statics) -> Report:
@@ -32,8 +31,8 @@ def report(found: Statics) -> Report:
         at                      the wrench at another site, or null: see `balance.elsewhere`
         torque                  of each actuator: unit; equivalent, equilibrium, gravity, springs, and in_all;
                                 limit and margin; exceeded, the joints beyond it: see `balance.Balance`
-        links                   of each axis: joint, frame; reaction, reaction_world; drive, the component
-                                along the axis, and structure, the rest: see `balance.Balance`
+        links                   of each axis: joint, unit, frame; reaction, reaction_world; drive, the
+                                component along the axis, and structure, the rest: see `balance.Balance`
         disagreement            largest difference between the torques by −Jᵀ F and link by link
         length, costs           characteristic length; wrenches by their torques: see `balance.wrench_costs`
         held                    how it was held in the physics, or null: see `statics.hold_wrench`
@@ -49,10 +48,6 @@ def report(found: Statics) -> Report:
     """
     balance, held = found.balance, found.held
     arm = balance.arm
-    links = zip(
-        arm.axis_names, balance.frames, balance.reaction, balance.reaction_world, balance.driven,
-        balance.structure, strict=True,
-    )  # fmt: skip
     values = {
         "model": str(arm.path), "site": arm.site, "joints": arm.joints, "q": balance.q,
         "wrench_on_arm": balance.wrench, "bears_weight": balance.bears_weight, "at": found.elsewhere,
@@ -62,34 +57,39 @@ def report(found: Statics) -> Report:
             "springs": balance.springs, "in_all": balance.torque, "limit": arm.torque_limit,
             "margin": balance.margin, "exceeded": balance.exceeded,
         },
-        "links": [dict(zip(LINK, link, strict=True)) for link in links],
+        "links": [
+            {"joint": joint, "unit": "N" if np.isinf(arm.chain.pitch[j]) else "N·m",
+             "frame": balance.frames[j], "reaction": balance.reaction[j],
+             "reaction_world": balance.reaction_world[j], "drive": balance.driven[j],
+             "structure": balance.structure[j]}
+            for j, joint in enumerate(arm.axis_names)
+        ],
         "disagreement": balance.disagreement, "length": found.length, "costs": found.costs,
         "held": held and {key: value for key, value in held.items() if key != "run"},
     }  # fmt: skip
-    place = ", ".join(f"{name} {number(q)}" for name, q in zip(arm.joints, balance.q, strict=True))
-    title = f"{arm.path.name}: site {arm.site} at {_vector(arm.pose(balance.q)[:3])} m; {place}"
-    force, moment = map(_vector, balance.wrench.reshape(2, 3))
-    acts = f"The wrench acts on the arm: force {force} N, moment {moment} N·m, world axes."
-    bears = "The actuators also support the arm's weight."
-    weight = bears if balance.bears_weight else "The arm's weight is compensated."
-    sheets = [
-        Sheet(title, notes=(acts, weight)),
-        *_elsewhere(values),
-        _actuators(values),
-        *_links(values, np.isinf(arm.chain.pitch)),
-        _costs(values),
-        *_held(values),
-    ]
+    site = _vector(arm.pose(balance.q)[:3])
+    sheets = [_place(values, site), *_elsewhere(values), _actuators(values), *_links(values), _costs(values)]
+    sheets += [_held(values)] if held else []
     sheets[-1] = replace(sheets[-1], is_spaced=False)
     problem = f"error: {held['run'].divergence}" if held and held["run"].divergence else ""
     return Report(sheets, plain(values), met=held is None or held["agrees"], problem=problem)
 
 
-def _sheet(title: str, headings: Sequence[str], rows: Iterable[Row], *notes: str) -> Sheet:
+def _sheet(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any]], *notes: str) -> Sheet:
     """Return a table of rows of names, numbers and words."""
     cells = [tuple(cell if isinstance(cell, str) else number(cell) for cell in row) for row in rows]
     words = frozenset({0} | {i for i, heading in enumerate(headings) if heading in WORDS})
     return Sheet(title, tuple(headings), cells, words, notes=notes)
+
+
+def _place(values: Values, site: str) -> Sheet:
+    place = ", ".join(f"{name} {number(q)}" for name, q in zip(values["joints"], values["q"], strict=True))
+    force, moment = map(_vector, values["wrench_on_arm"].reshape(2, 3))
+    acts = f"The wrench acts on the arm: force {force} N, moment {moment} N·m, world axes."
+    compensated = "The arm's weight is compensated."
+    weight = "The actuators also support the arm's weight." if values["bears_weight"] else compensated
+    title = f"{Path(values['model']).name}: site {values['site']} at {site} m; {place}"
+    return Sheet(title, notes=(acts, weight))
 
 
 def _elsewhere(values: Values) -> Iterator[Sheet]:
@@ -125,7 +125,7 @@ def _actuators(values: Values) -> Sheet:
     )  # fmt: skip
 
 
-def _links(values: Values, slides: Iterable[bool]) -> Iterator[Sheet]:
+def _links(values: Values) -> Iterator[Sheet]:
     links = values["links"]
     contents = "Of the wrench and of the weight." if values["bears_weight"] else "Of the wrench alone."
     headings = ("joint", *(f"{name} [{'N' if i < 3 else 'N·m'}]" for i, name in enumerate(WRENCH)))
@@ -133,13 +133,15 @@ def _links(values: Values, slides: Iterable[bool]) -> Iterator[Sheet]:
     for key, axes in (("reaction", "its own axes, z along the joint"), ("reaction_world", "world axes")):
         yield _sheet(f"{title} {axes}", headings, [(each["joint"], *each[key]) for each in links], contents)
     rows = []
-    for each, is_slide in zip(links, slides, strict=True):
+    for each in links:
         fx, fy, fz, nx, ny, nz = each["structure"]
-        name = f"{each['joint']} [{'N' if is_slide else 'N·m'}]"
+        name = f"{each['joint']} [{each['unit']}]"
         rows.append((name, each["drive"], fz, np.hypot(fx, fy), nz, np.hypot(nx, ny)))
     title = "The actuator carries one component of the load, bearings and links the rest"
     headings = ("joint", "actuator", "thrust [N]", "radial force [N]", "moment about [N·m]", "bending [N·m]")
     agree = f"Link by link and by −Jᵀ F the actuator torques agree to {number(values['disagreement'])}."
+    if values["torque"]["springs"].any():
+        contents += " Springs of joints give a part of the actuators' component."
     yield _sheet(title, headings, rows, f"{contents} {agree}")
 
 
@@ -159,18 +161,17 @@ def _costs(values: Values) -> Sheet:
     return _sheet(title, ("of all", "", "torque σ", "1/σ", "costs"), rows, *notes)
 
 
-def _held(values: Values) -> Iterator[Sheet]:
-    if (held := values["held"]) is None:
-        return
+def _held(values: Values) -> Sheet:
+    held = values["held"]
     allowed = held["allowed"] if held["still"] else np.full(len(held["allowed"]), np.nan)
     limits = ["at its limit" if is_there else "" for is_there in held["at_limit"]]
     columns = held["statics"], held["where_it_rests"], held["measured"], held["difference"], allowed
     rows = zip(_with_units(values), *columns, limits, strict=True)
     headings = ("actuator", "statics", "where it rests", "measured", "difference", "allowed", "")
-    way, turn = map(float, np.linalg.norm(held["drift"].reshape(2, 3), axis=1))
+    way, turn = np.linalg.norm(held["drift"].reshape(2, 3), axis=1)
     off = f"{number(1e3 * way)} mm and {number(np.degrees(turn))} deg from its target"
     where = f"After {number(held['seconds'])} s the site is {off}."
-    yield _sheet("Held in the physics", headings, rows, where, held["verdict"])
+    return _sheet("Held in the physics", headings, rows, where, held["verdict"])
 
 
 def _with_units(values: Values) -> list[str]:
