@@ -253,6 +253,22 @@ def test_springs_and_gravity_that_the_model_compensates_itself(made):
     assert_allclose(floating.torque, borne.springs)
 
 
+def test_a_weight_that_the_actuators_compensate_themselves_is_borne_by_them(made):
+    """As controllers of robots do it; where the model compensates it apart, neither drive nor link bears it."""
+    path = ROOT / "tests/models/drives/compensated.xml"
+    text, q = path.read_text(), [0.3, 0.4]
+    everywhere = text.replace('name="elbow"', 'name="elbow" actuatorgravcomp="true"')
+    check(balance(made(everywhere), q, [1, 2, 3, 0.4, 0.5, 0.6], gravity=True))
+    # the shoulder's actuator bears 1 + 0.6 kg; half of the forearm is compensated apart from the elbow's
+    borne = balance(arms.load(path), q, np.zeros(6), gravity=True)
+    lever = np.cos(q[0]) * np.array([0.2, 0.4]) + [0, 0.15 * np.cos(sum(q))]
+    assert_allclose(
+        borne.torque, -9.81 * np.array([lever @ [1, 0.6], 0.3 * 0.15 * np.cos(sum(q))]), atol=1e-12
+    )
+    assert_allclose(borne.reaction_world[:, 2], [9.81 * 1.6, 9.81 * 0.3], atol=1e-12)
+    assert hold(borne.arm, q, [0, 0, -5], gravity=True)["agrees"]
+
+
 def test_margin_is_what_is_left_of_the_limits():
     borne = balance(shipped("planar_2link"), np.radians([0, 60]), [0, -120, 0, 0, 0, 0])
     assert_allclose(borne.torque, [180, 60], atol=1e-9)

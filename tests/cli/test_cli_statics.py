@@ -117,17 +117,6 @@ def test_the_wrench_at_another_site_is_told_with_both_transforms(rmrc):
     assert without["at"] is None
 
 
-def test_keyframe_site_and_length_are_taken(rmrc):
-    three = str(ROOT / "models/planar_3link.xml")
-    _, found = facts(
-        rmrc, three, "--site", "wrist", "--keyframe", "home", "--wrench", "1,0,0", "--length", "0.5"
-    )
-    assert (found["site"], found["length"]) == ("wrist", 0.5)
-    assert found["torque"]["equilibrium"][2] == 0  # the last joint does not move the wrist
-    (one,) = [one for one in found["costs"]["force"]["directions"] if one["costs"] == "nothing, anywhere"]
-    assert one["words"] == "a force along z" and one["wrench"] == [0, 0, 2, 0, 0, 0]  # 1/L newtons
-
-
 MISTAKES = {
     "a wrench of 2": (
         [TWO, "--wrench", "1,2"],

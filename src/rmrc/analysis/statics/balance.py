@@ -125,14 +125,13 @@ def _loads(arm: Arm, q: Array, wrench: Array, weights: Array, origins: Array) ->
     the first moves, and each half gives its own component.
     """
     model, wiring, data = arm.model, arm.wiring, arm.data_at(arm.configuration(q))
-    forces, moments = np.vstack([wrench[:3], weights]), np.zeros((1 + model.nbody, 3))
-    moments[0] = wrench[3:]
-    moments += np.cross(np.vstack([data.site_xpos[wiring.site], data.xipos]), forces)  # about the origin
-    moves = np.zeros((model.njnt, 1 + model.nbody))
+    site, acts = data.site_xpos[wiring.site], wrench.reshape(2, 3)
+    force, moment = np.zeros((2, model.njnt, 3))  # about the world's origin
     for joint in arm.others.own:
         behind = is_behind(model, int(model.jnt_bodyid[joint]))
-        moves[joint] = [behind[wiring.body], *behind]
-    force, moment = -moves @ forces, -moves @ moments
+        weight, borne = weights[joint] * behind[:, None], acts * behind[wiring.body]
+        force[joint] = -borne[0] - weight.sum(axis=0)
+        moment[joint] = -borne[1] - np.cross(site, borne[0]) - np.cross(data.xipos, weight).sum(axis=0)
     turning = moment - np.cross(data.xanchor, force)
     along = (data.xaxis * np.where(model.jnt_type[:, None] == SLIDE, force, turning)).sum(axis=1)
     first, driven, axes = wiring.axis.copy(), along[wiring.axis], wiring.axis.tolist()

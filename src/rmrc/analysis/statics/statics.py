@@ -24,10 +24,11 @@ from rmrc.results.run import Run
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import SERVO
 from rmrc.show.sheets import number
+from rmrc.simulation.footprint import excess, footprint
 from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.brief import brief
-from rmrc.support.errors import DivergenceError, QuestionError, ScenarioError
+from rmrc.support.errors import DivergenceError, QuestionError
 from rmrc.support.spatial import AXES, pose_error, rotate
 
 FRAMES = ("world", "site")
@@ -193,10 +194,10 @@ def hold_wrench(
             need = f'joint "{name}" must have an inertia > 0 at home, got {inertia:.6g}'
             raise QuestionError(f"cannot hold: {need}; correct masses, inertias and armature of the model")
     prepared = prepare(hold_scenario(wanted, seconds), Cache(arm))
-    try:
-        simulation = Simulation([prepared])
-    except ScenarioError as error:
-        raise QuestionError(f"--hold: {error.problems[0].text}, or hold for a shorter time") from None
+    if too_much := excess(footprint([prepared])):
+        ticks = prepared.reference.ticks
+        raise QuestionError(f"--hold: {ticks} ticks need {too_much}; hold for a shorter time")
+    simulation = Simulation([prepared])
     kv = np.array(prepared.scenario.plant.kv)
     friction = arm.model.dof_frictionloss @ np.abs(arm.motion)
     slow, share = np.maximum(STILL, CREEP * friction / kv), SHARE_OF_SCREWS if arm.followers else SHARE
@@ -252,7 +253,7 @@ def _verdict(arm: Arm, held: dict[str, Any]) -> str:
     if bears:
         remedy = "give other positions by --q or --keyframe"
         way = f"; {' and '.join(bears)}, which carries part of the load: {remedy}"
-    elif names:
+    elif names and not held["still"]:
         way = ""
     return f"MISSED: {state}; {reached}{way}."
 
