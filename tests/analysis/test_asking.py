@@ -161,4 +161,6 @@ def test_a_wrench_is_held_and_told_elsewhere_if_that_is_asked():
     assert found.elsewhere["site"] == "wrist"
     assert_allclose(found.held["measured"], found.balance.torque, rtol=0, atol=0.02)
     # Negative control: without its weight the arm reads something else.
-    assert not np.allclose(found.held["measured"], rmrc.statics(STANFORD, [0, 0, -5]).balance.torque, atol=0.02)
+    assert not np.allclose(
+        found.held["measured"], rmrc.statics(STANFORD, [0, 0, -5]).balance.torque, atol=0.02
+    )
