@@ -225,18 +225,6 @@ def test_bodies_that_are_bolted_to_a_link_or_swing_from_it_weigh_on_it(made):
     assert_allclose(borne.structure[0], [0, 0, 0, *moment], atol=1e-12)  # the drive lifts all of it
 
 
-def test_the_two_examples_of_the_notes():
-    arm = shipped("planar_2link")
-    # 1000 N times cos 90° = 6e-17
-    pressed = balance(arm, np.radians([0, 60]), [0, -1, 0, 0, 0, 0])
-    assert_allclose(pressed.equivalent, [-1.5, -0.5], atol=1e-12)
-    assert_allclose(pressed.equilibrium, [1.5, 0.5], atol=1e-12)
-    stretched = balance(arm, np.radians([90, 0]), [0, -1000, 0, 0, 0, 0])
-    assert_allclose(stretched.equivalent, 0, atol=1e-12)
-    # it goes through the links: z is the axis of the joints, so that nothing bends them
-    assert_allclose(stretched.reaction_world, [[0, 1000, 0, 0, 0, 0]] * 2, atol=1e-12)
-
-
 def test_springs_and_gravity_that_the_model_compensates_itself(made):
     arm = made(SPRINGS)
     q = np.array([0.3, 0.2])
