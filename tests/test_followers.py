@@ -94,8 +94,7 @@ def test_any_chain_with_any_followers_moves_as_its_equalities_say(folder, seed):
     assert_allclose(along, J, atol=ROUNDING * size)
     # statics: the same power by MuJoCo's columns and from link to link
     wrench = np.random.default_rng(seed).normal(size=6)
-    borne = balance(arm, q, wrench)
-    assert_allclose(borne.propagated, -J.T @ wrench, atol=ROUNDING * size * 10)
+    assert balance(arm, q, wrench).disagreement <= ROUNDING * size * 10
 
 
 @examples(8, 20)

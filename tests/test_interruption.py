@@ -186,7 +186,7 @@ VERBS = {
 def test_every_verb_that_runs_answers_a_polite_kill(hard, verb):
     code = "from rmrc.cli import main; main()"
     if verb == "statics":  # which is still after a second, and then done
-        code = f"import rmrc.analysis.statics.hold as h; h.STILL = -1.0; {code}"
+        code = f"import rmrc.analysis.statics.statics as h; h.STILL = -1.0; {code}"
     process = start(hard, *VERBS[verb], code=code)
     time.sleep(15.0)  # nothing tells when it is under way
     assert process.poll() is None, process.communicate()

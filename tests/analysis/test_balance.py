@@ -1,8 +1,8 @@
-"""What drives and links bear against MuJoCo, levers, energy and power; what costs nothing; and all of it held."""
+"""Torques and link loads at rest against MuJoCo and closed forms; what costs nothing; and all of it held."""
 
+import copy
 import functools
 from dataclasses import replace
-from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -13,19 +13,17 @@ from numpy.testing import assert_allclose
 from chains import random_chain, seeds
 from project import ROOT, mostly_long
 from rmrc import arm as arms
-from rmrc.analysis.statics.balance import Cost, balance, elsewhere, link_frames, wrench_costs
-from rmrc.analysis.statics.hold import FEEDBACK, STILL
-from rmrc.analysis.statics.report import verdict
-from rmrc.analysis.statics.statics import statics
+from rmrc.analysis.statics.balance import balance, elsewhere, wrench_costs
+from rmrc.analysis.statics.statics import FEEDBACK, STILL, statics
 from rmrc.scenario.arm import ToolSection
 from rmrc.support.errors import QuestionError
-from rmrc.support.spatial import pose_error, quat_to_matrix
+from rmrc.support.spatial import quat_to_matrix
 from screws import screw_chain
 from wording import says
 
 MODELS = sorted(path.stem for path in (ROOT / "models").glob("*.xml"))
-# Some dozens of products of lengths of a meter with forces of some ten newtons.
-ROUNDING = 1e-11
+# Some dozens of products of lengths of a meter with forces of some hundred newtons.
+ROUNDING = 1e-10
 
 SPRINGS = """<mujoco><option gravity="0 0 -9.81"/><worldbody><body gravcomp="0.25">
 <joint name="a" axis="0 1 0" stiffness="7" springref="20"/><geom size="0.1" pos="0.5 0 0" mass="3"/>
@@ -46,23 +44,23 @@ def shipped(name):
 
 @pytest.fixture
 def made(tmp_path):
-    """Return a function: MJCF -> arm."""
+    """Return a function: MJCF, site -> arm."""
 
-    def make(text):
+    def make(text, site=None):
         path = tmp_path / "made.xml"
         path.write_text(text)
-        return arms.load(path)
+        return arms.load(path, site)
 
     return make
 
 
 @pytest.fixture(scope="module")
 def chain(tmp_path_factory):
-    """Return a function: seed -> random arm."""
+    """Return a function: seed, whether joints follow others -> random arm."""
     path = tmp_path_factory.mktemp("chains") / "chain.xml"
 
-    def make(seed):
-        path.write_text(random_chain(seed))
+    def make(seed, followers=False):
+        path.write_text(random_chain(seed, followers=followers))
         return arms.load(path)
 
     return make
@@ -85,142 +83,146 @@ def hold(arm, q, wrench, gravity=False, seconds=10.0):
     return statics(arm, wrench, q, gravity=gravity, hold=seconds).held
 
 
-def forward(arm, q):
-    data = mujoco.MjData(arm.model)
+# Torques and loads -------------------------------------------------------------------------------
+
+
+def at_rest(arm, q, wrench, gravity):
+    """Return MuJoCo's inverse dynamics at rest under a wrench, and what the wrench does to the joints, (nv,)."""
+    model = copy.copy(arm.model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    model.opt.gravity *= gravity
+    data, body, pushed = mujoco.MjData(model), arm.wiring.body, np.zeros(model.nv)
     data.qpos[:] = arm.configuration(q)
-    mujoco.mj_forward(arm.model, data)
-    return data
+    mujoco.mj_kinematics(model, data)
+    site, (force, moment) = data.site_xpos[arm.wiring.site], np.reshape(wrench, (2, 3))
+    data.xfrc_applied[body] = *force, *(moment + np.cross(site - data.xipos[body], force))
+    mujoco.mj_inverse(model, data)
+    mujoco.mj_rnePostConstraint(model, data)
+    mujoco.mj_applyFT(model, data, force, moment, site, body, pushed)
+    return data, pushed
 
 
-def check_torques(borne):
-    """−Jᵀ F undoes what MuJoCo's mj_applyFT does, and equals what is left from link to link."""
-    arm, data = borne.arm, forward(borne.arm, borne.q)
-    applied = np.zeros(arm.model.nv)
-    site = data.site_xpos[arm.wiring.site]
-    mujoco.mj_applyFT(arm.model, data, borne.wrench[:3], borne.wrench[3:], site, arm.wiring.body, applied)
-    pushed = applied[arm.wiring.dof]
-    for address, one in zip(arm.wiring.follower_dof, arm.followers, strict=True):
-        pushed[one.leader] += one.ratio * applied[address]
-    assert_allclose(borne.equivalent, pushed, rtol=0, atol=ROUNDING)
-    assert_allclose(borne.equilibrium, -pushed, rtol=0, atol=ROUNDING)
-    assert_allclose(borne.propagated, -pushed, rtol=0, atol=ROUNDING)
+def gathered(arm, values):
+    """Return the sums over the joints that each actuator moves, (n,), of values of all joints, (nv,)."""
+    sums = values[arm.wiring.dof]
+    for address, follower in zip(arm.wiring.follower_dof, arm.followers, strict=True):
+        sums[follower.leader] += follower.ratio * values[address]
+    return sums
+
+
+def check(borne):
+    """Torques are those of inverse dynamics, loads its forces between bodies, and bearings do no work."""
+    arm, model = borne.arm, borne.arm.model
+    data, pushed = at_rest(arm, borne.q, borne.wrench, borne.bears_weight)
+    assert_allclose(borne.equivalent, gathered(arm, pushed), atol=ROUNDING)
+    assert_allclose(borne.torque, gathered(arm, data.qfrc_inverse - pushed), atol=ROUNDING)
     assert borne.disagreement <= ROUNDING
-
-
-def check_links(borne):
-    """Each link takes −f and the moment of −f about its joint; bearings and links work in no joint's motion."""
-    arm, data = borne.arm, forward(borne.arm, borne.q)
-    force, moment = borne.wrench[:3], borne.wrench[3:]
-    site, R = data.site_xpos[arm.wiring.site], borne.frames[:, :3, :3]
-    for j, origin in enumerate(borne.frames[:, :3, 3]):
-        want = -np.concatenate([force, moment + np.cross(site - origin, force)])
-        assert_allclose(borne.reaction_world[j], want, atol=ROUNDING)
-        assert_allclose(borne.reaction[j, :3], R[j].T @ want[:3], atol=ROUNDING)
-        assert_allclose(borne.reaction[j, 3:], R[j].T @ want[3:], atol=ROUNDING)
-        fz, nz = borne.structure[j, [2, 5]]
-        slides, pitch = arm.chain.kinds[j] == "slide", arm.chain.pitch[j]
-        assert (fz if slides else nz + pitch * fz) == pytest.approx(0, abs=ROUNDING)
-        drives = np.zeros(6)
-        drives[2 if slides else 5] = borne.driven[j]
-        if len(arm.chain.names) == arm.n:
-            assert borne.driven[j] == pytest.approx(borne.equilibrium[j], abs=ROUNDING)
-        assert_allclose(borne.structure[j] + drives, borne.reaction[j], atol=ROUNDING)
-
-
-def check_power(borne, seed):
-    """tau·qdot + wrench·twist = 0, with a twist of differences of poses."""
-    qdot, step = np.random.default_rng(seed).normal(size=borne.arm.n), 1e-6
-    poses = [borne.arm.pose(borne.q + sign * step * qdot) for sign in (1, -1)]
-    twist = pose_error(*poses) / (2 * step)
-    # central differences with a step of 1e-6, times a wrench of some ten
-    assert borne.equilibrium @ qdot + borne.wrench @ twist == pytest.approx(0, abs=1e-6)
+    halves = {arm.joints[each.leader]: each for each in arm.followers if each.pitch}
+    for j, name in enumerate(arm.axis_names):
+        joint = model.joint(name).id
+        along = data.qfrc_bias[model.jnt_dofadr[joint]] - pushed[model.jnt_dofadr[joint]]
+        if name in halves:  # of a screw, the link is all that its first half moves
+            other = model.joint(halves[name].name)
+            joint = min(joint, other.id)
+            along += halves[name].ratio * (data.qfrc_bias - pushed)[other.dofadr[0]]
+        assert borne.driven[j] == pytest.approx(along, abs=ROUNDING)
+        body, origin, R = model.jnt_bodyid[joint], borne.frames[j, :3, 3], borne.frames[j, :3, :3]
+        moment, force = data.cfrc_int[body].reshape(2, 3)
+        moment = moment + np.cross(data.subtree_com[model.body_rootid[body]] - origin, force)
+        assert_allclose(borne.reaction_world[j], [*force, *moment], atol=ROUNDING)
+        assert_allclose(borne.reaction[j], [*(R.T @ force), *(R.T @ moment)], atol=ROUNDING)
+        drive = np.zeros(6)
+        drive[2 if arm.chain.kinds[j] == "slide" else 5] = borne.driven[j]
+        assert_allclose(borne.structure[j] + drive, borne.reaction[j], atol=ROUNDING)
+        if name not in halves:  # its nut turns a thrust into a moment
+            assert borne.structure[j, 2 if arm.chain.kinds[j] == "slide" else 5] == pytest.approx(
+                0, abs=ROUNDING
+            )
 
 
 @given(seeds)
-def test_any_chain_bears_what_mujoco_levers_and_power_say(chain, seed):
-    arm = chain(seed)
-    borne = balance(arm, *at_random(arm, seed))
-    check_torques(borne)
-    check_links(borne)
-    check_power(borne, seed)
+def test_any_chain_with_what_hangs_beside_it_bears_what_mujoco_says(chain, seed):
+    """A branch hangs on the first link, beside the chain; joints follow others on the chain and on the branch."""
+    arm = chain(seed, followers=seed % 3 == 0)
+    check(balance(arm, *at_random(arm, seed), gravity=seed % 2 == 0))
 
 
-def test_every_model_and_screws_bear_what_mujoco_levers_and_power_say(made):
+@pytest.mark.parametrize("gravity", [False, True])
+def test_every_model_screws_and_followers_bear_what_mujoco_says(made, gravity):
     for arm, q, wrench in all_arms(made):
-        borne = balance(arm, q, wrench)
-        check_torques(borne)
-        check_links(borne)
-        check_power(borne, 1)
+        check(balance(arm, q, wrench, gravity))
+    for name in ("telescope", "mimic"):
+        arm = arms.load(ROOT / f"tests/models/{name}.xml", "tip")
+        check(balance(arm, *at_random(arm, 2), gravity))
 
 
-@pytest.mark.parametrize("check", [check_torques, check_links, lambda borne: check_power(borne, 1)])
-def test_a_wrench_of_the_wrong_sign_or_along_other_axes_is_seen(check):
+@pytest.mark.parametrize("frame", ["body", "tool"])
+def test_a_gripper_and_a_tool_are_borne_too(frame):
+    tool = ToolSection(body="palm", position=(0.1, 0.0, 0.05), mass=0.2)
+    arm = arms.load(ROOT / "tests/models/gripper.xml", **{frame: "palm" if frame == "body" else tool})
+    borne = balance(arm, *at_random(arm, 4), gravity=True)
+    check(borne)
+    bodies = arm.model.body_subtreemass[arm.model.jnt_bodyid[arm.wiring.axis]]
+    assert_allclose(
+        borne.reaction_world[:, :3], [[*-borne.wrench[:2], 9.81 * m - borne.wrench[2]] for m in bodies]
+    )
+
+
+def test_a_wrench_or_a_weight_that_is_wrong_is_seen():
     arm = shipped("stanford")
     q, wrench = at_random(arm, 3)
     for wrong in (-wrench, np.roll(wrench, 1)):
         with pytest.raises(AssertionError):
             check(replace(balance(arm, q, wrong), wrench=wrench))
+    for gravity in (False, True):
+        with pytest.raises(AssertionError):
+            check(replace(balance(arm, q, wrench, gravity), bears_weight=not gravity))
 
 
-def test_a_screw_without_its_pitch_is_seen(made):
-    arm = made(screw_chain(ratio=0.07))
-    q, wrench = at_random(arm, 5)
-    hinge = replace(arm, followers=(replace(arm.followers[0], pitch=1e-9),))
-    borne = balance(hinge, q, wrench)
-    assert borne.disagreement > 0.1  # the second route knows of it by its pitch alone
-    with pytest.raises(AssertionError):
-        check_links(borne)
+LINK = """<link name="l{0}"><inertial><origin xyz="0.02 0 0.05"/><mass value="{1}"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j{0}" type="revolute"><parent link="l{2}"/><child link="l{0}"/><origin xyz="{3}"/><axis xyz="{4}"/>
+<limit lower="-3" upper="3" effort="200" velocity="3"/></joint>"""
 
 
-def test_frames_are_mujocos_axes_and_at_0_the_worlds_turned_the_shortest_way(made):
-    for arm, q, _ in all_arms(made, 2):
-        data = forward(arm, q)
-        frames, tip = link_frames(arm, q)
-        assert_allclose(frames[:, :3, 2], data.xaxis[arm.wiring.joint], atol=ROUNDING)
-        offset = data.xanchor[arm.wiring.joint] - frames[:, :3, 3]
-        assert_allclose(np.cross(offset, frames[:, :3, 2]), 0, atol=ROUNDING)
-        pose = arm.pose(q)
-        assert_allclose(tip[:3, 3], pose[:3], atol=ROUNDING)
-        assert_allclose(tip[:3, :3], quat_to_matrix(pose[3:]), atol=ROUNDING)
-        for R in link_frames(arm, np.zeros(arm.n))[0][:, :3, :3]:
-            assert_allclose(R @ R.T, np.eye(3), atol=ROUNDING)
-            # the shortest way is by the angle between the two z, or half a turn about x
-            angle = np.arccos(np.clip(R[2, 2], -1, 1))
-            assert np.trace(R) == pytest.approx(1 + 2 * np.cos(angle), abs=ROUNDING)
+def test_the_load_on_each_link_contains_the_weight_of_all_behind_it(tmp_path):
+    """A robot of 21.5 kg that carries 20 N, as any table of bearings has it."""
+    masses, ways = (8, 6, 4, 2, 1, 0.5), ("0 0 .4", "0 0 .05", "0 0 .5", ".25 0 0", ".25 0 0", ".08 0 0")
+    axes = ("0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0")
+    links = (
+        LINK.format(i, *each) for i, each in enumerate(zip(masses, range(6), ways, axes, strict=True), 1)
+    )
+    bolted = (
+        '<link name="tool0"/><joint name="t" type="fixed"><parent link="l6"/><child link="tool0"/></joint>'
+    )
+    path = tmp_path / "six.urdf"
+    path.write_text(f'<robot name="six"><link name="l0"/>{"".join(links)}{bolted}</robot>')
+    q, wrench = [0, 0.5, -0.5, 0, 0.5, 0], [0, 0, -20]
+    borne = statics(path, wrench, q, gravity=True).balance
+    behind = np.cumsum(masses[::-1])[::-1]
+    assert_allclose(borne.reaction_world[:, 2], 20 + 9.81 * behind, atol=1e-9)
+    assert borne.reaction[0, 2] == pytest.approx(230.9, abs=0.02)
+    check(borne)
+    # Without it, they are those of the wrench alone.
+    assert_allclose(statics(path, wrench, q).balance.reaction_world[:, 2], 20, atol=1e-12)
 
 
-@pytest.mark.parametrize("axis", [[0, 0, -1], [1e-9, 0, -1], [0, 0, 1], [0.6, 0, -0.8]])
-def test_a_frame_is_a_rotation_near_half_a_turn_too(made, axis):
-    text = PAN_TILT.replace("0 0 1", " ".join(f"{x:.17g}" for x in axis))
-    R = link_frames(made(text), [0.0, 0.0])[0][0, :3, :3]
-    assert_allclose(R[:, 2], np.array(axis) / np.linalg.norm(axis), atol=1e-15)
-    assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
+HUNG = """<mujoco><worldbody><body name="rail"><joint name="lift" type="slide" axis="0 0 1"/><geom size=".1" mass="3"/>
+<body name="bolted" pos="0 .5 0"><geom size=".1" mass="2"/></body>
+<body name="bell" pos="0 -.4 0"><joint name="swing" axis="1 0 0"/><geom size=".1" pos="0 0 -.3" mass="1"/></body>
+<body name="arm" pos=".2 0 0"><joint name="turn" axis="0 0 1"/><geom size=".1" pos=".3 0 0" mass="4"/>
+<site name="tip" pos=".6 0 0"/></body></body></worldbody></mujoco>"""
 
 
-def test_the_two_examples_of_the_notes():
-    arm = shipped("planar_2link")
-    # 1000 N times cos 90° = 6e-17
-    pressed = balance(arm, np.radians([0, 60]), [0, -1, 0, 0, 0, 0])
-    assert_allclose(pressed.equivalent, [-1.5, -0.5], atol=1e-12)
-    assert_allclose(pressed.equilibrium, [1.5, 0.5], atol=1e-12)
-    stretched = balance(arm, np.radians([90, 0]), [0, -1000, 0, 0, 0, 0])
-    assert_allclose(stretched.equivalent, 0, atol=1e-12)
-    # it goes through the links: z is the axis of the joints, so that nothing bends them
-    assert_allclose(stretched.reaction_world, [[0, 1000, 0, 0, 0, 0]] * 2, atol=1e-12)
-
-
-@pytest.mark.parametrize("every", [2, pytest.param(1, marks=pytest.mark.long)])
-def test_gravity_and_springs_are_how_the_energy_rises(made, chain, every):
-    own = (arms.load(ROOT / f"models/{name}.xml") for name in MODELS[::every])
-    for arm in (*own, made(screw_chain()), chain(11), chain(12)):
-        q = arm.sampled(1)[0]
-        weight, springs = arm.rest_torques(q)
-        arm.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
-        for j, e in enumerate(np.eye(arm.n) * 1e-4):
-            up, down = (forward(arm, q + sign * e).energy[0] for sign in (1, -1))
-            # second-order differences of energies of some hundred joules
-            assert (weight + springs)[j] == pytest.approx((up - down) / 2e-4, abs=1e-5), arm.joints[j]
-        assert not springs.any()
+def test_bodies_that_are_bolted_to_a_link_or_swing_from_it_weigh_on_it(made):
+    """3 + 2 + 1 + 4 kg hang on the lift; their moment about its axis is that of their levers."""
+    borne = balance(made(HUNG, "tip"), [0.0, 0.0], np.zeros(6), gravity=True)
+    assert_allclose(borne.torque, [98.1, 0], atol=1e-12)
+    moment = 9.81 * np.array([2 * 0.5 - 1 * 0.4, -4 * 0.5, 0])
+    assert_allclose(
+        borne.reaction_world, [[0, 0, 98.1, *moment], [0, 0, 39.24, 0, -39.24 * 0.3, 0]], atol=1e-12
+    )
+    assert_allclose(borne.structure[0], [0, 0, 0, *moment], atol=1e-12)  # the drive lifts all of it
 
 
 def test_springs_and_gravity_that_the_model_compensates_itself(made):
@@ -239,6 +241,22 @@ def test_springs_and_gravity_that_the_model_compensates_itself(made):
     assert_allclose(floating.torque, borne.springs)
 
 
+def test_a_weight_that_the_actuators_compensate_themselves_is_borne_by_them(made):
+    """As controllers of robots do it; where the model compensates it apart, neither drive nor link bears it."""
+    path = ROOT / "tests/models/drives/compensated.xml"
+    text, q = path.read_text(), [0.3, 0.4]
+    everywhere = text.replace('name="elbow"', 'name="elbow" actuatorgravcomp="true"')
+    check(balance(made(everywhere), q, [1, 2, 3, 0.4, 0.5, 0.6], gravity=True))
+    # the shoulder's actuator bears 1 + 0.6 kg; half of the forearm is compensated apart from the elbow's
+    borne = balance(arms.load(path), q, np.zeros(6), gravity=True)
+    lever = np.cos(q[0]) * np.array([0.2, 0.4]) + [0, 0.15 * np.cos(sum(q))]
+    assert_allclose(
+        borne.torque, -9.81 * np.array([lever @ [1, 0.6], 0.3 * 0.15 * np.cos(sum(q))]), atol=1e-12
+    )
+    assert_allclose(borne.reaction_world[:, 2], [9.81 * 1.6, 9.81 * 0.3], atol=1e-12)
+    assert hold(borne.arm, q, [0, 0, -5], gravity=True)["agrees"]
+
+
 def test_margin_is_what_is_left_of_the_limits():
     borne = balance(shipped("planar_2link"), np.radians([0, 60]), [0, -120, 0, 0, 0, 0])
     assert_allclose(borne.torque, [180, 60], atol=1e-9)
@@ -251,82 +269,58 @@ def test_margin_is_what_is_left_of_the_limits():
 # What costs nothing ------------------------------------------------------------------------------
 
 
-def words(arm, q, kind, length=1.0):
-    """Return what wrenches of a kind cost: rows of the wrench and the words, and the counts."""
-    (group,) = [one for one in wrench_costs(arm, q, length) if one.kind == kind]
-    return [(one.wrench, one.cost) for one in group.directions], (group.free, group.free_only_here)
+def costs(arm, q, kind, length=1.0):
+    """Return the wrenches of a kind, what they cost, and the numbers of free ones."""
+    group = wrench_costs(arm, q, length)[kind]
+    wrenches, words = zip(*((each["wrench"], each["costs"]) for each in group["directions"]), strict=True)
+    return wrenches, list(words), (group["free"], group["free_only_here"])
 
 
 def test_costs_are_those_of_their_torques_orthogonal_and_complete(made):
     length = 0.4
     for arm, q, _ in all_arms(made, 3):
         J, scale = arm.jacobian(q), np.where(arm.is_slide, length, 1.0)
-        for group, rows in zip(wrench_costs(arm, q, length), (range(6), range(3), range(3, 6)), strict=True):
-            unscaled = np.array([one.wrench * ([length] * 3 + [1] * 3) for one in group.directions])
+        for kind, rows in (("wrench", range(6)), ("force", range(3)), ("moment", range(3, 6))):
+            group = wrench_costs(arm, q, length)[kind]
+            unscaled = np.array([each["wrench"] * ([length] * 3 + [1] * 3) for each in group["directions"]])
             assert_allclose(unscaled @ unscaled.T, np.eye(len(rows)), atol=1e-9)
-            for one in group.directions:
-                tau = scale * (J.T @ one.wrench)
-                assert np.linalg.norm(tau) == pytest.approx(one.sigma, abs=1e-8)
-                assert one.amplification == (1 / one.sigma if one.sigma else np.inf)
+            for each in group["directions"]:
+                tau = scale * (J.T @ each["wrench"])
+                assert np.linalg.norm(tau) == pytest.approx(each["sigma"], abs=1e-8)
             rank = np.linalg.matrix_rank(J[list(rows)])
-            assert (group.free, group.free_only_here) == (len(rows) - rank, 0)
+            assert (group["free"], group["free_only_here"]) == (len(rows) - rank, 0)
 
 
 def test_of_a_planar_arm_a_force_along_z_costs_nothing_and_stretched_one_along_the_links():
     arm = shipped("planar_2link")
     x, z, y = np.eye(6)[[0, 2, 1]]
-    found, counts = words(arm, [0, 0], "force")
-    assert [cost for _, cost in found] == [Cost.ALWAYS, Cost.SINGULAR, Cost.TORQUE]
-    assert_allclose([wrench for wrench, _ in found], [z, x, y], atol=1e-12)
-    assert counts == (2, 1)
+    wrenches, words, counts = costs(arm, [0, 0], "force")
+    assert words == ["nothing, anywhere", "nothing: singular", "torque"] and counts == (2, 1)
+    assert_allclose(wrenches, [z, x, y], atol=1e-12)
     # Negative control: bent, that force costs a torque, and nothing is said of a singularity.
-    found, counts = words(arm, [0, 0.5], "force")
-    assert [cost for _, cost in found] == [Cost.ALWAYS, Cost.TORQUE, Cost.TORQUE]
-    assert counts == (1, 0)
+    assert costs(arm, [0, 0.5], "force")[1:] == (["nothing, anywhere", "torque", "torque"], (1, 0))
     # Between the two it is nearly free: 1/sigma is 2/sin(elbow) where sigma_1 = sqrt(5), and more by 25 %.
-    found, counts = words(arm, [0, 1e-3], "force")
-    assert found[1][1] is Cost.NEARLY and counts == (1, 0)
-    (group,) = [one for one in wrench_costs(arm, [0, 1e-3]) if one.kind == "force"]
-    assert group.directions[1].amplification == pytest.approx(np.sqrt(5) / np.sin(1e-3), rel=1e-6)
+    assert costs(arm, [0, 1e-3], "force")[1:] == (["nothing, anywhere", "nearly nothing", "torque"], (1, 0))
+    nearly = wrench_costs(arm, [0, 1e-3])["force"]["directions"][1]
+    assert nearly["amplification"] == pytest.approx(np.sqrt(5) / np.sin(1e-3), rel=1e-6)
 
 
 def test_two_joints_can_always_bear_four_wrenches_for_nothing_three_of_them_the_same():
-    found, counts = words(shipped("planar_2link"), [0.2, 0.7], "wrench")
-    assert [cost for _, cost in found[:4]] == [Cost.ALWAYS] * 3 + [Cost.OTHERS]
-    assert_allclose([wrench for wrench, _ in found[:3]], np.eye(6)[[2, 3, 4]], atol=1e-12)
-    assert counts == (4, 0)
+    wrenches, words, counts = costs(shipped("planar_2link"), [0.2, 0.7], "wrench")
+    assert words[:4] == ["nothing, anywhere"] * 3 + ["nothing; elsewhere another"] and counts == (4, 0)
+    assert_allclose(wrenches[:3], np.eye(6)[[2, 3, 4]], atol=1e-12)
 
 
-def test_a_straight_wrist_bears_one_more_wrench_for_nothing():
+def test_a_straight_wrist_bears_one_more_wrench_for_nothing_and_a_pan_straight_up_one_more_force(made):
     arm = shipped("stanford")
-    found, counts = words(arm, [0.3, 0.9, 0.6, 0.4, 0.0, 0.1], "wrench")
-    assert [cost for _, cost in found].count(Cost.SINGULAR) == 1 and found[0][1] is Cost.SINGULAR
-    assert counts == (1, 1)
-    assert words(arm, [0.3, 0.9, 0.6, 0.4, 0.5, 0.1], "wrench")[1] == (0, 0)
-
-
-def test_where_more_is_free_than_elsewhere_but_some_is_free_elsewhere_too(made):
-    arm = made(PAN_TILT)
-    found, counts = words(arm, [0.4, 0.3], "force")
+    _, words, counts = costs(arm, [0.3, 0.9, 0.6, 0.4, 0.0, 0.1], "wrench")
+    assert words.count("nothing: singular") == 1 and words[0] == "nothing: singular" and counts == (1, 1)
+    assert costs(arm, [0.3, 0.9, 0.6, 0.4, 0.5, 0.1], "wrench")[2] == (0, 0)
     along = np.array([np.cos(0.4) * np.cos(0.3), np.sin(0.4) * np.cos(0.3), np.sin(0.3)])
-    assert found[0][1] is Cost.OTHERS and counts == (1, 0)
-    assert_allclose(found[0][0][:3], along, atol=1e-12)
-    # Straight up, panning moves nothing: all but one direction of force is free, and it cannot be said which
-    # of the two is the one of elsewhere.
-    found, counts = words(arm, [0.4, np.pi / 2], "force")
-    assert [cost for _, cost in found] == [Cost.MIXED, Cost.MIXED, Cost.TORQUE]
-    assert counts == (2, 1)
-
-
-def test_what_is_always_free_is_free_elsewhere_and_what_is_not_is_not(chain):
-    for seed in range(2):
-        arm = chain(seed)
-        q, elsewhere = arm.sampled(2, seed + 100)
-        for group in wrench_costs(arm, q):
-            for one in group.directions:
-                free = np.abs(arm.jacobian(elsewhere).T @ one.wrench).max() < 1e-9
-                assert free == (one.cost is Cost.ALWAYS)
-            assert all(a.sigma <= b.sigma for a, b in pairwise(group.directions))
+    wrenches, words, counts = costs(made(PAN_TILT), [0.4, 0.3], "force")
+    assert_allclose(wrenches[0][:3], along, atol=1e-12)
+    assert words[0] == "nothing; elsewhere another" and counts == (1, 0)
+    assert costs(made(PAN_TILT), [0.4, np.pi / 2], "force")[2] == (2, 1)
 
 
 # Held in the physics -----------------------------------------------------------------------------
@@ -335,66 +329,53 @@ def test_what_is_always_free_is_free_elsewhere_and_what_is_not_is_not(chain):
 def test_held_the_examples_of_the_notes_are_what_the_actuators_read():
     arm = shipped("planar_2link")
     held = hold(arm, np.radians([0, 60]), [0, -1, 0, 0, 0, 0])
-    assert held.agrees
+    assert held["agrees"]
     # The arm gives way by tau/stiffness, 1e-5 rad, and the torques change by as much.
-    assert_allclose(held.measured, [1.5, 0.5], atol=1e-4)
+    assert_allclose(held["measured"], [1.5, 0.5], atol=1e-4)
     stiffness = arm.inertia / 0.001 * FEEDBACK
-    assert_allclose(held.ended.q - held.wanted.q, -held.measured / stiffness, rtol=1e-3)
+    assert_allclose(held["run"]["q"][-1] - np.radians([0, 60]), -held["measured"] / stiffness, rtol=1e-3)
 
     held = hold(arm, np.radians([90, 0]), [0, -1000, 0, 0, 0, 0])
-    assert held.agrees
-    assert np.abs(held.measured).max() < 1e-6
+    assert held["agrees"] and np.abs(held["measured"]).max() < 1e-6
     # Negative control: along x the same force would need 2000 N·m, and the arm is thrown off.
     held = hold(arm, np.radians([90, 0]), [-1000, 0, 0, 0, 0, 0], seconds=1.0)
-    assert not held.is_still and not held.agrees
-    assert held.at_limit.all()
+    assert not held["still"] and not held["agrees"] and held["at_limit"].all()
 
 
 @pytest.mark.parametrize(("gravity", "every"), mostly_long([(True, 5), (True, 1), (False, 1)], 3))
 def test_every_model_and_screws_hold_what_statics_says(made, gravity, every):
     for arm, q, wrench in all_arms(made, every):
         held = hold(arm, q, 0.1 * wrench, gravity)  # a newton or so: no wrist comes to its torque limit
-        assert held.agrees, (arm.path.stem, held.difference, held.allowed, held.rate)
-        assert held.ended.gravity.any() <= gravity
-        # What dry friction may bear is beside that, and known.
-        assert (
-            held.allowed - arm.model.dof_frictionloss @ np.abs(arm.motion) < 0.01 * held.ended.size.max()
-        ).all()
+        assert held["agrees"], (arm.path.stem, held["difference"], held["allowed"], held["rate"])
+        ended = balance(arm, held["run"]["q"][-1], 0.1 * wrench, gravity)
+        friction = arm.model.dof_frictionloss @ np.abs(
+            arm.motion
+        )  # what it may bear is beside that, and known
+        assert (held["allowed"] - friction < 0.01 * ended.size).all()
+        assert_allclose(held["measured"], ended.torque, atol=held["allowed"].max())
         # Negative control: the wrench of the other sign is not what they read.
-        wrong = balance(arm, held.ended.q, -0.1 * wrench, gravity)
-        assert not replace(held, ended=wrong).agrees
+        wrong = balance(arm, ended.q, -0.1 * wrench, gravity)
+        assert (np.abs(held["measured"] - wrong.torque) > held["allowed"]).any()
 
 
-def test_any_chain_holds_what_statics_says(chain):
-    for seed in range(2):
-        arm = chain(seed)
-        held = hold(arm, *at_random(arm, seed), gravity=seed % 2 == 0)
-        assert held.agrees, (seed, held.difference, held.allowed, held.rate)
-
-
-@pytest.mark.parametrize("frame", ["body", "tool", "none"])
-def test_what_carries_no_site_is_held_too(frame):
-    """The body of a hand that is chosen, one that is named, and a tool of 0.2 kg at some way from it."""
+@pytest.mark.parametrize("case", ["chain", "followers", "body", "tool", "hand", "singular", "springs"])
+def test_what_any_arm_carries_is_held_too(made, chain, case):
+    """Random chains; a hand, its body, and a tool at some way from it; a singular wrist; springs of joints."""
+    gripper = ROOT / "tests/models/gripper.xml"
     tool = ToolSection(body="palm", position=(0.1, 0.0, 0.05), mass=0.2)
-    asked = {"body": {"body": "palm"}, "tool": {"tool": tool}, "none": {}}[frame]
-    arm = arms.load(ROOT / "tests/models/gripper.xml", **asked)
-    held = hold(arm, arm.configuration("home")[arm.wiring.qpos], [0, 0, -1, 0, 0, 0], gravity=frame == "tool")
-    assert held.agrees, (held.difference, held.allowed)
-
-
-def test_singular_or_not_every_joint_is_held():
-    # The hands of joints 4 and 6 turn against each other for free in the task; as joints they do not.
-    arm = shipped("stanford")
-    held = hold(arm, [0.2, 0.3, 0.6, 0.4, 0.0, 0.1], [5, -3, 4, 0.5, 0.2, 0.4])
-    assert held.agrees
-    assert np.abs(held.ended.q - held.wanted.q).max() < 1e-2
-
-
-def test_springs_are_held_too(made):
-    arm = made(SPRINGS)
-    for gravity in (False, True):
-        held = hold(arm, [0.3, 0.2], [1, 2, 3, 0, 0, 0], gravity)
-        assert held.agrees, (held.difference, held.allowed)
+    if case in ("body", "tool", "hand"):
+        arm = arms.load(gripper, **{"body": {"body": "palm"}, "tool": {"tool": tool}}.get(case, {}))
+        q, wrench = arm.configuration("home")[arm.wiring.qpos], [0, 0, -1, 0, 0, 0]
+    elif case in ("chain", "followers"):
+        arm = chain(0) if case == "chain" else arms.load(ROOT / "tests/models/telescope.xml", "tip")
+        q, wrench = at_random(arm, 0) if case == "chain" else (arm.sampled(1)[0], [1, 2, 3, 0, 0, 0])
+    elif case == "singular":  # the hands of joints 4 and 6 turn against each other for free in the task
+        arm, q, wrench = shipped("stanford"), [0.2, 0.3, 0.6, 0.4, 0.0, 0.1], [5, -3, 4, 0.5, 0.2, 0.4]
+    else:
+        arm, q, wrench = made(SPRINGS), [0.3, 0.2], [1, 2, 3, 0, 0, 0]
+    held = hold(arm, q, wrench, gravity=case in ("chain", "tool", "springs"))
+    assert held["agrees"], (held["difference"], held["allowed"], held["rate"])
+    assert np.abs(held["run"]["q"][-1] - q).max() < 1e-2
 
 
 RUBBING = """<mujoco><compiler angle="radian"/><worldbody><body name="upper"><joint name="shoulder" axis="0 1 0" {}/>
@@ -407,71 +388,42 @@ RUBBING = """<mujoco><compiler angle="radian"/><worldbody><body name="upper"><jo
 def test_a_joint_that_creeps_below_its_friction_is_still(made):
     """As MuJoCo's friction is soft: stiffer than by default, it takes seconds to give way."""
     friction = 'frictionloss="0.3" solimpfriction="0.999 0.999 0.001"'
-    held = hold(made(RUBBING.format(friction, friction)), [-0.5, -0.3], [0, 0, -0.4, 0, 0, 0], seconds=4.0)
-    assert held.agrees and STILL < held.rate < 1e-4 and np.abs(held.difference).max() > 1e-3
-    smooth = hold(made(RUBBING.format("", "")), [-0.5, -0.3], [0, 0, -0.4, 0, 0, 0])
-    assert smooth.agrees and smooth.rate <= STILL and np.abs(smooth.difference).max() < 1e-4
+    rubbing, asked = made(RUBBING.format(friction, friction)), ([-0.5, -0.3], [0, 0, -0.4, 0, 0, 0])
+    held = hold(rubbing, *asked, seconds=4.0)
+    assert held["agrees"] and STILL < held["rate"] < 1e-4 and np.abs(held["difference"]).max() > 1e-3
     # what the servo brakes counts beside the friction: a joint that falls is not still
-    assert not hold(
-        made(RUBBING.format(friction, friction)), [-0.5, -0.3], [0, 0, -0.4, 0, 0, 0], seconds=0.05
-    ).agrees
+    assert not hold(rubbing, *asked, seconds=0.05)["agrees"]
+    smooth = hold(made(RUBBING.format("", "")), *asked)
+    assert smooth["agrees"] and smooth["rate"] <= STILL and np.abs(smooth["difference"]).max() < 1e-4
+
+
+HELD = [-0.6, 0.3], [0, 0, -1, 0, 0, 0]
 
 
 def test_what_bears_a_part_of_the_wrench_is_named(made):
     text = RUBBING.format("", "")
-    lying = hold(
-        made(text), [0.0, 0.3], [0, 0, -1, 0, 0, 0], seconds=3.0
-    )  # 0.2 m of lower are 6 cm below the table
-    assert not lying.agrees and verdict(lying).endswith(
-        "lower touches table, which carries part of the load: give other positions by --q or --keyframe."
-    ), verdict(lying)
-    ended = RUBBING.format("", 'range="-1 0.3" limited="true"')
-    at_end = hold(made(ended), *HELD, seconds=3.0)
-    assert not at_end.agrees and "elbow is at the end of the range" in verdict(at_end)
-    assert verdict(hold(made(text), *HELD, seconds=3.0)).startswith("met")
+    lying = hold(made(text), [0.0, 0.3], HELD[1], seconds=3.0)  # 0.2 m of lower are 6 cm below the table
+    remedy = "lower touches table, which carries part of the load: give other positions by --q or --keyframe."
+    assert not lying["agrees"] and lying["verdict"].endswith(remedy)
+    at_end = hold(made(RUBBING.format("", 'range="-1 0.3" limited="true"')), *HELD, seconds=3.0)
+    assert not at_end["agrees"] and "elbow is at the end of the range" in at_end["verdict"]
+    assert hold(made(text), *HELD, seconds=3.0)["verdict"].startswith("met")
 
 
 FINGER = """<body pos=".3 0 0"><joint name="finger" axis="0 1 0" {}/>
 <geom type="capsule" fromto="0 0 0 .1 0 0" size=".02" contype="0" conaffinity="0"/></body><site name="hand\""""
 CLOSES = """<actuator><position joint="finger" kp="0.5"/></actuator>
 <keyframe><key name="home" qpos="0 0 0" ctrl="0.2"/></keyframe></mujoco>"""
-HELD = [-0.6, 0.3], [0, 0, -1, 0, 0, 0]
-
-
-@pytest.mark.parametrize(
-    ("at", "instead", "said"),
-    [
-        ('<site name="hand"', FINGER.format(""), 'joint "finger"'),
-    ],
-)
-def test_what_else_bears_a_part_is_named(made, at, instead, said):
-    text = RUBBING.format("", "").replace(at, instead)
-    held = hold(made(text.replace("</mujoco>", CLOSES) if "finger" in text else text), *HELD, seconds=1.0)
-    assert not held.agrees and said in verdict(held), verdict(held)
 
 
 def test_an_arm_waits_for_what_it_carries(made):
     """A damped finger comes to rest after the arm would; then the drives give what statics says."""
     text = RUBBING.format("", "").replace('<site name="hand"', FINGER.format('damping="0.003"'))
-    held = hold(made(text.replace("</mujoco>", CLOSES)), *HELD, seconds=10.0)
-    assert held.agrees and len(held.run) > len(hold(made(RUBBING.format("", "")), *HELD).run)
-
-
-def test_an_arm_is_not_held_beyond_its_limits():
-    arm = shipped("planar_2link")
-    with pytest.raises(QuestionError) as caught:
-        hold(arm, [0.0, 3.0], np.zeros(6))
-    assert str(caught.value) == says('… hold: joint "elbow" … [-2.79253, 2.79253] rad … 3; …')
-
-
-def test_what_does_not_fit_is_refused():
-    arm = shipped("planar_2link")
-    with pytest.raises(QuestionError) as caught:
-        balance(arm, [0, 0], [1, 2, 3])
-    assert str(caught.value) == says("… wrench … 6 … [f; n] … (3,)")
-    with pytest.raises(QuestionError) as caught:
-        balance(arm, [0], np.zeros(6))
-    assert str(caught.value) == says("q … 2 … joint … (1,)")
+    held = hold(made(text.replace("</mujoco>", CLOSES)), *HELD)
+    assert held["agrees"] and len(held["run"]) > len(hold(made(RUBBING.format("", "")), *HELD)["run"])
+    # One that swings on is an answer that is missed.
+    swings = hold(made(text.replace("0.003", "0").replace("</mujoco>", CLOSES)), *HELD, seconds=1.0)
+    assert not swings["agrees"] and "hold it for longer" in swings["verdict"]
 
 
 @pytest.mark.parametrize(
@@ -484,18 +436,18 @@ def test_a_wrench_elsewhere_on_its_body_asks_for_the_same_torques_and_does_the_s
         wrench = rng.normal(size=6)
         found = elsewhere(arm, q, wrench, there)
         R_a, R_b = (quat_to_matrix(one.pose(q)[3:]) for one in (other, arm))
-        in_world = (found.wrench.reshape(2, 3) @ R_a.T).ravel()
+        in_world = (found["wrench"].reshape(2, 3) @ R_a.T).ravel()
         # J of each site, by MuJoCo.
         assert_allclose(other.jacobian(q).T @ in_world, arm.jacobian(q).T @ wrench, atol=ROUNDING)
         rates = rng.normal(size=arm.n)
         twist_a, twist_b = (
             (one.jacobian(q) @ rates).reshape(2, 3) @ R for one, R in ((other, R_a), (arm, R_b))
         )
-        assert_allclose(found.velocity_transform @ twist_b.ravel(), twist_a.ravel(), atol=ROUNDING)
-        assert_allclose(found.force_transform, np.linalg.inv(found.velocity_transform).T, atol=ROUNDING)
+        assert_allclose(found["velocity_transform"] @ twist_b.ravel(), twist_a.ravel(), atol=ROUNDING)
+        assert_allclose(found["force_transform"], np.linalg.inv(found["velocity_transform"]).T, atol=ROUNDING)
         # Negative control: the transpose of the same direction, as a source prints it.
-        printed = found.velocity_transform.T @ (wrench.reshape(2, 3) @ R_b).ravel()
-        assert np.abs(printed - found.wrench).max() > 1e-3
+        printed = found["velocity_transform"].T @ (wrench.reshape(2, 3) @ R_b).ravel()
+        assert np.abs(printed - found["wrench"]).max() > 1e-3
 
 
 def test_a_wrench_on_another_body_is_refused(tmp_path):

@@ -479,12 +479,24 @@ class Arm:
     def rest_torques(self, q: Positions) -> tuple[Array, Array]:
         """Return the actuator loads at rest from gravity and from springs, (n,) each [N·m or N].
 
-        The model's own gravity compensation is subtracted. Joints that are not the arm's are at rest.
+        The model's own gravity compensation is subtracted, unless it is by actuators of the joints. Joints
+        that are not the arm's are at rest.
         """
         data = self._moved(q)
         mujoco.mj_fwdPosition(self.model, data)
         mujoco.mj_fwdVelocity(self.model, data)
-        return (data.qfrc_bias - data.qfrc_gravcomp) @ self.motion, -data.qfrc_spring @ self.motion
+        passive = np.where(self.model.jnt_actgravcomp[self.model.dof_jntid], 0.0, data.qfrc_gravcomp)
+        return (data.qfrc_bias - passive) @ self.motion, -data.qfrc_spring @ self.motion
+
+    @property
+    def weights(self) -> Array:
+        """Weight of each body as each joint of the model bears it, (njnt, nbody, 3) [N].
+
+        The share that the model compensates is left out, unless it does so by that joint's actuators.
+        """
+        model, is_off = self.model, self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+        share = 1.0 - np.where(model.jnt_actgravcomp[:, None], 0.0, model.body_gravcomp)
+        return np.asarray((share * model.body_mass)[:, :, None] * model.opt.gravity * (not is_off))
 
     @cached_property
     def inertia(self) -> Array:

@@ -69,19 +69,19 @@ def statics(
     as_json: AsJson = False,
 ) -> None:
     """Compute actuator torques and link loads under a wrench, and wrenches that need no torque."""
-    from rmrc.analysis.statics.hold import most_ticks
     from rmrc.analysis.statics.report import report
+    from rmrc.analysis.statics.statics import PERIOD
     from rmrc.analysis.statics.statics import statics as ask
 
     acts = wrench_of(wrench)
     arm, positions = configuration(read_arm(model, site, body, package), q, keyframe)
     with (
         interruption("interrupted" if hold is None else "interrupted while holding"),
-        progress("hold", most_ticks(hold or 0.0), as_json or hold is None) as on_ticks,
+        progress("hold", round((hold or 0.0) / PERIOD) + 1, as_json or hold is None) as on_ticks,
     ):
         found = ask(
             arm, acts, positions, frame=frame.value, at=at, gravity=gravity, hold=hold, length=length,
             on_ticks=on_ticks,
         )  # fmt: skip
-    diverged = found.held is not None and found.held.run.divergence
+    diverged = found.held is not None and found.held["run"].divergence
     show(report(found), as_json, missed=EXIT_DIVERGED if diverged else EXIT_MISSED)

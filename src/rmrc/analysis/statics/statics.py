@@ -1,20 +1,55 @@
-"""Actuator torques and link loads of an arm at rest under a wrench, by statics and by the physics."""
+"""The torques and loads of an arm at rest under a wrench, and the same wrench held in the physics.
+
+It is held by rate servos with feedback of the position. The law gets one row of the task, one that is far
+from singular, and the posture in its null space. Together they bring every joint back at the same rate,
+singular or not, as joint servos do. The actuators are read once all is at rest, and compared with
+`rmrc.analysis.statics.balance` at the joint positions of rest.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rmrc.analysis.statics.balance import Balance, Costs, Elsewhere, balance, elsewhere, wrench_costs
-from rmrc.analysis.statics.hold import HoldResult, hold_wrench
+from rmrc.analysis.new.text import identity
+from rmrc.analysis.statics.balance import Balance, balance, elsewhere, without_rounding, wrench_costs
 from rmrc.analysis.subject import Model, Packages, numbers, subject
+from rmrc.arm import Arm
+from rmrc.arm.inventory import contacts
+from rmrc.law.task import Task
+from rmrc.results.run import Run
+from rmrc.scenario import Scenario
+from rmrc.scenario.choices import SERVO
+from rmrc.show.sheets import number
+from rmrc.simulation.footprint import excess, footprint
+from rmrc.simulation.prepare import Cache, prepare
+from rmrc.simulation.simulation import Simulation
 from rmrc.support.brief import brief
-from rmrc.support.errors import QuestionError
-from rmrc.support.spatial import rotate
+from rmrc.support.errors import DivergenceError, QuestionError
+from rmrc.support.spatial import AXES, pose_error, rotate
 
 FRAMES = ("world", "site")
 WRENCH = ("fx", "fy", "fz", "nx", "ny", "nz")
+# Control period, which is also the time constant of a servo [s]. MuJoCo's step is a fraction of it: with a
+# step as long, such servos and the soft constraint of a screw excite each other.
+PERIOD, TIMESTEP = 1e-3, 2.5e-4
+# Rate at which a joint returns [1/s]: the stiffness of a joint is this times its servo's gain. A fiftieth of
+# a second is slow for servos with a millisecond, and the arm still comes to rest within a second.
+FEEDBACK = 50.0
+# An arm is at rest if no joint was faster in the last tenth of a second [rad/s or m/s].
+STILL, LAST = 1e-8, 0.1
+# Below its dry friction a joint creeps, as MuJoCo's friction is soft. It is at rest at a rate at which its
+# servo brakes by this share of the friction.
+CREEP = 1e-2
+# Tolerance of the actuator torques, relative to the torques if nothing canceled: far above rounding, far
+# below what an actuator can measure. The constraint that makes a screw of a hinge and a slide is soft, and
+# yields by some hundredths of a millimeter under a load.
+SHARE, SHARE_OF_SCREWS = 1e-6, 1e-3
+# A joint this near to the end of its range is at the end [rad or m]: MuJoCo's limits are soft.
+NEAR = 1e-3
 
 
 @brief
@@ -24,17 +59,20 @@ class Statics:
 
     Attributes:
         balance: Actuator torques and link loads.
-        costs: Costs of wrenches, forces alone and moments alone for the actuators.
+        costs: Costs of wrenches, forces alone and moments alone for the actuators: see
+            `rmrc.analysis.statics.balance.wrench_costs`.
         length: Characteristic length, which makes meters and radians comparable in `costs` [m].
-        elsewhere: The wrench at another site; None if no other was named.
-        held: The result of holding the wrench in the physics; None if that was not requested.
+        elsewhere: The wrench at another site: see `rmrc.analysis.statics.balance.elsewhere`; None if no other
+            was named.
+        held: The result of holding the wrench in the physics: see `hold_wrench`; None if that was not
+            requested.
     """
 
     balance: Balance
-    costs: tuple[Costs, ...]
+    costs: dict[str, dict[str, Any]]
     length: float
-    elsewhere: Elsewhere | None
-    held: HoldResult | None
+    elsewhere: dict[str, Any] | None
+    held: dict[str, Any] | None
 
 
 def statics(
@@ -67,7 +105,8 @@ def statics(
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         frame: Frame of the wrench: `world` or `site`.
         at: Another site of the same body, at which to report the wrench as well.
-        gravity: Whether the actuators support the arm's weight; otherwise it is compensated.
+        gravity: Whether the actuators support the arm's weight, and links and bearings carry it; otherwise it
+            is compensated.
         hold: Longest duration of holding the wrench in the physics, until all is at rest [s]; None: no
             holding.
         length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
@@ -83,22 +122,168 @@ def statics(
         >>> found = statics("models/planar_2link.xml", [0, -1, 0], [0, np.pi / 3])
         >>> found.balance.equilibrium.round(9).tolist(), found.balance.exceeded
         ([1.5, 0.5], ())
-        >>> found.costs[1].directions[0].cost.value  # a force along z
+        >>> found.costs["force"]["directions"][0]["costs"]  # a force along z
         'nothing, anywhere'
     """
     asked = subject(model, q, keyframe, site, length=length, body=body, packages=packages)
-    asked.arm.require_open()
+    arm, q, length = asked.arm, asked.q, asked.length
+    arm.require_open()
     force_alone = np.shape(wrench) == (3,)
     acts = numbers("wrench", np.append(wrench, np.zeros(3)) if force_alone else wrench, WRENCH)
     if frame not in FRAMES:
         raise QuestionError(f'frame: no frame "{frame}"; choose from {" ".join(FRAMES)}')
     if frame == "site":
-        acts = rotate(asked.arm.pose(asked.q)[3:], acts.reshape(2, 3)).ravel()
-    balanced = balance(asked.arm, asked.q, acts, gravity)
+        acts = rotate(arm.pose(q)[3:], acts.reshape(2, 3)).ravel()
+    balanced = balance(arm, q, acts, gravity)
     return Statics(
         balance=balanced,
-        costs=wrench_costs(asked.arm, asked.q, asked.length),
-        length=asked.arm.proportions.length(range(6)) if asked.length is None else asked.length,
-        elsewhere=None if at is None else elsewhere(asked.arm, asked.q, acts, at),
+        costs=wrench_costs(arm, q, length),
+        length=arm.proportions.length(range(6)) if length is None else length,
+        elsewhere=None if at is None else elsewhere(arm, q, acts, at),
         held=None if hold is None else hold_wrench(balanced, hold, on_ticks),
     )
+
+
+# Held in the physics -----------------------------------------------------------------------------
+
+
+def hold_wrench(
+    wanted: Balance, seconds: float = 10.0, on_ticks: Callable[[int], None] | None = None
+) -> dict[str, Any]:
+    """Hold a wrench in the physics until the arm is at rest or the time is over.
+
+    Args:
+        wanted: The configuration and the wrench.
+        seconds: Longest duration.
+        on_ticks: Called with the number of ticks of each finished block.
+
+    Returns:
+        agrees: Whether the arm came to rest, with the torques of statics.
+        still: Whether it came to rest.
+        seconds: Time until then, or until the end [s].
+        statics: Expected torques at the wanted joint positions, (n,) [N·m or N].
+        where_it_rests: Expected torques at the joint positions of rest, (n,).
+        measured: Measured torques, (n,).
+        difference: Measured minus expected torques at rest, (n,).
+        allowed: Its tolerance, (n,).
+        at_limit: Joints whose actuator was at its limit at any time, (n,).
+        drift: From the wanted pose of the site to its pose at rest, [Δp; rotation vector], (6,) [m, rad].
+        rate: Rate of the fastest joint in the last tenth of a second [rad/s or m/s].
+        verdict: The same in words, and what else carries a part of the load.
+        run: The run.
+
+    Raises:
+        QuestionError: A joint is beyond its limits or moves no inertia, or a run of this length does not fit
+            into memory.
+        DivergenceError: The state was not finite after the first step.
+
+    Example:
+        >>> from rmrc.analysis.subject import subject
+        >>> arm = subject("models/planar_2link.xml").arm
+        >>> hold_wrench(balance(arm, [0.0, 1.0], [0, -1, 0, 0, 0, 0]), 2.0)["agrees"]
+        True
+    """
+    arm = wanted.arm
+    for name, q, (lower, upper), unit, inertia in zip(
+        arm.joints, wanted.q, arm.position_limit, arm.units, arm.inertia, strict=True
+    ):
+        if not lower <= q <= upper:
+            within = f"within its limits [{lower:.6g}, {upper:.6g}] {unit}, got {q:.6g}"
+            raise QuestionError(f'cannot hold: joint "{name}" must be {within}; choose other joint positions')
+        if not inertia > 0.0:  # on which the servos' gains depend
+            need = f'joint "{name}" must have an inertia > 0 at home, got {inertia:.6g}'
+            raise QuestionError(f"cannot hold: {need}; correct masses, inertias and armature of the model")
+    prepared = prepare(hold_scenario(wanted, seconds), Cache(arm))
+    if too_much := excess(footprint([prepared])):
+        ticks = prepared.reference.ticks
+        raise QuestionError(f"--hold: {ticks} ticks need {too_much}; hold for a shorter time")
+    simulation = Simulation([prepared])
+    kv = np.array(prepared.scenario.plant.kv)
+    friction = arm.model.dof_frictionloss @ np.abs(arm.motion)
+    slow, share = np.maximum(STILL, CREEP * friction / kv), SHARE_OF_SCREWS if arm.followers else SHARE
+
+    def judged(run: Run) -> dict[str, Any]:
+        """Return the torques, the rate and their judgment at the end of a run."""
+        ended = balance(arm, run["q"][-1], wanted.wrench, wanted.bears_weight)
+        last, measured = round(LAST / PERIOD), run["tau"][-1]
+        rates = np.abs(run["qdot"][-last:]).max(axis=0) if len(run) >= last else np.full(arm.n, np.inf)
+        still = run.divergence is None and bool((rates <= slow).all())
+        # M q̈ brakes the remaining motion, and the actuator values are a step old: both are within this.
+        moving = kv * np.maximum(rates, min(rates.max(), STILL))
+        difference, allowed = measured - ended.torque, share * ended.size + moving + friction
+        return {
+            "agrees": still and bool((np.abs(difference) <= allowed).all()), "still": still,
+            "statics": wanted.torque, "where_it_rests": ended.torque,
+            "measured": without_rounding(measured, ended.size), "difference": difference, "allowed": allowed,
+            "rate": float(rates.max()),
+        }  # fmt: skip
+
+    simulation.step(
+        lambda _, part: on_ticks(len(part)) if on_ticks else None,
+        rule=lambda _, run: bool(judged(run)["agrees"]),
+    )
+    (run,) = simulation.runs()
+    if not len(run):
+        raise DivergenceError(f"cannot hold: {run.divergence}")
+    held = judged(run) | {
+        "seconds": len(run) * PERIOD, "drift": -pose_error(arm.pose(wanted.q), run["pose"][-1]),
+        "at_limit": (np.abs(run["tau"]) >= arm.torque_limit).any(axis=0), "run": run,
+    }  # fmt: skip
+    return held | {"verdict": _verdict(arm, held)}
+
+
+def _verdict(arm: Arm, held: dict[str, Any]) -> str:
+    """Return how the holding went, what else carries a part of the load, and the way out."""
+    run = held["run"]
+    names = ", ".join(np.array(arm.joints)[held["at_limit"]])
+    reached = f"{names or 'no actuator'} reached its torque limit"
+    if run.divergence:
+        return f"MISSED: {run.divergence}; {reached}."
+    if held["agrees"]:
+        return f"met: still, and the actuator torques agree with statics; {reached}."
+    state = "still, but the actuator torques differ"
+    if not held["still"]:
+        state = f"not still, the fastest joint moves at {number(held['rate'])} rad/s or m/s"
+    q, (lower, upper) = run["q"][-1], arm.position_limit.T
+    near = NEAR + arm.model.jnt_margin[arm.wiring.joint]
+    ends = (q < lower + near) | (q > upper - near)
+    bears = [f"{name} is at the end of the range" for name in np.array(arm.joints)[ends]]
+    bears += [" touches ".join(each.bodies) for each in contacts(arm, run["qpos"][-1:]) if each.is_moved][:1]
+    way = "; found no other support: hold it for longer, or run `rmrc check` for details"
+    if bears:
+        remedy = "give other positions by --q or --keyframe"
+        way = f"; {' and '.join(bears)}, which carries part of the load: {remedy}"
+    elif names and not held["still"]:
+        way = ""
+    return f"MISSED: {state}; {reached}{way}."
+
+
+def hold_scenario(wanted: Balance, seconds: float) -> Scenario:
+    """Return the scenario of an arm that holds a wrench at its configuration.
+
+    Args:
+        wanted: The configuration and the wrench.
+        seconds: Duration.
+    """
+    arm = wanted.arm
+    # The row that moves most: no arm has lost it.
+    rows = Task(arm, np.arange(6)).matrix(arm.jacobian(wanted.q))
+    axis = AXES[int(np.argmax(np.linalg.norm(rows, axis=1)))]
+    keys = identity(arm, Path.resolve)
+    keys.pop("stretch", None)  # the given arm is stretched already
+    return Scenario.model_validate({
+        "name": "hold",
+        "arm": keys | {"start": tuple(wanted.q)},
+        "task": {"axes": (axis,)},
+        "control": {
+            "period": PERIOD, "feedback": FEEDBACK, "inverse": {"method": "pseudoinverse"},
+            "nullspace": {"objective": "posture", "gain": FEEDBACK},
+            "limits": {"position": False, "on_excess": "none"},
+        },
+        "target": {"path": ({"hold": {"for": seconds}},)},
+        "plant": {
+            "kind": SERVO.name, "kv": tuple(arm.inertia / PERIOD), "timestep": TIMESTEP,
+            "friction_compensation": False,
+            "gravity_compensation": not wanted.bears_weight, "wrench": tuple(wanted.wrench),
+        },
+    })  # fmt: skip
