@@ -49,7 +49,7 @@ class Inspection:
         jacobian: J of the site's origin, rows [v; ω] along the axes of the frame, (6, n).
         disagreement: Largest entry of the difference from MuJoCo's J, by method [m or 1].
         determinant: Determinant of the task's rows of J along their axes; None if they are not square.
-        factors: Its factors: name, family, where, power, value, vanishes; see `rmrc.analysis.factors`.
+        factors: Its factors: name, term, family, where, power, value, vanishes; see `rmrc.analysis.factors`.
         sigma: Singular values of A = S_x J S_q, descending, (k,).
         rank: Rank of A, by its singular values.
         rank_by_minors: By its determinants; None if they are too many.

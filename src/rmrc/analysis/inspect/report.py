@@ -115,13 +115,14 @@ def _task(found: Inspection) -> list[tuple[str, str]]:
 
 
 def _factors(factors: Sequence[Mapping[str, Any]]) -> Sheet:
-    terms = [f"{each['name']}{'²' * (each['power'] == 2)}" for each in factors]
     rows = [
-        (term, _number(each["value"]), "vanishes" * each["vanishes"], each["family"], each["where"])
-        for term, each in zip(terms, factors, strict=True)
+        (each["term"], _number(each["value"]), "vanishes" * each["vanishes"], each["family"], each["where"])
+        for each in factors
     ]
     headings = ("factor", "here", "", "singularity", "where it vanishes")
-    return Sheet(f"det J = {' · '.join(terms)}", headings, rows, frozenset({0, 2, 3, 4}))
+    return Sheet(
+        f"det J = {' · '.join(each['term'] for each in factors)}", headings, rows, frozenset({0, 2, 3, 4})
+    )
 
 
 def _ellipsoids(found: Inspection) -> Sheet:
