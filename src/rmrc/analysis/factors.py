@@ -102,7 +102,8 @@ def factors(task: Task, J: Array) -> list[dict[str, Any]]:
 
     Returns:
         Name, family, where and power of each, as in `Rule`; the term, which is the name with the power; its
-        value [m, m², m³ or 1]; and whether it vanishes. The product of the values, each to its power, is the determinant.
+        value [m, m², m³ or 1]; and whether it vanishes. The product of the values, each to its power, is the
+        determinant.
     """
     known = product(task)
     if known is None:
@@ -110,8 +111,8 @@ def factors(task: Task, J: Array) -> list[dict[str, Any]]:
     values = known.values(J)
     vanish = np.abs(values) <= ROUNDING * known.largest
     return [
-        {"name": rule.name, "term": rule.name + "²" * (rule.power == 2), "family": rule.family, "where": rule.where,
-         "power": rule.power, "value": float(value), "vanishes": bool(zero)}
+        {"name": rule.name, "term": rule.name + "²" * (rule.power == 2), "family": rule.family,
+         "where": rule.where, "power": rule.power, "value": float(value), "vanishes": bool(zero)}
         for rule, value, zero in zip(known.rules, values, vanish, strict=True)
     ]  # fmt: skip
 
