@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from chains import random_chain, random_followers, seeds
 from project import ROOT, examples
 from rmrc import arm as arms
-from rmrc.analysis.inspect.routes import jacobians as routes
+from rmrc.analysis.routes import jacobians as routes
 from rmrc.analysis.statics.balance import balance
 from rmrc.analysis.survey import jacobians, survey
 from rmrc.law.controller import Controller

@@ -169,7 +169,8 @@ def asked(
     options = list(robot.options)
     if verb == "ik":
         # Each joint a little off towards the middle of its range: a reachable goal.
-        goal = [joint["q"] + 0.05 * toward(joint) for joint in facts.get("joints", [])]
+        places = zip(facts.get("q", ()), facts.get("limits", ()), strict=True)
+        goal = [q + 0.05 * toward(q, limits) for q, limits in places]
         options += ["--to-q", ",".join(f"{q:.6f}" for q in goal) or "0"]
     elif verb == "statics":
         options += ["--wrench", "0,0,-1,0,0,0", "--hold", "10"]
@@ -178,10 +179,10 @@ def asked(
     return call(verb, model, *options).cell
 
 
-def toward(joint: dict[str, Any]) -> float:
+def toward(q: float, limits: list[float | None]) -> float:
     """Return 1 or -1: the direction from a joint's position to the middle of its limits."""
-    low, high = (end if isinstance(end, int | float) else 0.0 for end in joint["limits"] or (0.0, 0.0))
-    return 1.0 if joint["q"] <= 0.5 * (low + high) else -1.0
+    low, high = (0.0 if end is None else end for end in limits)
+    return 1.0 if q <= 0.5 * (low + high) else -1.0
 
 
 def had(only: str) -> list[str]:

@@ -158,7 +158,7 @@ def test_what_was_assumed_is_told_by_findings_alone(rmrc, tmp_path):
 
 
 def test_a_wrong_jacobian_is_found(tmp_path, monkeypatch):
-    import rmrc.analysis.check.check as module
+    import rmrc.analysis.routes as module
 
     right = module.jacobians
 

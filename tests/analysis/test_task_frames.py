@@ -58,7 +58,6 @@ def test_what_is_lost_is_told_along_the_axes_of_the_site_and_kept_along_the_worl
     found = rmrc.inspect(puma, q, task_frame="site", length=1.0)
     (lost,) = found.lost
     assert np.abs(puma.jacobian(q).T @ lost.wrench).max() < 1e-6 * np.linalg.norm(lost.wrench)
-    assert lost.words.endswith("(axes of the site)")
     (same,) = rmrc.inspect(puma, q, length=1.0).lost
     assert abs(abs(lost.twist @ same.twist) - 1.0) < 1e-9  # all rows count: the same direction of the world
     R = Rotation.from_quat(np.roll(puma.pose(q)[3:], -1)).as_matrix()

@@ -57,7 +57,7 @@ def test_notes_stand_below_the_table_and_an_empty_line_follows_if_it_shall():
 LOG = str(ROOT / "scenarios/arm_log.csv")
 ASKED = {
     "check": ([], lambda: of_check(rmrc.check(TWO))),
-    "inspect": (["--wrench", "1,2,3"], lambda: of_inspection(rmrc.inspect(TWO, wrench=[1, 2, 3, 0, 0, 0]))),
+    "inspect": (["--joint-error", "0.1"], lambda: of_inspection(rmrc.inspect(TWO, joint_error=[0.1, 0.1]))),
     "ik": (["--to", "1,1", "--all"], lambda: of_ik(rmrc.ik(TWO, [1, 1], every=True))),
     "statics": (["--wrench", "1,2,3"], lambda: of_statics(rmrc.statics(TWO, [1, 2, 3]))),
     "workspace": (["--cells", "10"], lambda: of_workspace(rmrc.workspace(TWO, cells=10))),

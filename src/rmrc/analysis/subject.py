@@ -92,22 +92,19 @@ def subject(
     """
     if q is not None and keyframe is not None:
         raise QuestionError("give q or keyframe, not both")
-    start: str | Sequence[float] = "home"
     arm = read_arm(model, site, body, packages)
+    start: str | Sequence[float] = "home"
     if isinstance(model, Scenario):
-        task = model.task
-        start = model.arm.start
+        task, start = model.task, model.arm.start
         if axes is None:
-            axes, task_frame = task.axes, task.frame if task_frame is None else task_frame
+            axes, task_frame = task.axes, task_frame or task.frame
         length = task.length if length is None else length
+    qpos = arm.configuration(start if keyframe is None else keyframe)
     if q is None or isinstance(model, Scenario):
-        arm = arm.at(arm.configuration(start if keyframe is None else keyframe))
-    if q is None:
-        positions = arm.configuration(start if keyframe is None else keyframe)[arm.wiring.qpos]
-    else:
-        positions = numbers("q", q, arm.joints)
-    frame = _check(axes, length, task_frame)
-    return Subject(arm, positions, axes, length, frame)
+        arm = arm.at(qpos)
+    positions = qpos[arm.wiring.qpos] if q is None else numbers("q", q, arm.joints)
+    _check(axes, length)
+    return Subject(arm, positions, axes, length, frame_named("task frame", task_frame or FRAMES[0]))
 
 
 def read_arm(
@@ -133,22 +130,20 @@ def read_arm(
     if site is not None and body is not None:
         raise QuestionError("give site or body, not both")
     folders = {name: Path(folder) for name, folder in (packages or {}).items()}
-    if isinstance(model, Arm):
-        arm = model
-    elif isinstance(model, Scenario):
-        arm = arms.load_asked(model.arm)
-        arm = arm.stretched(model.arm.stretch) if model.arm.stretch else arm
-    else:
+    if not isinstance(model, Arm | Scenario):
         return arms.load(shipped.found(model, "models"), site, joints, body=body, packages=folders)
-    frame = arm.frame or ("site", arm.site)
-    own = {
-        "site": (site, arm.site), "body": (body, frame[1] if frame[0] == "body" else None),
-        "joints": (joints and tuple(joints), arm.joints), "packages": (folders or None, dict(arm.packages)),
+    arm = model if isinstance(model, Arm) else arms.load_asked(model.arm)
+    if isinstance(model, Scenario) and model.arm.stretch:
+        arm = arm.stretched(model.arm.stretch)
+    key, value = arm.frame or ("site", arm.site)
+    settings = {
+        "site": (site, arm.site), "body": (body, value if key == "body" else None),
+        "joints": (joints and tuple(joints), arm.joints), "packages": (folders, dict(arm.packages)),
     }  # fmt: skip
-    for name, (wanted, has) in own.items():
-        if wanted not in (None, has):
-            told, known = (f'"{one}"' if isinstance(one, str) else one for one in (wanted, has))
-            raise QuestionError(f"the arm has {name} {known}, got {told}; load it with these settings")
+    for name, (wanted, has) in settings.items():
+        if wanted and wanted != has:
+            asked, known = (f'"{text}"' if isinstance(text, str) else text for text in (wanted, has))
+            raise QuestionError(f"the arm has {name} {known}, got {asked}; load it with these settings")
     return arm
 
 
@@ -172,17 +167,20 @@ def numbers(what: str, values: ArrayLike, names: Sequence[str]) -> Array:
     return array
 
 
-def _check(axes: Sequence[str] | None, length: float | None, task_frame: str | None) -> Frame:
-    """Return the frame of the rows; raise a problem of it, of the rows or of the length."""
-    for axis in axes or ():
-        if axis not in AXES:
-            raise QuestionError(f'axes: no row "{axis}"; choose from {" ".join(AXES)}')
-    if axes is not None and not len(axes):
-        raise QuestionError(f"axes must name one row or more of {' '.join(AXES)}")
+def _check(axes: Sequence[str] | None, length: float | None) -> None:
+    """Raise a problem of rows or of a length."""
+    unknown = [axis for axis in axes or () if axis not in AXES]
+    if unknown or (axes is not None and not len(axes)):
+        problem = f'no row "{unknown[0]}"' if unknown else "not one row"
+        raise QuestionError(f"axes: {problem}; choose from {' '.join(AXES)}")
     if length is not None and not (np.isfinite(length) and length > 0.0):
         raise QuestionError(f"length must be > 0 and finite, got {length:g}")
-    for known in FRAMES:
-        if task_frame in (None, known):
-            return known
-    hint = did_you_mean(str(task_frame), FRAMES)
-    raise QuestionError(f'task frame: no frame "{task_frame}"{hint}; choose from {" ".join(FRAMES)}')
+
+
+def frame_named(what: str, name: str) -> Frame:
+    """Return the frame of a name; raise a problem if there is none."""
+    for frame in FRAMES:
+        if name == frame:
+            return frame
+    hint = did_you_mean(name, FRAMES)
+    raise QuestionError(f'{what}: no frame "{name}"{hint}; choose from {" ".join(FRAMES)}')

@@ -4,19 +4,17 @@ The kinematics are those of the law, compiled, and not MuJoCo's, which take one 
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from rmrc.law.compiling import Record, compiled
-from rmrc.law.kinematics import WORLD, follow_chain, frame_turn, geometric_jacobian, turn_columns
-from rmrc.law.law import scale_task
+from rmrc.law.kinematics import follow_chain, geometric_jacobian
 from rmrc.law.record import copied, new_worlds
 from rmrc.law.task import Array, Task
 from rmrc.support.threads import work_in_shares
 
-# Configurations per work item of a thread: some milliseconds.
+# Configurations per work item of a thread: a millisecond.
 SHARE = 4096
 # Block size for callers with many more configurations: some tens of megabytes.
 BLOCK = 1 << 16
@@ -65,9 +63,14 @@ def survey(task: Task, q: Array, threads: int | None = None) -> Survey:
         q: Joint positions, (N, n).
         threads: None: one per core; the result does not depend on it.
     """
-    pose, sigma = np.empty((len(q), 7)), np.empty((len(q), min(len(task.rows), task.arm.n)))
-    q = _each(examine, task, threads, q, pose, sigma)
-    return Survey(q, pose, -np.sort(-sigma, axis=1))
+    q, pose, J = _located(task, q, threads)
+    sigma = np.empty((len(q), min(len(task.rows), task.arm.n)))
+
+    def decompose(part: slice) -> None:
+        sigma[part] = singular_values(task.matrix(task.turned(J[part], pose[part])))
+
+    work_in_shares(decompose, len(q), SHARE, threads)
+    return Survey(q, pose, sigma)
 
 
 def jacobians(task: Task, q: Array, threads: int | None = None) -> tuple[Array, Array]:
@@ -78,23 +81,33 @@ def jacobians(task: Task, q: Array, threads: int | None = None) -> tuple[Array, 
         q: Joint positions, (N, n).
         threads: None: one per core; the result does not depend on it.
     """
-    pose, J = np.empty((len(q), 7)), np.empty((len(q), 6, task.arm.n))
-    _each(locate, task, threads, q, pose, J)
+    _, pose, J = _located(task, q, threads)
     return pose[:, :3], J
 
 
-def _each(function: Callable[..., None], task: Task, threads: int | None, q: Array, *results: Array) -> Array:
-    """Let threads call a compiled function for joint positions and rows of results; return the positions."""
+def _located(task: Task, q: Array, threads: int | None) -> tuple[Array, Array, Array]:
+    """Return joint positions, poses and Jacobians along world axes, found by threads."""
     worlds = new_worlds(1, task.arm.n, len(task.arm.axis_names))
     task.write(worlds[0])
     # A writable copy in order: for an array of another type, the function would be compiled again.
     q = np.array(q, np.float64, order="C")
+    pose, J = np.empty((len(q), 7)), np.empty((len(q), 6, task.arm.n))
+    work_in_shares(lambda part: locate(copied(worlds), q[part], pose[part], J[part]), len(q), SHARE, threads)
+    return q, pose, J
 
-    def examine_some(part: slice) -> None:
-        function(copied(worlds), q[part], *(result[part] for result in results))
 
-    work_in_shares(examine_some, len(q), SHARE, threads)
-    return q
+def singular_values(A: Array) -> Array:
+    """Return singular values, (N, k), falling, of matrices, (N, m, n), SIDE_BY_SIDE of them at a time."""
+    A = A if A.shape[1] <= A.shape[2] else A.swapaxes(1, 2)
+    count, k, size = A.shape
+    blocks = -(-count // SIDE_BY_SIDE)
+    whole = np.zeros((blocks * SIDE_BY_SIDE, k, size))
+    whole[:count] = A
+    rows = np.ascontiguousarray(whole.reshape(blocks, SIDE_BY_SIDE, k, size).transpose(0, 2, 3, 1))
+    for block in rows:
+        orthogonalize(block)
+    sigma = np.sqrt((rows**2).sum(axis=2)).transpose(0, 2, 1).reshape(-1, k)
+    return -np.sort(-sigma[:count], axis=1)
 
 
 # Compiled ---------------------------------------------------------------------------------------
@@ -122,63 +135,23 @@ def locate(worlds: Record, q: Array, pose: Array, J: Array) -> None:
 
 
 @compiled
-def examine(worlds: Record, q: Array, pose: Array, sigma: Array) -> None:
-    """Write poses (N, 7) and singular values, unsorted, (N, k), at joint positions (N, n).
-
-    Args:
-        worlds: A task's record, (1,).
-        q: Read.
-        pose: Written.
-        sigma: Written.
-    """
-    world, count = worlds[0], len(q)
-    rows, angle = np.zeros((world.k, max(world.m, world.n), SIDE_BY_SIDE)), np.empty((3, SIDE_BY_SIDE))
-    for first in range(0, count, SIDE_BY_SIDE):
-        for w in range(min(SIDE_BY_SIDE, count - first)):
-            write_matrix(world, q[first + w], rows[:, :, w])
-            for c in range(7):
-                pose[first + w, c] = world.state.pose[c]
-        orthogonalize(rows, angle)
-        for w in range(min(SIDE_BY_SIDE, count - first)):
-            for p in range(world.k):
-                sigma[first + w, p] = math.sqrt((rows[p, :, w] ** 2).sum())
-
-
-@compiled
-def write_matrix(world: Record, q: Array, rows: Array) -> None:
-    """Write A or Aᵀ, (k, max(m, n)), at joint positions (n,)."""
-    task, state = world.task, world.state
-    follow_chain(world, q)
-    geometric_jacobian(world)
-    if task.frame != WORLD:
-        turn_columns(frame_turn(task.frame, task.base, state.pose), state.J, world.n)
-    scale_task(world)
-    for i in range(world.m):
-        for j in range(world.n):
-            if world.m <= world.n:
-                rows[i, j] = world.scratch.A[i, j]
-            else:
-                rows[j, i] = world.scratch.A[i, j]
-
-
-@compiled
-def orthogonalize(rows: Array, angle: Array) -> None:
+def orthogonalize(rows: Array) -> None:
     """Rotate the rows of some matrices, (k, size, SIDE_BY_SIDE), until they are orthogonal [Hestenes58].
 
     Their lengths are then the singular values. All matrices go through the same steps.
 
     Args:
         rows: Overwritten.
-        angle: Overwritten, (3, SIDE_BY_SIDE).
     """
-    k, size, _ = rows.shape
+    k, size, count = rows.shape
+    c, s, tangent = np.empty(count), np.empty(count), np.empty(count)
     for _ in range(SWEEPS_MAX):
         largest = 0.0
         for p in range(k - 1):
             for q in range(p + 1, k):
-                find_rotations(rows[p], rows[q], size, angle[0], angle[1], angle[2])
-                rotate(rows[p], rows[q], size, angle[0], angle[1])
-                largest = max(largest, angle[2].max())
+                find_rotations(rows[p], rows[q], size, c, s, tangent)
+                rotate(rows[p], rows[q], size, c, s)
+                largest = max(largest, tangent.max())
         if largest <= SMALL:
             break
 

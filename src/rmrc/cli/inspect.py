@@ -22,7 +22,7 @@ from rmrc.cli.options import (
     read_arm,
 )
 from rmrc.cli.reports import show
-from rmrc.cli.texts import configuration, numbers, task_axes, wrench_of
+from rmrc.cli.texts import configuration, numbers, task_axes
 from rmrc.support.errors import QuestionError
 from rmrc.support.notices import READING
 
@@ -53,14 +53,6 @@ JointError = Annotated[
         help='Joint errors, such as "0.1 deg": print the resulting errors of the site.',
     ),
 ]
-Wrench = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FX,...,NZ",
-        help="Force in N, or force and moment in N m, acting on the arm at the site, in the world frame: "
-        "print the joint torques that balance it.",
-    ),
-]
 Picture = Annotated[
     Path | None,
     typer.Option(
@@ -84,11 +76,10 @@ def inspect(
     length: Length = None,
     frame: Frame = None,
     joint_error: JointError = None,
-    wrench: Wrench = None,
     picture: Picture = None,
     as_json: AsJson = False,
 ) -> None:
-    """Analyze an arm at a configuration: pose, Jacobian, singularities, ellipsoids, statics."""
+    """Analyze an arm at a configuration: pose, Jacobian, singularities, ellipsoids."""
     if q and keyframe:
         raise QuestionError("give --q or --keyframe, not both")
     rows = task_axes(axes)
@@ -100,19 +91,9 @@ def inspect(
     positions = [configuration(arm, text, None) for text in q or ()]
     positions += [configuration(arm, None, name) for name in keyframe or ()]
     errors = None if joint_error is None else _joint_errors(arm, joint_error)
-    acts = None if wrench is None else wrench_of(wrench)
     found = [
-        ask(
-            placed,
-            one,
-            axes=rows,
-            task_frame=task_frame,
-            length=length,
-            frame=frame,
-            joint_error=errors,
-            wrench=acts,
-        )
-        for placed, one in positions or [configuration(arm, None, None)]
+        ask(placed, at, axes=rows, task_frame=task_frame, length=length, frame=frame, joint_error=errors)
+        for placed, at in positions or [configuration(arm, None, None)]
     ]
     warn(warning for one in found for warning in one.warnings)
     answer = report(*found)

@@ -8,10 +8,10 @@ import numpy as np
 from rmrc.analysis.check.facts import Facts
 from rmrc.analysis.check.findings import Finding, found
 from rmrc.analysis.check.motion import motions
-from rmrc.analysis.inspect.directions import examine
-from rmrc.analysis.inspect.routes import ROUTES, jacobians
+from rmrc.analysis.directions import examine
 from rmrc.analysis.new.nearest import nearest_singularity
 from rmrc.analysis.new.scaling import scales
+from rmrc.analysis.routes import disagreement
 from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.arm.inventory import actuators, contacts, other_joints
 from rmrc.support.brief import brief
@@ -74,14 +74,13 @@ def check(
         )
     home = arm.configuration("home")[arm.wiring.qpos]
     start = np.clip(home, *arm.position_limit.T)
-    sigma, lost, slow, _ = examine(suits.task, arm.jacobian(home), arm.pose(home), np.eye(3), "world")
+    sigma, lost, slow, _ = examine(suits.task, arm.jacobian(home), arm.pose(home))
     words = [one.words for one in lost] + [one.words for one in slow]
     near = nearest_singularity(suits, np.clip(home, suits.lower, suits.upper))
     touching = contacts(arm, arm.configuration("home")[None])
-    routes = jacobians(arm, home)
     facts = Facts(
         arm, suits, home, sigma, tuple(words), near, actuators(arm), other_joints(arm), touching,
-        {name: float(np.abs(routes[name] - routes["mujoco"]).max()) for name in ROUTES if name != "mujoco"},
+        disagreement(arm, home),
         motions(suits, start, frozenset(contact.geoms for contact in touching), seed), seed,
     )  # fmt: skip
     return Checked(**vars(facts), findings=found(facts))

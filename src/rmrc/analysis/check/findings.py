@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rmrc.analysis.check.facts import Facts
 from rmrc.analysis.check.motion import BOUND
-from rmrc.analysis.inspect.directions import SLOW
+from rmrc.analysis.directions import SLOW
 from rmrc.analysis.new.scaling import ASSUMED_RATE
 from rmrc.arm import Arm
 from rmrc.arm.frames import code_of

@@ -5,27 +5,25 @@ from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Polygon
 
 from rmrc.analysis.inspect.inspection import Inspection
-from rmrc.analysis.inspect.routes import Array, link_transforms
+from rmrc.analysis.routes import link_transforms
 from rmrc.arm import Arm
+from rmrc.law.task import Array
 from rmrc.show.figures import explain, lettering, plain, save, sheet
 from rmrc.show.sheets import number
 from rmrc.textbook.ellipsoid import Ellipsoid, ellipsoid_points, force_ellipsoid, velocity_ellipsoid
 from rmrc.textbook.reference_frame import rotate_jacobian
 
-# Shares of the arm's length: the length of the longest velocity, and of the longest force; forces longer than
-# the third are cut off there.
+# Shares of the arm's length: the longest velocity, the middle force, and where longer forces are cut off.
 VELOCITY_SHARE, FORCE_SHARE, CUT_SHARE = 0.25, 0.15, 0.4
 # An axis equals the world's up to the rounding of eight digits in a file.
 PARALLEL = 1e-7
 # Lighter gray for the later configurations, still dark enough on white paper.
 LIGHTEST = 0.55
-MARKS = {"hinge": "o", "slide": "s", "screw": "D"}
+TINY = 1e-300
+MARKS = (("base", "^", 15, [0]), ("joint", "o", 8, slice(1, -1)), ("site", "X", 10, [-1]))
 
 
 def draw_arm(found: Sequence[Inspection], path: Path) -> None:
@@ -45,49 +43,48 @@ def draw_arm(found: Sequence[Inspection], path: Path) -> None:
 
 def figure(found: Sequence[Inspection]) -> Figure:
     """Return the figure for `draw_arm`."""
-    planes = moving_planes(found[0].arm)
-    sticks = [skeleton(one) for one in found]
+    arm, planes = found[0].arm, moving_planes(found[0].arm)
+    sticks = [skeleton(each) for each in found]
     length = max(float(np.linalg.norm(np.diff(stick, axis=0), axis=1).sum()) for stick in sticks)
-    scales = _scales(found, planes, length)
+    scales = _scales([ellipses(each, plane) for each in found for plane in planes], length)
+    slides = f", slides per {number(found[0].task.length)} m" if arm.is_slide.any() else ""
+    words = (
+        f"velocity for joint rates of norm 1{slides}: 1 m/s is {scales[0]:g} m",
+        f"force for joint torques of norm 1{slides}: 1 N is {scales[1]:g} m; "
+        f"cut off at {CUT_SHARE * length:.2g} m",
+    )
     picture = sheet(7.0 * len(planes), 7.0 + 0.25 * len(found))
     for panel, plane in enumerate(planes):
         axes = picture.add_subplot(1, len(planes), panel + 1)
-        for i, (one, stick) in enumerate(zip(found, sticks, strict=True)):
-            gray = f"{LIGHTEST * i / max(1, len(found) - 1):.2f}"
-            _draw(axes, one, stick, plane, gray, scales, CUT_SHARE * length)
-            if len(found) > 1:
-                axes.annotate(
-                    f"{i + 1}",
-                    tuple(stick[-1, plane]),
-                    xytext=(7, 7),
-                    textcoords="offset points",
-                    weight="bold",
-                )
-        axes.set_aspect("equal", adjustable="datalim")
+        for i, (each, stick) in enumerate(zip(found, sticks, strict=True)):
+            points, gray = stick[:, plane], f"{LIGHTEST * i / max(1, len(found) - 1):.2f}"
+            hidden = "_" * (i > 0)  # the legend has each mark once
+            for some, scale, style, text in zip(
+                ellipses(each, plane), scales, ("-", "--"), words, strict=True
+            ):
+                sizes = np.minimum(some.half_axes, CUT_SHARE * length / max(scale, TINY)) * scale
+                outline = points[-1] + ellipsoid_points(Ellipsoid(some.axes, sizes), 181)
+                axes.plot(*outline.T, style, color=gray, linewidth=1.2, label=hidden + text)
+            for name, mark, size, at in MARKS:
+                axes.plot(*points[at].T, mark, color=gray, markersize=size, label=hidden + name)
+            positions = f"{i + 1}: $q$ = {', '.join(map(number, each.q))}"
+            axes.plot(*points.T, "-", color=gray, linewidth=3.0, label=positions)
+            axes.annotate(f"{i + 1}", points[-1], (7, 7), textcoords="offset points", weight="bold")
+        axes.set(aspect="equal", adjustable="datalim")
+        axes.set(xlabel=f"${'xyz'[plane[0]]}$ [m]", ylabel=f"${'xyz'[plane[1]]}$ [m]")
         axes.margins(0.08)
-        axes.set_xlabel(f"${'xyz'[plane[0]]}$ [m]")
-        axes.set_ylabel(f"${'xyz'[plane[1]]}$ [m]")
         axes.grid(color="0.9", linewidth=0.8)
         axes.set_axisbelow(True)
-    arm = found[0].arm
     picture.suptitle(plain(f"{arm.path.name}, site {arm.site}"))
-    explain(picture, handles=_legend(found, scales, CUT_SHARE * length), loc="outside lower left")
+    explain(picture, handles=picture.axes[0].get_legend_handles_labels()[0], loc="outside lower left")
     return picture
 
 
 def moving_planes(arm: Arm) -> list[list[int]]:
     """Return the planes to draw, two world axes each: that of a planar arm, else x-y and x-z."""
-    slides, axis = np.isinf(arm.chain.pitch), np.abs(arm.chain.axis)
-    for normal in range(3):
-        across = np.all(axis[slides, normal] < PARALLEL)
-        if (
-            not slides.all()
-            and across
-            and np.all(axis[~slides, normal] > 1.0 - PARALLEL)
-            and "screw" not in arm.kinds
-        ):
-            return [[i for i in range(3) if i != normal]]
-    return [[0, 1], [0, 2]]
+    largest = np.abs(arm.proportions.jacobian[:, :3]).max(axis=(0, 2))
+    still = largest <= PARALLEL * largest.max()
+    return [np.flatnonzero(~still).tolist()] if still.sum() == 1 else [[0, 1], [0, 2]]
 
 
 def skeleton(found: Inspection) -> Array:
@@ -104,75 +101,11 @@ def ellipses(found: Inspection, plane: Sequence[int]) -> tuple[Ellipsoid, Ellips
     return velocity_ellipsoid(J), force_ellipsoid(J)
 
 
-def _scales(
-    found: Sequence[Inspection], planes: Sequence[Sequence[int]], length: float
-) -> tuple[float, float]:
-    """Return the drawn lengths of 1 m/s and 1 N [m]; 0 if there is nothing to draw."""
-    both = [ellipses(one, plane) for one in found for plane in planes]
-    fastest = max(velocity.half_axes.max() for velocity, _ in both)
-    forces = np.concatenate([force.half_axes[np.isfinite(force.half_axes)] for _, force in both])
-    if fastest <= 0.0:
+def _scales(drawn: Sequence[tuple[Ellipsoid, Ellipsoid]], length: float) -> tuple[float, float]:
+    """Return the drawn lengths of 1 m/s and 1 N [m], of one digit; 0 if the site stands still."""
+    speeds, forces = (np.concatenate([pair[i].half_axes for pair in drawn]) for i in (0, 1))
+    if speeds.max() <= 0.0:
         return 0.0, 0.0
-    return _round(VELOCITY_SHARE * length / fastest), _round(FORCE_SHARE * length / float(np.median(forces)))
-
-
-def _round(value: float) -> float:
-    """Return the largest of 1, 2, 5 times a power of ten that is not larger."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value * (1.0 + 1e-9)))
-
-
-def _draw(
-    axes: Axes, found: Inspection, stick: Array, plane: list[int], gray: str, scales: tuple[float, float],
-    cut: float,
-) -> None:  # fmt: skip
-    points, tip = stick[:, plane], stick[-1, plane]
-    if scales[0] > 0.0:
-        velocity, force = (
-            Ellipsoid(one.axes, np.minimum(one.half_axes * scale, cut))
-            for one, scale in zip(ellipses(found, plane), scales, strict=True)
-        )
-        for one, style, fill in ((velocity, "-", "0.85"), (force, "--", "none")):
-            outline = tip + ellipsoid_points(one, 181)
-            axes.add_patch(
-                Polygon(
-                    outline, facecolor=fill, alpha=0.5 if fill != "none" else None, edgecolor="none", zorder=1
-                )
-            )
-            axes.plot(*outline.T, style, color=gray, linewidth=1.2, zorder=2)
-    axes.plot(*points.T, "-", color=gray, linewidth=3.0, solid_capstyle="round", zorder=3)
-    axes.plot(*points[0], "^", color=gray, markersize=11, zorder=4)
-    for kind, mark in MARKS.items():
-        at = points[1:-1][[one == kind for one in found.arm.chain.kinds]]
-        axes.plot(
-            *at.T, mark, markerfacecolor="white", markeredgecolor=gray, markersize=8, zorder=5, linestyle=""
-        )
-    axes.plot(*tip, "x", color=gray, markersize=10, markeredgewidth=2.5, zorder=6)
-
-
-def _legend(found: Sequence[Inspection], scales: tuple[float, float], cut: float) -> list[Line2D]:
-    """Return the legend: the marks, the scales of the ellipses, and the numbers of the configurations."""
-    arm = found[0].arm
-    kinds = set(arm.chain.kinds)
-    marks = [("base", "^", "black")]
-    marks += [(kind, mark, "white") for kind, mark in MARKS.items() if kind in kinds]
-    marks.append(("site", "x", "black"))
-    entries = [
-        Line2D([], [], color="black", linestyle="", marker=mark, markerfacecolor=fill, label=name)
-        for name, mark, fill in marks
-    ]
-    if scales[0] > 0.0:
-        slides = f", slides per {number(found[0].task.length)} m" if arm.is_slide.any() else ""
-        norm = f"of norm 1{slides}"
-        entries += [
-            Line2D([], [], color="black", label=f"velocity for joint rates {norm}: 1 m/s is {scales[0]:g} m"),
-            Line2D(
-                [], [], color="black", linestyle="--",
-                label=f"force for joint torques {norm}: 1 N is {scales[1]:g} m; cut off at {cut:.2g} m",
-            ),
-        ]  # fmt: skip
-    for i, one in enumerate(found):
-        which = f"{i + 1}: " if len(found) > 1 else ""
-        values = ", ".join(number(value) for value in one.q)
-        entries.append(Line2D([], [], linestyle="", label=f"{which}$q$ = {values}"))
-    return entries
+    middle = np.median(forces[np.isfinite(forces)])
+    velocity, force = VELOCITY_SHARE * length / speeds.max(), FORCE_SHARE * length / middle
+    return float(f"{velocity:.0e}"), float(f"{force:.0e}")

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rmrc.analysis.inspect import words
+from rmrc.analysis.directions import impossible
 from rmrc.analysis.new.move import BESIDE, Move
 from rmrc.analysis.new.scaling import ASSUMED_RATE, PATH_SHARE, Scales
 from rmrc.arm import Arm
@@ -75,7 +75,7 @@ def _head(scales: Scales, move: Move, name: str) -> str:
         what = "through" if move.how == "through" else "towards"
         lines += comment(
             f"The site moves {what} the nearest singularity found, at {listed_positions(scales, near.q)}, "
-            f"and back. There the arm {words.lost(near.twist, near.wrench)}. Watch sigma, damping and qdot."
+            f"and back. There the arm {impossible(near.wrench)}. Watch sigma, damping and qdot."
         )
     return "\n".join([*lines, f"name: {name}"])
 

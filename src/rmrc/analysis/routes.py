@@ -18,27 +18,31 @@ from rmrc.textbook.screws import geometric_from_screws, joint_screw, product_of_
 
 Array = NDArray[np.float64]
 
-ROUTES = ("mujoco", "screws", "propagation", "differences")
-
 # Truncation, step²/6 times a third derivative, and rounding over the step are both about 1e-11 for an arm of
 # meters: below 1e-8, the tolerance for a correct Jacobian.
 DIFFERENCE_STEP = 1e-5
 
 
 def jacobians(arm: Arm, q: Sequence[float] | Array) -> dict[str, Array]:
-    """Return J by each of `ROUTES`, rows [v; ω] of the site along world axes, (6, n) each.
+    """Return J by each route, rows [v; ω] of the site along world axes, (6, n) each.
 
     Args:
         arm: The arm.
         q: Joint positions, (n,) [rad or m].
     """
-    links, pitch, tip = link_transforms(arm, q)
+    by_propagation = arm.chain.gathered(jacobian_by_propagation(*link_transforms(arm, q)), arm.n)
     return {
         "mujoco": arm.jacobian(q),
         "screws": jacobian_by_screws(arm, q),
-        "propagation": arm.chain.gathered(jacobian_by_propagation(links, pitch, tip), arm.n),
+        "propagation": by_propagation,
         "differences": jacobian_by_differences(arm, q),
     }
+
+
+def disagreement(arm: Arm, q: Sequence[float] | Array) -> dict[str, float]:
+    """Return the largest entry of the difference from MuJoCo's J by each other route [m or 1]."""
+    mujoco, *others = jacobians(arm, q).items()
+    return {name: float(np.abs(J - mujoco[1]).max()) for name, J in others}
 
 
 def jacobian_by_screws(arm: Arm, q: Sequence[float] | Array) -> Array:
@@ -51,9 +55,10 @@ def jacobian_by_screws(arm: Arm, q: Sequence[float] | Array) -> Array:
     Returns:
         Rows [v; ω] of the site along world axes, (6, n).
     """
-    screws = joint_screw(arm.chain.axis, _points(arm), arm.chain.pitch)
+    points, at_zero = _at_zero(arm)
+    screws = joint_screw(arm.chain.axis, points, arm.chain.pitch)
     moved = arm.chain.positions(q)
-    tip = product_of_exponentials(screws, moved, _tip_at_zero(arm))[:3, 3]
+    tip = product_of_exponentials(screws, moved, at_zero)[:3, 3]
     return arm.chain.gathered(geometric_from_screws(space_jacobian(screws, moved), tip), arm.n)
 
 
@@ -70,16 +75,16 @@ def link_transforms(arm: Arm, q: Sequence[float] | Array) -> tuple[Array, Array,
     Returns:
         T_i-1_i, (ℓ, 4, 4); the pitch of each axis, (ℓ,) [m/rad]; and T_n_site, (4, 4).
     """
-    q, pitch, n = arm.chain.positions(q), arm.chain.pitch, len(arm.chain.pitch)
-    still = np.zeros((n + 2, 4, 4))
-    still[:] = np.eye(4)
-    still[1:-1, :3, :3], still[1:-1, :3, 3] = _turned_to(arm.chain.axis), _points(arm)
-    still[-1] = _tip_at_zero(arm)
+    q, z, pitch = arm.chain.positions(q), arm.chain.axis, arm.chain.pitch
+    still = np.tile(np.eye(4), (len(q) + 2, 1, 1))
+    x = normalize(np.cross(np.eye(3)[np.argmin(np.abs(z), axis=-1)], z))
+    still[1:-1, :3, :3] = np.stack([x, np.cross(z, x), z], axis=-1)
+    still[1:-1, :3, 3], still[-1] = _at_zero(arm)
     steps = np.linalg.inv(still[:-1]) @ still[1:]
     slides = np.isinf(pitch)
-    advance = np.where(slides, q, np.where(slides, 0.0, pitch) * q)
-    motion = modified_dh_transform(np.zeros(n), np.zeros(n), advance, np.where(slides, 0.0, q))
-    return steps[:-1] @ motion, pitch, steps[-1]
+    advance = np.where(slides, 1.0, np.where(slides, 0.0, pitch)) * q
+    none = np.zeros(len(q))
+    return steps[:-1] @ modified_dh_transform(none, none, advance, np.where(slides, 0.0, q)), pitch, steps[-1]
 
 
 def jacobian_by_differences(arm: Arm, q: Sequence[float] | Array) -> Array:
@@ -98,20 +103,8 @@ def jacobian_by_differences(arm: Arm, q: Sequence[float] | Array) -> Array:
     return np.array(columns).T / (2.0 * DIFFERENCE_STEP)
 
 
-def _points(arm: Arm) -> Array:
-    """Return a point on each axis at q = 0, (ℓ, 3) [m]."""
-    return np.cumsum(arm.chain.step, axis=0)
-
-
-def _tip_at_zero(arm: Arm) -> Array:
-    pose = np.eye(4)
-    pose[:3, :3] = quat_to_matrix(arm.chain.tip_quat)
-    pose[:3, 3] = _points(arm)[-1] + arm.chain.tip_step
-    return pose
-
-
-def _turned_to(z: Array) -> Array:
-    """Return rotations whose third columns are some unit vectors, (n, 3, 3)."""
-    least = np.eye(3)[np.argmin(np.abs(z), axis=-1)]
-    x = normalize(np.cross(least, z))
-    return np.stack([x, np.cross(z, x), z], axis=-1)
+def _at_zero(arm: Arm) -> tuple[Array, Array]:
+    """Return a point on each axis at q = 0, (ℓ, 3) [m], and the site's transform there, (4, 4)."""
+    points, tip = np.cumsum(arm.chain.step, axis=0), np.eye(4)
+    tip[:3, :3], tip[:3, 3] = quat_to_matrix(arm.chain.tip_quat), points[-1] + arm.chain.tip_step
+    return points, tip
