@@ -11,7 +11,7 @@ import rmrc
 from project import ROOT
 from rmrc.analysis.check.findings import CODES
 from rmrc.arm import load
-from rmrc.arm.inventory import actuators, contacts, other_joints
+from rmrc.arm.inventory import contacts, other_joints
 from rmrc.scenario.choices import PLANTS
 
 SHIPPED = sorted(path.stem for path in (ROOT / "models").glob("*.xml"))
@@ -276,20 +276,6 @@ def test_inspect_check_and_a_new_scenario_scale_sigma_alike(name):
         == rmrc.inspect(name).task.length
         == rmrc.new(name).scenario.task.length
     )
-
-
-@pytest.mark.parametrize("kind", ["position", "velocity", "intvelocity", "motor", "general", "muscle"])
-def test_an_actuator_is_called_what_its_element_is(tmp_path, kind):
-    more = {
-        "position": 'kp="10"', "velocity": 'kv="3"', "intvelocity": 'kp="10" actrange="-1 1"', "motor": 'gear="5"',
-        "general": 'dyntype="filter" dynprm="0.1"', "muscle": 'lengthrange=".1 1"',
-    }  # fmt: skip
-    path = written(
-        tmp_path,
-        actuator=f'<{kind} name="x" joint="a" {more[kind]}/>',
-    )
-    (one,) = actuators(load(path))
-    assert (one.name, one.kind, one.drives, one.is_replaced) == ("x", kind, "joint a", True)
 
 
 def test_the_motion_is_that_of_its_seed(tmp_path):

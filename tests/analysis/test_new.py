@@ -15,11 +15,9 @@ from rmrc.analysis.new.new import LEAST, SLACK
 from rmrc.analysis.scaling import ASSUMED_RATE, nearest_singularity, scales
 from rmrc.arm import load, load_asked
 from rmrc.scenario.choices import PLANTS, Status
-from rmrc.support.errors import QuestionError
 from stl import tetrahedron
 
 SHIPPED = sorted(path.stem for path in (ROOT / "models").glob("*.xml"))
-ROBOTS = ["ur5e", "fr3", "xarm7", "so101"]
 QUICK = mostly_long(["planar_2link", "spherical_wrist", "planar_rp"], 3)
 
 
@@ -57,14 +55,6 @@ def runs_on_every_plant(rmrc, path):
     for plant in PLANTS.names:
         code, _, err = rmrc("run", str(path), "--no-record", "-q", "--set", f"plant.kind={plant}")
         assert code == 0 and all("TORQUE_LIMITED" in line for line in err.splitlines()), (plant, err)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ROBOTS)
-def test_the_bounds_of_a_robot_hold_for_its_own_drives_and_say_so(rmrc, tmp_path, name):
-    path = tmp_path / "mine.yaml"
-    assert rmrc("new", str(model(name)), "-o", str(path), "-q")[0] == 0
-    runs_on_every_plant(rmrc, path)
 
 
 @functools.cache
@@ -127,14 +117,6 @@ def test_rates_stay_within_their_limits_without_being_cut(made):
     found, run = made
     assert (np.abs(run["qdot_cmd"]) < found.scales.rate).all()
     assert not (run["status"] & (Status.RATE_LIMITED | Status.POSITION_LIMITED | Status.STUCK)).any()
-
-
-def test_it_comes_back_to_where_it_began(made):
-    found, run = made
-    assert np.abs(run["q"][-1] - run["q"][0]).max() < 1e-3
-    assert np.abs(run["pose"][-1] - run["pose"][0]).max() < 1e-3
-    half = int(np.argmin(run["sigma"][:, -1]))
-    assert 0.1 * len(run) < half < 0.9 * len(run)
 
 
 def test_the_size_is_the_rms_distance_of_the_site_from_the_axes():
@@ -208,11 +190,6 @@ def test_limits_that_the_model_lacks_are_stated_and_said_to_be_assumed(of_a_gant
     assert "rate limits: the model's" in told.text and told.scenario.control.limits.rate == (0.5, 0.5)
     assert "# rate limits: ASSUMED 2 rad/s" in missing.text
     assert missing.scenario.control.limits.rate == (ASSUMED_RATE,) * 2  # times a length of 1 m
-
-
-def test_a_plant_that_is_none_is_refused_by_name():
-    with pytest.raises(QuestionError, match=r"plant must be one of ideal, servo, torque.*, got 'hydraulic'"):
-        rmrc.new(model("planar_2link"), plant="hydraulic")
 
 
 def test_joints_and_length_are_those_that_are_asked_for(rmrc, tmp_path):
@@ -292,13 +269,6 @@ def test_home_is_the_keyframe_that_stands_for_it(of_a_keyframe):
     found = of_a_keyframe
     assert found.scenario.arm.start == "home" and "keyframe 'a'" in found.text
     np.testing.assert_array_equal(found.move.start, [0.3, -0.2])
-
-
-def test_a_file_that_cannot_be_written_is_told_before_anything_is_tried(tmp_path, monkeypatch):
-    monkeypatch.setattr("rmrc.analysis.new.new.scales", lambda *_: pytest.fail("tried"))
-    (tmp_path / "file").touch()
-    with pytest.raises(OSError, match="file"):
-        rmrc.new(model("planar_2link"), out=tmp_path / "file/mine.yaml")
 
 
 def test_a_file_name_of_two_lines_stays_within_its_comment(of_a_keyframe):

@@ -128,8 +128,11 @@ def new(
         + tail
     )
     scenario = loads(text(suits, move, Path.resolve, name, plant) + tail)
+    faulty, problem = [fault for fault in move.faults if fault in CONTACT], ""
     has_met = cards[plant]["contact.time"].value or cards[plant]["contact.resting"].value
-    problem = f"{arm.path}: {_fault(move)}" if CONTACT & {*move.faults} and has_met else ""
+    if faulty and has_met:
+        pairs = listed(dict.fromkeys(" and ".join(contact.bodies) for contact in move.touching))
+        problem = f"{arm.path}: {', '.join(faulty)}: {pairs}; set arm.start, or exclude the pair"
     made = New(arm, whole, scenario, suits, move, assumed | faults, cards, problem)
     if path is not None:
         with written_whole(path) as temporary:
@@ -237,10 +240,9 @@ def _tried(arm: Arm, scenario: Scenario, plant: str, cache: Cache) -> tuple[dict
         except ScenarioError as error:
             why = f"{join(error.problems[0].key)}: {error.problems[0].text}"
         else:
-            cards[name] = run.scorecard
             if run.divergence is None:
+                cards[name] = run.scorecard
                 continue
-            del cards[name]
             why = f"it diverges at {run.divergence.time:g} s: {run.divergence.reason}"
         if name == plant:
             cure = "give another --plant, or see `rmrc check`"
@@ -255,14 +257,11 @@ def _expected(
     """Return checks that pass on the tried plants unless there is contact from the start, and the metrics."""
     none: dict[str, float] = {"equals": 0, "within": 0}
     expect: dict[str, dict[str, float]] = {"completed": {"equals": 1, "within": 0}}
-    has_fault = bool(CONTACT & {*move.faults})
-    for name in (
-        "status_time.POSITION_LIMITED", "status_time.RATE_LIMITED", "status_time.STUCK", "contact.time",
-    ):  # fmt: skip
-        if not any(card[name].value for card in cards.values()) or (has_fault and name == "contact.time"):
-            expect[name] = none
-    if has_fault:
-        expect["contact.resting"] = none
+    for name in ("POSITION_LIMITED", "RATE_LIMITED", "STUCK", "CONTACT"):
+        if not any(card[f"status_time.{name}"].value for card in cards.values()):
+            expect[f"status_time.{name}"] = none
+    if CONTACT & {*move.faults}:
+        expect |= {"contact.time": none, "contact.resting": none}
     if all(float(card["damping.max"].value) > 0.0 for card in cards.values()):
         expect |= {"damping.max": {"above": 0}, "sigma.min": {"below": move.epsilon}}
     for name, size in (("position_error", suits.size), ("orientation_error", 1.0)):
@@ -271,16 +270,6 @@ def _expected(
             if worst:
                 expect[figure] = {"below": tidy(max(SLACK * max(worst), LEAST * size), up=True)}
     return expect, shown_table(cards)
-
-
-def _fault(move: Move) -> str:
-    """Return the contact of a motion in a line."""
-    pairs = dict.fromkeys(" and ".join(contact.bodies) for contact in move.touching)
-    faults = ", ".join(fault for fault in move.faults if fault in CONTACT)
-    return (
-        f"{faults}: {listed(pairs)}; the scenario expects no contact, so its run fails: set arm.start, or "
-        "exclude the pair"
-    )
 
 
 def _seen_from(model: Path, folder: Path) -> str:
