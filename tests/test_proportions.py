@@ -11,7 +11,7 @@ from project import ROOT
 from rmrc import Controller, load
 from rmrc.analysis.check.check import check
 from rmrc.analysis.inspect.inspection import inspect
-from rmrc.analysis.new.scaling import scales
+from rmrc.analysis.scaling import scales
 from rmrc.arm import load as load_arm
 from rmrc.arm import load_model
 from rmrc.arm.geometry import damping_maximum

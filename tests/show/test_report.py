@@ -10,7 +10,7 @@ from rich.console import Console
 
 import rmrc
 from project import ROOT, mostly_long
-from rmrc.analysis.check.report import report as of_check
+from rmrc.analysis.check.check import report as of_check
 from rmrc.analysis.identify.report import report as of_identified
 from rmrc.analysis.ik.report import report as of_ik
 from rmrc.analysis.inspect.report import report as of_inspection

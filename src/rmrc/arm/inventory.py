@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.actuators import kind_word
+from rmrc.arm.adapting import is_behind
 from rmrc.arm.arm import Arm
 from rmrc.arm.equalities import active_equalities, equality_rows
 from rmrc.arm.wiring import DRIVES_JOINT, joint_name, joints_above, soft_bodies
@@ -14,6 +15,8 @@ from rmrc.support.spatial import AXES
 
 Array = NDArray[np.float64]
 
+# Density of a shape without one [kg/m³].
+WATER = 1000.0
 # A smaller share of the largest singular value is rounding.
 _ROUNDING = 1e-9
 # Newton's method closes loops that can be closed in a few steps; after this many it has failed.
@@ -119,6 +122,18 @@ def contacts(arm: Arm, qpos: Array) -> tuple[Contact, ...]:
         geoms, names = [model.geom(i).name or f"geom{i}" for i in pair], [arm.body_names[b] for b in bodies]
         found.append(Contact((geoms[0], geoms[1]), (names[0], names[1]), depth, first != second))
     return tuple(sorted(found, key=lambda contact: (-contact.depth, contact.geoms)))
+
+
+def shape_masses(arm: Arm) -> dict[str, float]:
+    """Return the masses [kg] that the file lacks, by body: MuJoCo computes them from shapes of 1000 kg/m³."""
+    model, root = arm.model, int(arm.model.jnt_bodyid[arm.wiring.joint[0]])
+    bodies = () if arm._spec is None else arm._spec.bodies[1:]
+    return {
+        arm.body_names[body.id]: float(model.body_mass[body.id])
+        for body in bodies
+        if is_behind(model, root)[body.id] and not body.explicitinertial and model.body_mass[body.id] > 0.0
+        and any(np.isnan(geom.mass) and geom.density == WATER for geom in body.geoms)
+    }  # fmt: skip
 
 
 # Closed loops -----------------------------------------------------------------------------------

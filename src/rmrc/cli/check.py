@@ -24,12 +24,12 @@ def check(
 ) -> None:
     """Lint a model: report errors, missing data and assumptions.
 
-    Checks the chain, actuators, limits, home and the nearest singularity, contacts, J by four methods, and
-    one second of motion on each plant. Exit code 1: the model has an error.
+    Checks the chain, actuators, limits, home and the nearest singularity, contacts, and one second of motion
+    on each plant, compared with the ideal one. Exit code 1: the model has an error.
     """
     with notice("checking the model ..."):
         from rmrc.analysis.check.check import check as ask
-        from rmrc.analysis.check.report import report
+        from rmrc.analysis.check.check import report
         from rmrc.results import ci
         from rmrc.show.sheets import as_markdown
 

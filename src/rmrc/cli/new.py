@@ -37,20 +37,20 @@ def new(
     """Write a first scenario for an arm: a path through its nearest singularity and back, scaled to the arm.
 
     Takes limits from the model, or assumes them and says so. Derives length, damping and speed from the arm.
-    Runs the scenario before writing it, and sets its expectations from that run.
+    Runs the scenario before writing it, and sets its expectations from that run. Exit code 1: bodies are
+    within each other.
     """
     if out == STDOUT and as_json:
         raise QuestionError("give -o - or --json, not both: stdout takes either the scenario or the report")
     with notice("trying moves ..."):
         from rmrc.analysis.new.new import new as make
-        from rmrc.analysis.new.report import report
+        from rmrc.analysis.new.new import report
 
         path = Path(f"{model.stem}.yaml") if out is None else out
         arm = read_arm(model, site, body, package, joints)
         made = make(arm, length=length, plant=plant, out=None if path == STDOUT else path, force=force)
     if path == STDOUT:
         print(made.text, end="")
-        return
-    show(report(made), as_json, quiet, [path])
-    if not as_json:
+    show(report(made), as_json, quiet or path == STDOUT, [path])
+    if not as_json and path != STDOUT:
         print_line(output(quiet), f"run it: {command('run', path)}")

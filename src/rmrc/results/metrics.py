@@ -255,6 +255,8 @@ def _statuses(run: Recorded, tau: Array) -> Metrics:
     yield "contact.time", seconds(contact), "s", "time in contact"
     yield "contact.first_time", first_time(contact), "s", "time of the first contact"
     yield "contact.first_bodies", " – ".join(run.touching), "", "bodies of the first contact"
+    pairs = "pairs of bodies that touch from the start, which is no contact while it lasts"
+    yield "contact.resting", float(len(run.resting)), "1", pairs
     slip, time = _peak(run, run["slip"])
     yield "slip.max", slip, "rad or m", "largest distance of a follower from its equality; undefined without"
     yield "slip.max_time", time, "s", "when the largest slip was reached first"

@@ -9,38 +9,33 @@ from typing import Any
 
 import numpy as np
 
-from rmrc.analysis.new.move import Move, moves
-from rmrc.analysis.new.scaling import Scales, scales
-from rmrc.analysis.new.text import PERIOD, comment
-from rmrc.analysis.new.text import text as written
+from rmrc.analysis.new.motion import CONTACT, FAULTS, PERIOD, Move, judged, moves, rank_of
+from rmrc.analysis.new.text import assumptions, comment, expectations, text
+from rmrc.analysis.scaling import Scales, scales
 from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.arm import Arm
 from rmrc.arm.geometry import tidy
-from rmrc.arm.inventory import contacts
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.results.run import Run
-from rmrc.results.scorecard import Scorecard, scorecard
+from rmrc.results.scorecard import Scorecard
 from rmrc.scenario import Scenario, loads
 from rmrc.scenario.choices import IDEAL, PLANTS, SERVO
+from rmrc.show.report import Report, plain
+from rmrc.show.sheets import Sheet, number
 from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError, ScenarioError
 from rmrc.support.files import written_whole
-from rmrc.support.legible import quoted
+from rmrc.support.legible import listed, quoted, visible
 from rmrc.support.problems import join
 
 # Factor on the errors at the time of creation, as room for other machines and versions.
 SLACK = 1.5
 # Smaller errors, relative to the length or in rad, are rounding; this number bounds them.
 LEAST = 1e-6
-# Preferred motions: largest share of time at rate limits; largest error, relative to the length or in rad;
-# and largest duration [s].
-LIMITED, ASTRAY, LONG = 0.05, 0.1, 40.0
 # Control period of the runs by which motions are chosen [s]: short beside the 0.1 s of the feedback.
 COARSE = 5.0 * PERIOD
-# Number of configurations of a run that are checked for contacts.
-LOOKS = 40
 
 
 @brief
@@ -50,13 +45,13 @@ class New:
 
     Attributes:
         arm: The arm.
-        text: The scenario as YAML, with comments; `arm.model` is relative to `folder`.
+        text: The scenario as YAML, with comments; `arm.model` is relative to the folder of its file.
         scenario: The same, checked.
         scales: The source of its numbers.
-        move: Its motion.
-        plant: Its plant.
-        faults: Faults of the motion, if all had some; the file lists them.
+        move: Its motion, with its faults if all motions had some.
+        assumed: What it assumes: a line each for joints, tool, masses and so on, which begin the text.
         scorecards: Its metrics on the plants on which it was tried, by name.
+        problem: The contact that it must not have and has on its plant, in a line; "" without.
     """
 
     arm: Arm
@@ -64,32 +59,9 @@ class New:
     scenario: Scenario
     scales: Scales
     move: Move
-    plant: str
-    faults: tuple[str, ...]
+    assumed: Mapping[str, str]
     scorecards: Mapping[str, Scorecard]
-
-
-# Possible faults of a motion on the ideal plant, the worst first.
-FAULTS = (
-    "it cannot run", "a joint reaches its position limit", "the arm touches something",
-    "the arm stands still", "the error is large", "rates are limited for a while",
-    "sigma_min stays above half of `below`", "it meets no singularity", "it takes long",
-    "bodies penetrate each other at the start",
-)  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """A motion after its run on the ideal plant, with all its `FAULTS`, or the first with its reason."""
-
-    move: Move
-    faults: tuple[bool, ...]
-    scenario: Scenario | None = None
-    why: str = ""
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        return tuple(word for word, has in zip(FAULTS, self.faults, strict=False) if has)
+    problem: str
 
 
 def new(
@@ -107,13 +79,13 @@ def new(
     """Make a scenario for an arm, with all numbers scaled to it, and run it before it is returned.
 
     Args:
-        model: An arm, an MJCF file, or the name of a shipped one.
+        model: An arm, an MJCF file, the name of a shipped one, or a scenario, whose arm and length count.
         site: The site to control; None: that of the arm, or else of the hand: see
             `rmrc.arm.frames`.
         body: The body whose frame to control, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         joints: The joints to actuate; None: those of the arm or scenario, or else all on the chain.
-        length: Characteristic length [m]; None: that of the arm.
+        length: Characteristic length [m]; None: that of the scenario, or else of the arm.
         plant: Kind of the plant.
         out: File to write, atomically; None: writes nothing.
         force: Whether an existing file may be overwritten.
@@ -138,32 +110,34 @@ def new(
         raise QuestionError(f"length must be > 0 and finite, got {length:g}")
     arm = read_arm(model, site, body, packages, joints)
     arm.require_open()
+    length = model.task.length if length is None and isinstance(model, Scenario) else length
     suits, cache = scales(arm, length), Cache(*() if arm.stretch else (arm,))
-    if not suits.below > 0.0:
-        raise QuestionError(
-            f"{arm.path}: its joints do not move {quoted(arm.site)}; choose another with --site or --body"
-        )
-    best, ideal = _best(suits, cache)
-    move = best.move
-    cards, left = _tried(suits, ideal, plant, cache)
-    expect, said = _expected(suits, move, cards)
-    said += comment(" ".join(left))
-    if best.words:
-        told = f"The search found no move without a fault; the fault of this one: {', '.join(best.words)}."
-        said = [*comment(told), *said]
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", arm.path.stem)[:100] or "new"
+    move, scenario = _best(suits, name, cache)
+    cards, remarks = _tried(arm, scenario, plant, cache)
+    expect, table = _expected(suits, move, cards)
+    assumed = assumptions(suits, move)
+    faults = {"faults of the motion": ", ".join(move.faults)} if move.faults else {}
+    title = f"# A first scenario for {visible(arm.path.name)}, by `rmrc new`: edit it, and `rmrc run` it.\n"
+    tail = expectations(expect, table, remarks)
     folder = Path() if path is None else path.parent
-
-    def seen(path: Path) -> str:
-        return _seen_from(path, folder)
-
-    one = written(suits, move, seen, _name(arm.path), plant, expect, said)
-    found = New(
-        arm, one, loads(_placed(suits, move, plant, expect, said)), suits, move, plant, best.words, cards
+    whole = (
+        title
+        + comment(assumed | faults)
+        + text(suits, move, lambda file: _seen_from(file, folder), name, plant)
+        + tail
     )
+    scenario = loads(text(suits, move, Path.resolve, name, plant) + tail)
+    faulty, problem = [fault for fault in move.faults if fault in CONTACT], ""
+    has_met = cards[plant]["contact.time"].value or cards[plant]["contact.resting"].value
+    if faulty and has_met:
+        pairs = listed(dict.fromkeys(" and ".join(contact.bodies) for contact in move.touching))
+        problem = f"{arm.path}: {', '.join(faulty)}: {pairs}; set arm.start, or exclude the pair"
+    made = New(arm, whole, scenario, suits, move, assumed | faults, cards, problem)
     if path is not None:
         with written_whole(path) as temporary:
-            temporary.write_text(one, "utf-8")
-    return found
+            temporary.write_text(whole, "utf-8")
+    return made
 
 
 def refuse_there(path: Path, force: bool) -> None:
@@ -180,137 +154,122 @@ def refuse_there(path: Path, force: bool) -> None:
         )
 
 
-def _placed(suits: Scales, move: Move, plant: str, expect: Mapping[str, Any], said: list[str]) -> str:
-    """Return the text of a scenario that is read in any folder."""
-    path = suits.task.arm.path
-    return written(suits, move, Path.resolve, _name(path), plant, expect, said)
+def report(made: New) -> Report:
+    """Return the report of a new scenario; its condition is met unless its run has a forbidden contact.
+
+    Args:
+        made: The result of `new`.
+
+    Example:
+        >>> report(new("planar_2link")).json["damping"]["below"] > 0.0
+        True
+    """
+    control, target = made.scenario.control, made.scenario.target.limits
+    damping, move, task = control.inverse.damping, made.move, made.scales.task
+    table = shown_table(made.scorecards)
+    answer = {
+        "model": made.arm.path.name, "site": made.arm.site, "joints": made.arm.joints, "axes": task.axes,
+        "length": task.length, "start": move.start, "move": move.how, "assumed": made.assumed,
+        "singularity": {"q": move.nearest.q, "is_singular": move.nearest.is_singular},
+        "rate": made.scales.rate, "damping": {"maximum": damping.maximum, "below": damping.below},
+        "faults": move.faults, "velocity": target.velocity, "angular_velocity": target.angular_velocity,
+        "plants": {name: {key: card[key].value for key in METRICS if key in card}
+                   for name, card in made.scorecards.items()},
+    }  # fmt: skip
+    sheets = [
+        Sheet(made.arm.path.name, ("", ""), tuple(made.assumed.items()), frozenset({0, 1})),
+        Sheet("Results on each plant", table[0], table[1:]),
+    ]
+    return Report(sheets, plain(answer), met=not made.problem, problem=made.problem)
 
 
-def _best(suits: Scales, cache: Cache) -> tuple[_Trial, Scenario]:
-    """Return the first motion without a fault, or else that with the smallest; and its scenario."""
-    best: _Trial | None = None
-    for move in moves(suits):
-        trial = _trial(suits, move, cache)
-        if best is None or trial.faults < best.faults:
-            best = trial
-        if not any(best.faults):
+# Metrics of each plant that are shown; those that are 0 on all plants are left out.
+METRICS = (
+    "duration", "position_error.max", "position_error.end", "orientation_error.max", "orientation_error.end",
+    "sigma.min", "joint_rate.peak", "status_time.DAMPED", "status_time.RATE_LIMITED",
+    "status_time.POSITION_LIMITED", "status_time.STUCK", "status_time.TORQUE_LIMITED", "contact.time",
+    "contact.resting",
+)  # fmt: skip
+
+
+def shown_table(cards: Mapping[str, Scorecard]) -> list[tuple[str, ...]]:
+    """Return the table of metrics on each plant, the headings first."""
+    rows: list[tuple[str, ...]] = [("", *cards)]
+    for name in METRICS:
+        figures = [card[name] for card in cards.values() if name in card]
+        if any(figure.value for figure in figures):
+            unit = figures[0].unit
+            rows.append((f"{name} [{unit}]", *(number(float(figure.value)) for figure in figures)))
+    return rows
+
+
+def _best(suits: Scales, name: str, cache: Cache) -> tuple[Move, Scenario]:
+    """Return the first motion without a fault, or else that with the smallest, and its scenario."""
+    best: tuple[Move, Scenario] | None = None
+    why = ""
+    for move in (each for each in moves(suits) if each.by.any() or each.turn.any()):
+        scenario = loads(text(suits, move, Path.resolve, name, IDEAL.name))
+        try:
+            tried = judged(suits, move, _run(scenario, IDEAL.name, cache, COARSE))
+        except ScenarioError as error:
+            why = why or f": {error.problems[0].text}"
+            continue
+        if FAULTS[0] not in tried.faults and (best is None or rank_of(tried) < rank_of(best[0])):
+            best = tried, scenario
+        if not tried.faults:
             break
-    if best is None or best.scenario is None or best.faults[0]:
+    if best is None:
         raise QuestionError(
-            f"{suits.task.arm.path}: no move from near home can run{best.why if best else ''}; give "
-            "another --site or --body, and run `rmrc check` for details"
+            f"{suits.task.arm.path}: no move from near home can run{why}; give another --site or --body, and "
+            "run `rmrc check` for details"
         )
-    return best, best.scenario
+    return best
 
 
-def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
-    if not (move.by.any() or move.turn.any()):
-        return _Trial(move, (True,))
-    try:
-        run = _run(one := loads(_placed(suits, move, IDEAL.name, {}, [])), IDEAL.name, cache, COARSE)
-    except ScenarioError as error:
-        return _Trial(move, (True,), why=f": {error.problems[0].text}")
-    card = scorecard(run)
-    if run.divergence or not run.is_complete:
-        return _Trial(move, (True,))
-    status = {
-        name: _value(card, f"status_time.{name}") for name in ("POSITION_LIMITED", "RATE_LIMITED", "STUCK")
-    }
-    astray = max(_value(card, "position_error.max") / suits.size, _value(card, "orientation_error.max"))
-    is_damped = move.how == "aside" or _value(card, "sigma.min") < 0.5 * move.epsilon
-    arm = suits.task.arm
-    first = contacts(arm, arm.configuration(move.start)[None])
-    touches = {one.geoms for one in first}
-    looked = contacts(arm, run["qpos"][:: max(1, len(run) // LOOKS)])
-    met = any(one.is_moved and one.geoms not in touches for one in looked)
-    return _Trial(
-        move,
-        (
-            False, status["POSITION_LIMITED"] > 0.0, met, status["STUCK"] > 0.0, astray > ASTRAY,
-            status["RATE_LIMITED"] > LIMITED * _value(card, "duration"), not is_damped,
-            move.how == "aside", _value(card, "duration") > LONG,
-            any(one.is_moved for one in first),
-        ),
-        one,
-    )  # fmt: skip
+def _run(scenario: Scenario, plant: str, cache: Cache, period: float = PERIOD) -> Run:
+    changed = scenario.set({"control.period": period, "plant.kind": plant})
+    return Simulation([prepare(changed, cache)]).run()[0]
 
 
-def _run(one: Scenario, plant: str, cache: Cache, period: float = PERIOD) -> Run:
-    """Return the run of a scenario on a plant."""
-    return Simulation([prepare(one.set({"control.period": period, "plant.kind": plant}), cache)]).run()[0]
-
-
-def _tried(suits: Scales, one: Scenario, plant: str, cache: Cache) -> tuple[dict[str, Scorecard], list[str]]:
-    """Return the metrics on the plants that can run the motion, and a sentence on each of the others."""
-    cards, left = {}, []
+def _tried(arm: Arm, scenario: Scenario, plant: str, cache: Cache) -> tuple[dict[str, Scorecard], list[str]]:
+    """Return the metrics on the plants that can run a motion, and a sentence on each of the others."""
+    cards, remarks = {}, []
     for name in PLANTS.names:
         try:
-            run = _run(one, name, cache)
+            run = _run(scenario, name, cache)
         except ScenarioError as error:
-            if name == plant:
-                key, why = error.problems[0].key, error.problems[0].text
-                raise QuestionError(f"{suits.task.arm.path}: cannot be run: {join(key)}: {why}") from None
-            left.append(f"The plant {name} refuses it: --set plant.kind={name} says why.")
-            continue
-        if run.divergence is None:
-            cards[name] = scorecard(run)
-        elif name != plant:
-            left.append(
-                f"On the plant {name} it diverges, at {run.divergence.time:g} s; run `rmrc check` for "
-                "details."
-            )
+            why = f"{join(error.problems[0].key)}: {error.problems[0].text}"
         else:
-            raise QuestionError(
-                f"{suits.task.arm.path}: the {name} plant diverges at {run.divergence.time:g} s: "
-                f"{run.divergence.reason}; give another --plant, or fix the errors found by `rmrc check`"
-            )
-    return cards, left
+            if run.divergence is None:
+                cards[name] = run.scorecard
+                continue
+            why = f"it diverges at {run.divergence.time:g} s: {run.divergence.reason}"
+        if name == plant:
+            cure = "give another --plant, or see `rmrc check`"
+            raise QuestionError(f"{arm.path}: the {name} plant cannot run it: {why}; {cure}")
+        remarks.append(f"The plant {name} cannot run it: --set plant.kind={name} says why.")
+    return cards, remarks
 
 
-def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tuple[dict[str, Any], list[str]]:
-    """Return checks that pass on the tried plants, and the comment on them."""
-    expect: dict[str, Any] = {"completed": {"equals": 1, "within": 0}}
-    seen = []
-    for figure in ("status_time.POSITION_LIMITED", "status_time.RATE_LIMITED", "status_time.STUCK"):
-        if all(_value(card, figure) == 0.0 for card in cards.values()):
-            expect[figure] = {"equals": 0, "within": 0}
-        else:
-            seen.append((figure, "s"))
-    told = "status_time.TORQUE_LIMITED", "status_time.CONTACT"
-    seen += [(one, "s") for one in told if any(_value(card, one) > 0.0 for card in cards.values())]
-    if all(_value(card, "damping.max") > 0.0 for card in cards.values()):
-        expect["damping.max"] = {"above": 0}
-        expect["sigma.min"] = {"below": move.epsilon}
-    rows = suits.task.rows
-    for group, counts, unit, size in (
-        ("position_error", (rows < 3).any(), "m", suits.size),
-        ("orientation_error", (rows >= 3).any(), "rad", 1.0),
-    ):
-        for figure in (f"{group}.max", f"{group}.end") if counts else ():
-            value = max(_value(card, figure) for card in cards.values())
-            expect[figure] = {"below": tidy(max(SLACK * value, LEAST * size), up=True)}
-            seen.append((figure, unit))
-    said = comment(
-        f"Results on each plant at the time of writing. The bounds are {SLACK:g} times the worst, to allow "
-        "for other machines and versions; use closer ones if you run one plant only."
-    )
-    lines = [("", *cards)] + [
-        (f"{figure} [{unit}]", *(f"{_value(card, figure):.3g}" for card in cards.values()))
-        for figure, unit in seen
-    ]
-    wide = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    table = ("   ".join(map(str.ljust, line, wide)) for line in lines)
-    return expect, [*said, *(f"#   {line}".rstrip() for line in table)]
-
-
-def _value(card: Scorecard, name: str) -> float:
-    """Return a metric; 0 for the undefined error of rows that do not count."""
-    return float(card[name].value) if name in card else 0.0
-
-
-def _name(path: Path) -> str:
-    """Return a file's name in the form of a scenario's name."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100] or "new"
+def _expected(
+    suits: Scales, move: Move, cards: Mapping[str, Scorecard]
+) -> tuple[dict[str, Any], list[tuple[str, ...]]]:
+    """Return checks that pass on the tried plants unless there is contact from the start, and the metrics."""
+    none: dict[str, float] = {"equals": 0, "within": 0}
+    expect: dict[str, dict[str, float]] = {"completed": {"equals": 1, "within": 0}}
+    for name in ("POSITION_LIMITED", "RATE_LIMITED", "STUCK", "CONTACT"):
+        if not any(card[f"status_time.{name}"].value for card in cards.values()):
+            expect[f"status_time.{name}"] = none
+    if CONTACT & {*move.faults}:
+        expect |= {"contact.time": none, "contact.resting": none}
+    if all(float(card["damping.max"].value) > 0.0 for card in cards.values()):
+        expect |= {"damping.max": {"above": 0}, "sigma.min": {"below": move.epsilon}}
+    for name, size in (("position_error", suits.size), ("orientation_error", 1.0)):
+        for figure in (f"{name}.max", f"{name}.end"):
+            worst = [float(card[figure].value) for card in cards.values() if figure in card]
+            if worst:
+                expect[figure] = {"below": tidy(max(SLACK * max(worst), LEAST * size), up=True)}
+    return expect, shown_table(cards)
 
 
 def _seen_from(model: Path, folder: Path) -> str:
