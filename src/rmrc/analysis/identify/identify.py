@@ -116,7 +116,8 @@ def identify(
         # the data need no lag; the interval is the worse of the two
         delay, lags = _together([one.total for one in fits.values()]), dict.fromkeys(fits, 0.0)
     else:
-        delay = _together([one.delay for one in fits.values()])
+        shown = [one.delay for one in fits.values() if one.delay.high >= 0.0]
+        delay = _together(shown or [Interval(0.0, 0.0, 0.0)])
         lags = {name: fit_lag(one, max(delay.value, 0.0))[0] for name, one in fits.items()}
     apart = [
         f"{name} by {1e3 * (one.delay.value - delay.value):.2g} ms"
