@@ -138,7 +138,7 @@ def _is_regular(log: Log, longest: float) -> bool:
         return False
     each = []
     for is_regular in (False, True):
-        samples = log.samples(int(np.argmax(np.nanstd(log.rates, axis=0))), is_regular)
+        samples = log.samples(int(np.argmax(np.std(np.nan_to_num(log.rates), axis=0))), is_regular)
         fitted = None if samples is None or not np.ptp(samples.commands.rate) else fit(samples, longest, 0.0)
         each.append(fitted.variance if fitted else np.inf)
     return each[1] < each[0]
