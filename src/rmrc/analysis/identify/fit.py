@@ -1,25 +1,23 @@
 """The delay, lag and gain that explain the positions of one joint best, with their intervals.
 
-The model of the positions y is y = offset + drift t + g x(t; d, L) + noise, with x of `response`. For given d
-and L the rest is linear, and is projected out [Golub73]. The best delay at L = 0 is found on a grid of all
-delays; from there Gauss-Newton follows the best delay d(L) to larger lags, and a golden section finds the
-best lag. An interval is where S(d, L) ≤ S + κ σ² on the profile over L. It needs no inner optimum, because L
-= 0 is a bound where d and L act alike. κ is z², or, if that is larger, t² times the variance of the scores of
-12 stretches of the log relative to that in white noise [Bester11]: unexplained residuals widen the intervals.
+The model of the positions y is y = b + r t + g x(t; d, L) + c exp(−(t − d)/L) + noise, with x of `response`.
+Where rows are missing the commands are unknown: positions that respond to those are left out, and behind them
+a new part begins, with its own b and c: the sum of all that was commanded before, and what is left of the
+rate. For given d and L the rest is linear, and is projected out [Golub73]. The best delay without a lag is
+found on a grid, and from there d and L by the method of Levenberg and Marquardt. An interval is where
+S(d, L) ≤ S + κ σ², along the best d for each L. κ is z², or, if that is larger, t² times the variance of the
+scores of 12 stretches of the log relative to that in white noise [Bester11]: unexplained residuals widen the
+intervals.
 """
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from rmrc.analysis.identify.response import Array, Commands, Lagged
-
-Mask = NDArray[np.bool_]
+from rmrc.analysis.identify.least import dot, least, solved, times, without
+from rmrc.analysis.identify.response import Array, Commands
 
 # 95 % of a normal distribution are within this many standard deviations.
 Z = 1.959964
@@ -28,18 +26,19 @@ Z = 1.959964
 BATCHES, T = 12, 2.200985
 # The earliest apparent response: stamps of two clocks differ, or positions are read late [s].
 EARLIEST = 0.1
-# Number of delays and lags on the grids of the first search, fine enough for the bandwidth of any arm.
-DELAYS, LAGS = 300, 14
-# A golden section ends when the lag is known to this share of it.
-GOLDEN, NEAR = (math.sqrt(5.0) - 1.0) / 2.0, 1e-5
-# At the beginning, and behind a gap, this multiple of the delay is left out: it responds to commands that the
-# log lacks. The rest of their effect decays with the lag, and is fitted.
-SKIPPED = 1.5
-# Least number of rows for a fit.
-LEAST_ROWS = 30
+# The first search uses this many positions, delays, lags, and stretches of the log that may drift.
+SCANNED, DELAYS, LAGS, LIMITS, STRETCHES, SLOPES = 2000, 300, 6, 5, 8, 60
+# Stamps of computers are no better than this [s].
+STAMP = 1e-4
+# A lag below this share of a period is none.
+NO_LAG = 0.02
+# Positions within this share of a period of an unknown command are left out as well.
+MARGIN = 0.15
+# Least number of rows for a fit, and for a part.
+LEAST_ROWS, LEAST_PART = 30, 4
 # A position that differs from its neighbors by this many standard deviations is an error of the log, if the
 # difference is this share of the motion as well: smaller ones do no harm, and may be unexplained motion.
-OUTLIER, HARM = 8.0, 1e-4
+OUTLIER, HARM = 8.0, 5e-4
 
 
 class Interval(NamedTuple):
@@ -55,310 +54,346 @@ class Interval(NamedTuple):
         return (self.high - self.low) / 2.0
 
 
-class Point(NamedTuple):
-    """The best fit with one lag.
-
-    Attributes:
-        lag: L [s].
-        delay: The best delay for it [s].
-        cost: S, the sum of squares of the residual.
-        curvature: Curvature of S over the delay: S + curvature · (d − delay)².
-        gain: g.
-    """
-
-    lag: float
-    delay: float
-    cost: float
-    curvature: float
-    gain: float
-
-
-@dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(NamedTuple):
     """Positions of a joint, and the commands to which they respond.
 
     Attributes:
         commands: Commands of the joint.
         time: Time of the positions, increasing, (N,) [s].
         position: (N,) [rad or m].
-        parts: Index of the part between two gaps for each position, (N,), ascending.
-        begins: Start of each part [s].
     """
 
     commands: Commands
     time: Array
     position: Array
-    parts: NDArray[np.intp]
-    begins: Array
-
-    def kept(self, rows: Mask) -> "Samples":
-        """Return some of the rows."""
-        parts = self.parts[rows]
-        return Samples(self.commands, self.time[rows], self.position[rows], parts, self.begins)
-
-    @property
-    def since(self) -> Array:
-        """Time since the part of each position began, (N,) [s]."""
-        return np.asarray(self.time - self.begins[self.parts])
 
 
-@dataclass(frozen=True, eq=False)
-class Fitted:
+class Cause(NamedTuple):
+    """What else may act, and is fitted beside delay and lag.
+
+    Attributes:
+        limit: Inverse of the largest acceleration [s²/rad or s²/m].
+        drift: Growth of the delay [s/s].
+        play: Width of a backlash [rad or m].
+    """
+
+    limit: float = 0.0
+    drift: float = 0.0
+    play: float = 0.0
+
+
+class Fitted(NamedTuple):
     """The fit of a joint.
 
     Attributes:
         samples: The fitted rows.
-        best: The best fit.
+        parts: Index of the part of each row, (N,).
         delay: d [s].
         lag: L [s].
         total: d + L, which is known better than each [s].
         gain: g: ratio of the joint's rate to the command.
         drift: Additional drift of the positions [rad/s or m/s].
+        cause: What else was fitted.
+        play: Width of the backlash [rad or m].
+        rate: Rate of the joint, (N,) [rad/s or m/s].
         residual: Residual of each position, (N,) [rad or m].
+        variance: Of the residual, for the degrees of freedom that are left.
         explained: Share of the motion's variance that the fit explains.
         outliers: Rows that were left out as errors.
-        profile: The best fits at lags within the interval of the lag.
     """
 
     samples: Samples
-    best: Point
+    parts: NDArray[np.intp]
     delay: Interval
     lag: Interval
     total: Interval
     gain: Interval
     drift: Interval
+    cause: Cause
+    play: float
+    rate: Array
     residual: Array
+    variance: float
     explained: float
     outliers: int
-    profile: tuple[Point, ...]
+
+    @property
+    def rms(self) -> float:
+        """Standard deviation of the residual."""
+        return float(np.sqrt(self.variance))
 
 
-def fit(samples: Samples, longest: float, resolution: float) -> Fitted | None:
-    """Fit delay, lag, gain, drift and offset; None where too few rows remain after the first responses.
+def scan(samples: Samples, longest: float, slopes: int = 0) -> tuple[float, float]:
+    """Return the delay without a lag in the middle of the log, and its growth, that fit best [s], [s/s].
+
+    Args:
+        samples: Samples of a joint that moves, with commands that change.
+        longest: Largest delay of the search [s].
+        slopes: Number of slopes to either side; 0: the delay is constant.
+    """
+    sent, count = samples.commands, len(samples.time)
+    travel = np.concatenate([[0.0], np.cumsum(np.diff(sent.time) * sent.rate[:-1])])
+    rows = np.linspace(0, count - 1, min(SCANNED, count)).astype(int)
+    first = np.linspace(0, len(rows), STRETCHES, endpoint=False).astype(int)
+    counts = np.diff(first, append=len(rows))
+
+    def free(values: Array) -> Array:
+        return np.asarray(values - np.repeat(np.add.reduceat(values, first) / counts, counts))
+
+    y, time = free(samples.position[rows]), samples.time[rows]
+    step = max(sent.period, longest / DELAYS)
+    delays = np.arange(-longest if slopes else -EARLIEST, longest + step, step)
+    x = [free(np.interp(time - delay, sent.time, travel)) for delay in delays]
+    both, square = (
+        np.array([np.add.reduceat(row * other, first) for row, other in pairs])
+        for pairs in (((row, y) for row in x), ((row, row) for row in x))
+    )
+    away = np.arange(-slopes, slopes + 1)[:, None] * np.linspace(-1.0, 1.0, STRETCHES)
+    place = np.arange(len(delays))[:, None, None] + np.round(away).astype(int)
+    inside = ((place >= 0) & (place < len(delays))).all(axis=2)
+    place = np.clip(place, 0, len(delays) - 1), np.arange(STRETCHES)
+    explained = both[place].sum(axis=2) ** 2 / np.maximum(square[place].sum(axis=2), 1e-300) * inside
+    middle, slope = np.unravel_index(np.argmax(explained), explained.shape)
+    ends = time[first[-1] + counts[-1] // 2] - time[counts[0] // 2]
+    return float(delays[middle]), float(2.0 * (slope - slopes) * step / ends)
+
+
+def fit(
+    samples: Samples,
+    longest: float,
+    resolution: float,
+    cause: Cause | None = None,
+    start: tuple[float, float] | None = None,
+) -> Fitted | None:
+    """Fit delay, lag, gain, drift and offset; None where too few rows respond to known commands.
 
     Args:
         samples: Samples of a joint that moves, with commands that change.
         longest: Largest delay and lag of the search [s].
         resolution: Resolution of the positions; 0: none is visible.
+        cause: What else to fit, with a first guess of it; None: nothing.
+        start: A first guess of delay and lag [s]; None: they are searched.
     """
-    first = _Search(samples, longest).scan()
-    rows = samples.since >= SKIPPED * max(first, 0.0)
-    if rows.sum() < LEAST_ROWS or not np.ptp(samples.position[rows]):
-        return None
-    work = _Search(samples.kept(rows), longest)
-    best = work.best(first)
-    wrong = _spikes(work.residual(best), max(resolution, HARM / OUTLIER * float(np.ptp(work.y))))
-    if wrong.any():
-        work = _Search(work.samples.kept(~wrong), longest)
-        best = work.best(best.delay + best.lag)
-    return work.judged(best, int(wrong.sum()))
+    cause, outliers = cause or Cause(), 0
+    if start is None:
+        delay, drift = scan(samples, longest, SLOPES if cause.drift else 0)
+        start, cause = (delay, 0.0), cause._replace(drift=drift or cause.drift)
+    delay, lag = start
+    for _ in range(4):
+        search, before = _Search(samples, delay, cause, longest), delay
+        if len(search.time) < LEAST_ROWS or not np.ptp(search.y):
+            return None
+        delay, lag, cause, slopes = search.best(delay, lag, cause)
+        residual = search.residual(delay, lag, cause).values
+        wrong = search.rows[_spikes(residual, max(resolution, HARM / OUTLIER * float(np.ptp(search.y))))]
+        outliers += len(wrong)
+        samples = Samples(samples.commands, *(np.delete(values, wrong) for values in samples[1:]))
+        if not len(wrong) and abs(delay - before) <= 0.5 * MARGIN * search.period:
+            break
+    return search.judged(delay, lag, cause, slopes, outliers)
 
 
-def fit_lag(fitted: Fitted, delay: float, longest: float) -> float:
-    """Return the best lag for a given delay, as all joints of an arm share one [s]."""
-    work = _Search(fitted.samples, longest)
-    lag = max(fitted.best.delay + fitted.best.lag - delay, 0.0)
-    low, high = 0.5 * lag, 1.5 * lag + work.period
-    return _golden(lambda one: work.point(one, delay, fixed=True), low, high).lag
+def fit_lag(fitted: Fitted, delay: float) -> tuple[float, float]:
+    """Return the best lag for a given delay, as all joints of an arm share one [s], and the variance left."""
+    search = _Search(fitted.samples, delay, fitted.cause, np.inf)
+
+    def residual(values: Array) -> Array:
+        return search.residual(delay, values[0] * search.period, fitted.cause).values
+
+    start = np.array([max(fitted.total.value - delay, 0.1 * search.period) / search.period])
+    values, end, _ = least(residual, start, np.zeros(1))
+    return float(values[0] * search.period), dot(end, end) / len(end)
+
+
+class _Residual(NamedTuple):
+    """What is left of the positions, and what explains them, without offsets and lagged starts of the parts.
+
+    Attributes:
+        values: The residual, (N,) [rad or m].
+        weights: Of the columns: the gain, the drift, and the width of a backlash.
+        columns: Travel, time and side of the backlash, (N, k).
+        free_rate: Rate of the joint, (N,) [rad/s or m/s].
+        rate: The same with all its parts.
+        position: (N,) [rad or m].
+    """
+
+    values: Array
+    weights: Array
+    columns: Array
+    free_rate: Array
+    rate: Array
+    position: Array
 
 
 class _Search:
     """Fits of the positions of one joint, for any delay and lag."""
 
-    def __init__(self, samples: Samples, longest: float) -> None:
-        """Project offset and drift out of the positions."""
-        self.samples, self.longest = samples, longest
-        self.period = float(np.median(np.diff(samples.commands.time)))
-        own = [samples.parts == part for part in np.unique(samples.parts)]
-        self.own = np.column_stack(own).astype(float)
-        self.clock = samples.time - samples.time.mean()
-        trend = self.clock / max(float(np.ptp(self.clock)), self.period)
-        self.basis = np.linalg.qr(np.column_stack([self.own, trend]))[0]
-        self.y = self.free(samples.position)
+    def __init__(self, samples: Samples, delay: float, cause: Cause, longest: float) -> None:
+        """Choose the positions that respond to known commands if the delay is about this."""
+        sent = self.sent = samples.commands
+        self.period, self.longest = sent.period, longest
+        self.middle = float(np.mean(samples.time[[0, -1]]))
+        first = np.flatnonzero(np.concatenate([[True], sent.until[:-1] < sent.time[1:] - 1e-9]))
+        begins, ends = sent.time[first], sent.until[np.append(first[1:], len(sent.time)) - 1]
+        asked = samples.time - delay - cause.drift * (samples.time - self.middle)
+        part = np.searchsorted(begins, asked, "right") - 1
+        margin = MARGIN * self.period
+        known = (part >= 0) & (asked >= begins[part] + margin) & (asked <= ends[part] - margin)
+        known &= (np.bincount(part[known], minlength=len(begins)) >= LEAST_PART)[part]
+        self.rows = np.flatnonzero(known)
+        self.time, self.y, self.begin = samples.time[known], samples.position[known], begins[part[known]]
+        self.first = np.flatnonzero(np.diff(part[known], prepend=-1))
+        self.counts = np.diff(self.first, append=len(self.time))
+        self.clock = self.time - self.middle
 
-    def free(self, values: Array) -> Array:
-        """Return values, (N,) or (N, k), without offsets and drift."""
-        return np.asarray(values - self.basis @ (self.basis.T @ values))
+    def spread(self, sums: Array) -> Array:
+        """Return a value of each part, (P, k), for each of its rows, (N, k)."""
+        return np.repeat(sums, self.counts, axis=0)
 
-    def scan(self) -> float:
-        """Return the best delay of a grid without a lag [s]."""
-        lagged = self.samples.commands.lagged(0.0)
-        step = max(self.period, self.longest / DELAYS)
-        delays = np.arange(-EARLIEST, self.longest + step, step)
-        gained = np.zeros(len(delays))
-        for i, delay in enumerate(delays):
-            x = self.free(lagged.at(self.samples.time - delay)[0])
-            square = float(x @ x)
-            gained[i] = float(x @ self.y) ** 2 / square if square > 0.0 else 0.0
-        return float(delays[np.argmax(gained)])
+    def residual(self, delay: float, lag: float, cause: Cause) -> "_Residual":
+        """Return the residual and what it consists of."""
+        asked = self.time - delay - cause.drift * self.clock
+        travel, rate = self.sent.response(lag, 1.0 / cause.limit if cause.limit else np.inf).at(asked)
+        columns = [self.y, travel, self.clock, rate, *([_side(travel, cause.play)] if cause.play else [])]
+        free = np.column_stack(columns)
+        free -= self.spread(np.add.reduceat(free, self.first) / self.counts[:, None])
+        if lag > NO_LAG * self.period:
+            tail = np.exp(-np.maximum(asked - self.begin, 0.0) / lag)[:, None]
+            tail -= self.spread(np.add.reduceat(tail, self.first) / self.counts[:, None])
+            square = np.maximum(np.add.reduceat(tail * tail, self.first), 1e-12)
+            free -= tail * self.spread(np.add.reduceat(tail * free, self.first) / square)
+        others = free[:, [1, 2, *range(4, free.shape[1])]]
+        weights = solved(others, free[:, 0])
+        return _Residual(free[:, 0] - times(others, weights), weights, others, free[:, 3], rate, free[:, 0])
 
-    def best(self, delay: float) -> Point:
-        """Return the best fit, starting from the best delay without a lag."""
-        lags = np.array([0.0, *np.geomspace(min(0.2 * self.period, 0.1 * self.longest), self.longest, LAGS)])
-        points, at, before = [], delay, 0.0
-        for lag in lags:
-            points.append(self.point(float(lag), at - (lag - before)))
-            at, before = points[-1].delay, lag
-        i = int(np.argmin([one.cost for one in points]))
-        low, high = lags[max(i - 1, 0)], lags[min(i + 1, LAGS)]
-        total = points[i].delay + points[i].lag
-        found = _golden(lambda lag: self.point(lag, total - lag), float(low), float(high))
-        return min(found, points[i], key=lambda one: one.cost)
+    def step(
+        self, delay: float, lag: float, cause: Cause, slopes: Array | None = None
+    ) -> tuple[float, float]:
+        """Return S and the delay, where they are best if the residual is linear in the delay.
 
-    def point(self, lag: float, delay: float, fixed: bool = False) -> Point:
-        """Return the best fit with a lag, near a delay or at exactly that delay, by Gauss-Newton."""
-        lagged = self.samples.commands.lagged(lag)
-        cost, gain, step, curvature = self._step(lagged, delay)
-        for _ in range(0 if fixed else 20):
-            while abs(step) > 1e-9:  # halve a step that is too long: far from its minimum S is no parabola
-                tried = self._step(lagged, delay + step)
-                if tried[0] < cost:
-                    break
-                step /= 2.0
-            else:
-                break
-            delay, gained = delay + step, cost - tried[0]
-            cost, gain, step, curvature = tried
-            if gained <= 1e-9 * cost:
-                break
-        return Point(float(lag), float(delay), cost, curvature, gain)
+        Args:
+            delay: A first guess.
+            lag: The lag.
+            cause: What is fitted as well.
+            slopes: Derivatives of the residual by the delay, and others that are free too, (N, k); None:
+                those by the delay here.
+        """
+        here = self.residual(delay, lag, cause)
+        if slopes is None:
+            slopes = here.weights[0] * without(here.free_rate, here.columns)[:, None]
+        steps = solved(slopes, here.values)
+        residual = here.values - times(slopes, steps)
+        return dot(residual, residual), delay - float(steps[0])
 
-    def columns(self, lagged: Lagged, delay: float) -> tuple[Array, Array]:
-        """Return travel and the rest of the rates before each part, (N, k), and the rates, (N,)."""
-        travel, rate = lagged.at(self.samples.time - delay)
-        columns = [travel]
-        if lagged.lag:
-            rest = np.exp(-np.maximum(self.samples.since - delay, 0.0) / lagged.lag)[:, None] * self.own
-            columns += [one for one in rest.T if one.max() > 1e-6]
-        return self.free(np.column_stack(columns)), self.free(rate)
+    def best(self, delay: float, lag: float, cause: Cause) -> tuple[float, float, Cause, Array]:
+        """Return the best delay, lag and causes, and the residual's derivatives by them, (N, p).
 
-    def _step(self, lagged: Lagged, delay: float) -> tuple[float, float, float, float]:
-        """Return S, g, the step to the best delay if x were linear in it, and S's curvature."""
-        columns, rate = self.columns(lagged, delay)
-        weights = _solved(columns, self.y)
-        residual = self.y - columns @ weights
-        slope = -weights[0] * (rate - columns @ _solved(columns, rate))
-        curvature = float(slope @ slope)
-        step = float(slope @ residual) / curvature if curvature > 0.0 else 0.0
-        return float(residual @ residual), float(weights[0]), step, curvature
+        Args:
+            delay: A first guess; that without a lag, if `lag` is 0.
+            lag: A first guess; 0: it is searched.
+            cause: First guesses of what is fitted as well.
+        """
+        if not lag:
+            trials = []
+            for guess in np.geomspace(0.25 * self.period, max(1.2 * delay, 2.0 * self.period), LAGS).tolist():
+                for limit in (cause.limit * np.geomspace(1.0, 30.0, LIMITS if cause.limit else 1)).tolist():
+                    changed = cause._replace(limit=limit)
+                    _, near = self.step(delay - guess, guess, changed)
+                    trials.append((*self.step(near, guess, changed), guess, changed))
+            _, delay, lag, cause = min(trials, key=lambda trial: trial[0])
+        moving = [name for name in ("limit", "drift") if getattr(cause, name)]
+        units = {"limit": cause.limit, "drift": self.period / float(np.ptp(self.time))}
+        unit = np.array([self.period, self.period, *(units[name] for name in moving)])
+        start = np.array([delay, lag, *(getattr(cause, name) for name in moving)]) / unit
 
-    def residual(self, point: Point) -> Array:
-        """Return the residual of a fit."""
-        columns, _ = self.columns(self.samples.commands.lagged(point.lag), point.delay)
-        return np.asarray(self.y - columns @ _solved(columns, self.y))
+        def meaning(values: Array) -> tuple[float, float, Cause]:
+            delay, lag, *others = (values * unit).tolist()
+            changed = cause._replace(**dict(zip(moving, others, strict=True)))
+            return min(max(delay, -self.longest), self.longest), min(lag, self.longest), changed
 
-    def judged(self, best: Point, outliers: int) -> Fitted:
+        lower = np.array([-np.inf, 0.0, *(0.01 if name == "limit" else -np.inf for name in moving)])
+        values, _, slopes = least(lambda values: self.residual(*meaning(values)).values, start, lower)
+        return *meaning(values), slopes / unit
+
+    def judged(self, delay: float, lag: float, cause: Cause, slopes: Array, outliers: int) -> Fitted:
         """Return the fit with its intervals."""
-        residual = self.residual(best)
-        columns, rate = self.columns(self.samples.commands.lagged(best.lag), best.delay)
-        rate -= columns @ _solved(columns, rate)
-        more = max(0.05 * best.lag, 0.25 * self.period)
-        later = self.columns(self.samples.commands.lagged(best.lag + more), best.delay - more)[0][:, 0]
-        both = np.column_stack([columns, rate])
-        later -= both @ _solved(both, later)
-        bound = best.cost + max(_spread(residual, one) ** 2 * float(one @ one) for one in (rate, later))
-        profile = self.profile(best, bound)
-        others = np.column_stack([both[:, 1:], later])
-        travel = columns[:, 0] - others @ _solved(others, columns[:, 0])
-        spread = _spread(residual, travel)
-        gain = Interval(best.gain, best.gain - spread, best.gain + spread)
-        reach = [
-            (one, float(np.sqrt(max(bound - one.cost, 0.0) / one.curvature)) if one.curvature else np.inf)
-            for one in profile
-        ]
-        ends = [(one.delay - far, one.delay + far, one.lag) for one, far in reach]
-        delay = Interval(best.delay, min(low for low, _, _ in ends), max(high for _, high, _ in ends))
-        total = Interval(
-            best.delay + best.lag,
-            min(low + lag for low, _, lag in ends),
-            max(high + lag for _, high, lag in ends),
+        here = self.residual(delay, lag, cause)
+        count, others, parts = len(here.values), slopes.shape[1] + len(here.weights), len(self.first)
+        freedom = max(count - others - parts * (2 if lag > NO_LAG * self.period else 1), 1)
+        scores = here.values * np.sqrt(count / freedom)
+        columns = np.column_stack([slopes, here.columns])
+        alone = [without(columns[:, i], np.delete(columns, i, axis=1)) for i in range(others)]
+        halves = [_spread(scores, column) for column in alone]
+        cost, excess = (
+            dot(here.values, here.values),
+            max(halves[i] ** 2 * dot(alone[i], alone[i]) for i in (0, 1)),
         )
-        lag = Interval(best.lag, profile[0].lag, profile[-1].lag)
-        explained = 1.0 - best.cost / float(self.y @ self.y)
+        free = np.delete(slopes, 1, axis=1)
+        fixed = without(free[:, 0], free[:, 1:])  # of the delay with this lag
+        half = float(np.hypot(STAMP, np.sqrt(excess / max(dot(fixed, fixed), 1e-300))))
+        ends = [(delay, lag)]
+        for side in (-1.0, 1.0):
+            far = min(max(halves[1], 0.05 * self.period), self.longest)
+            for _ in range(8):
+                end = min(max(lag + side * far, 0.0), self.longest)
+                _, near = self.step(delay + lag - end, end, cause, free)
+                over, near = self.step(near, end, cause, free)
+                ratio = float(np.sqrt(excess / max(over - cost, excess / 16.0, 1e-300)))
+                if abs(ratio - 1.0) < 0.02 or (ratio > 1.0 and end in (0.0, self.longest)):
+                    break
+                far = abs(end - lag) * ratio
+            ends.append((near, end))
+        delays, lags = np.array(ends).T
+        totals = delays + lags
+        gain, drift, *play = [
+            Interval(weight, weight - far, weight + far)
+            for weight, far in zip(here.weights.tolist(), halves[slopes.shape[1] :], strict=True)
+        ]
         return Fitted(
-            self.samples, best, delay, lag, total, gain, self._drift(best, residual), residual,
-            explained, outliers, profile,
+            Samples(self.sent, self.time, self.y), np.repeat(np.arange(parts), self.counts),
+            _around(delays, half), Interval(lag, float(lags.min()), float(lags.max())), _around(totals, half),
+            gain, drift, cause, play[0].value if play else 0.0, here.rate, here.values,
+            cost / freedom, 1.0 - cost / max(dot(here.position, here.position), 1e-300), outliers,
         )  # fmt: skip
 
-    def profile(self, best: Point, bound: float) -> tuple[Point, ...]:
-        """Return best fits at lags from the smallest to the largest within a bound of S."""
-        total = best.delay + best.lag
 
-        def over(lag: float) -> float:
-            return self.point(lag, total - lag).cost - bound
-
-        step = max(0.02 * best.lag, 0.05 * self.period)
-        low, high = best.lag, best.lag + step
-        while low > 0.0 and over(low) <= 0.0:
-            low, step = max(low - step, 0.0), 2.0 * step
-        lows = _crossing(over, low, best.lag) if low > 0.0 or over(0.0) > 0.0 else 0.0
-        step = high - best.lag
-        while high < self.longest and over(high) <= 0.0:
-            step *= 2.0
-            high += step
-        highs = _crossing(over, min(high, self.longest), best.lag)
-        lags = np.unique([*np.linspace(lows, highs, 9), best.lag])
-        return tuple(best if lag == best.lag else self.point(float(lag), total - lag) for lag in lags)
-
-    def _drift(self, best: Point, residual: Array) -> Interval:
-        """Return the drift with its interval."""
-        travel, rate = self.samples.commands.lagged(best.lag).at(self.samples.time - best.delay)
-        rows = self.samples.position - best.gain * travel
-        others = np.column_stack([self.own, travel, rate])
-        clock = self.clock - others @ _solved(others, self.clock)
-        value = float(clock @ rows) / float(clock @ clock) if clock.any() else 0.0
-        spread = _spread(residual, clock)
-        return Interval(value, value - spread, value + spread)
+def _around(values: Array, half: float) -> Interval:
+    """Return the interval of a value with others on its profile, and half the width without those."""
+    value, low, high = float(values[0]), float(values.min()), float(values.max())
+    return Interval(
+        value, value - float(np.hypot(half, value - low)), value + float(np.hypot(half, high - value))
+    )
 
 
-def _solved(columns: Array, values: Array) -> Array:
-    """Return the least-squares weights of columns, by scaled normal equations."""
-    scale = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    scale[scale == 0.0] = 1.0
-    scaled = columns / scale
-    return np.asarray(np.linalg.lstsq(scaled.T @ scaled, scaled.T @ values, rcond=1e-13)[0] / scale)
-
-
-def _golden(point: Callable[[float], Point], low: float, high: float) -> Point:
-    """Return the best point at a lag between two."""
-    inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)]
-    points, near = [point(one) for one in inner], NEAR * high
-    while high - low > near:
-        if points[0].cost < points[1].cost:
-            high, points[1] = points[1].lag, points[0]
-            points[0] = point(high - GOLDEN * (high - low))
-        else:
-            low, points[0] = points[0].lag, points[1]
-            points[1] = point(low + GOLDEN * (high - low))
-    return min(points, key=lambda one: one.cost)
-
-
-def _crossing(over: Callable[[float], float], outside: float, inside: float) -> float:
-    """Return where a function changes its sign, to a hundredth of the interval."""
-    for _ in range(7):
-        middle = 0.5 * (outside + inside)
-        outside, inside = (outside, middle) if over(middle) <= 0.0 else (middle, inside)
-    return inside
+def _side(travel: Array, width: float) -> Array:
+    """Return where in a backlash a joint is, from -1/2 to 1/2 of its width, (N,)."""
+    place, places = 0.0, []
+    for step in np.diff(travel / width, prepend=travel[0] / width).tolist():
+        place = min(max(place + step, -0.5), 0.5)
+        places.append(place)
+    return np.array(places)
 
 
 def _spread(residual: Array, column: Array) -> float:
     """Return half the width of the interval of a column's weight, whatever the residual's autocorrelation."""
-    square = float(column @ column)
+    square = float(dot(column, column))
     if not square > 0.0:
         return 0.0
     sums = np.array([part.sum() for part in np.array_split(residual * column, BATCHES)])
-    plain = Z * float(np.sqrt(residual @ residual / len(residual) * square))
+    plain = Z * float(np.sqrt(dot(residual, residual) / len(residual) * square))
     return max(plain, T * float(np.sqrt(sums @ sums * BATCHES / (BATCHES - 1)))) / square
 
 
-def _spikes(residual: Array, least: float) -> Mask:
+def _spikes(residual: Array, least: float) -> NDArray[np.bool_]:
     """Return which rows differ from their four neighbors as no arm can move.
 
     Args:
         residual: (N,).
         least: Lower bound of their standard deviation.
     """
-    padded = np.pad(residual, 2, mode="edge")
-    off = residual - np.median(sliding_window_view(padded, 5), axis=1)
-    size = 1.4826 * float(np.median(np.abs(off - np.median(off))))
-    return np.asarray(np.abs(off) > OUTLIER * max(size, least))
+    near = sliding_window_view(np.pad(residual, 2, mode="edge"), 5)
+    off = np.abs(residual - np.median(near, axis=1))
+    size = 1.4826 * float(np.median(off))
+    return np.asarray(
+        (off > OUTLIER * max(size, least)) & (off > 2.0 * np.ptp(near[:, [0, 1, 3, 4]], axis=1))
+    )

@@ -5,17 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc.analysis.identify.fit import Fitted, Interval, Samples, fit, fit_lag
+from rmrc.analysis.identify.cause import POOR, explained
+from rmrc.analysis.identify.fit import NO_LAG, STAMP, Fitted, Interval, Samples, fit, fit_lag
 from rmrc.analysis.identify.log import Log, Source, read_log
-from rmrc.analysis.identify.noise import resolution, white_noise
-from rmrc.analysis.identify.verdict import odd, unfit, untold
+from rmrc.analysis.identify.noise import Noise, noise_of, resolution
+from rmrc.analysis.identify.verdict import observations, unfit, untold
 from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError
 
 # Longer than the delay or lag of any known arm [s].
 LONGEST = 0.5
-# A lag below this many periods is none.
-NONE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,18 +24,16 @@ class Joint:
     Attributes:
         name: Or number.
         fit: None without a possible fit.
-        noise: Standard deviation of its positions' white noise; None without a fit [rad or m].
-        resolution: Resolution of its positions; 0: none is visible [rad or m].
+        noise: Noise of its positions; None without a fit.
         trouble: Why delay and lag are not determined, and what to log instead; "" if they are.
         notes: Other observations about it.
     """
 
     name: str
     fit: Fitted | None
-    noise: Interval | None
-    resolution: float
+    noise: Noise | None
     trouble: str
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 @brief
@@ -98,46 +95,71 @@ def identify(
     if not 0.0 < longest <= 10.0:
         raise QuestionError(f"longest must be above 0 and at most 10 s, got {longest:g}")
     read = read_log(log, columns or {}, degrees)
-    joints = tuple(
-        _joint(name, samples, read.period, longest)
-        for name, samples in zip(read.joints, read.samples, strict=True)
-    )
-    told = {joint.name: joint.fit for joint in joints if joint.fit is not None and not joint.trouble}
-    if not told:
-        return Identified(read, joints, None, (), ())
-    if all(
-        one.lag.low <= NONE * read.period for one in told.values()
-    ):  # the data need no lag; the interval is the worse of the two
-        delay, lags = _together([one.total for one in told.values()]), dict.fromkeys(told, 0.0)
+    notes, is_regular = list[str](), _is_regular(read, longest)
+    if is_regular and read.clock.regular is not None:
+        away = 1e3 * (read.time - read.clock.regular)
+        notes.append(
+            f"stamps jitter by {np.std(away):.2g} ms ({np.abs(away).max():.2g} ms at most), and the arm does "
+            "not: rows are taken to be regular"
+        )
+    joints = tuple(_joint(name, read.samples(j, is_regular), longest) for j, name in enumerate(read.joints))
+    jitters = [joint.noise.jitter for joint in joints if joint.noise and not joint.trouble]
+    if any(jitters):
+        jitter = 1e3 * float(np.median([each for each in jitters if each]))
+        notes.append(
+            f"stamps jitter by {jitter:.2g} ms, as the residual grows with the rate; the noise is without it"
+        )
+    fits = {joint.name: joint.fit for joint in joints if joint.fit is not None and not joint.trouble}
+    if not fits:
+        return Identified(read, joints, None, (), tuple(notes))
+    if all(one.lag.low <= NO_LAG * read.period for one in fits.values()):
+        # the data need no lag; the interval is the worse of the two
+        delay, lags = _together([one.total for one in fits.values()]), dict.fromkeys(fits, 0.0)
     else:
-        delay = _together([one.delay for one in told.values()])
-        lags = {name: fit_lag(one, max(delay.value, 0.0), longest) for name, one in told.items()}
-    middle = float(np.median(list(lags.values())))
+        shown = [one.delay for one in fits.values() if one.delay.high >= 0.0]
+        delay = _together(shown or [Interval(0.0, 0.0, 0.0)])
+        lags = {name: fit_lag(one, max(delay.value, 0.0))[0] for name, one in fits.items()}
     apart = [
         f"{name} by {1e3 * (one.delay.value - delay.value):.2g} ms"
-        for name, one in told.items()
+        for name, one in fits.items()
         if abs(one.delay.value - delay.value) > one.delay.half + read.period
     ]
-    notes = (
-        (f"one delay is written for all joints; their own delays differ: {', '.join(apart)}",)
-        if apart
-        else ()
+    if apart:
+        notes.append(f"one delay is written for all joints; their own delays differ: {', '.join(apart)}")
+    middle = float(np.median(list(lags.values())))
+    return Identified(
+        read, joints, delay, tuple(lags.get(name, middle) for name in read.joints), tuple(notes)
     )
-    return Identified(read, joints, delay, tuple(lags.get(name, middle) for name in read.joints), notes)
 
 
-def _joint(name: str, samples: Samples | None, period: float, longest: float) -> Joint:
+def _is_regular(log: Log, longest: float) -> bool:
+    """Return whether regular times explain the positions of the quickest joint better than the stamps."""
+    if log.clock.regular is None or np.std(log.time - log.clock.regular) < 1e-3 * log.period:
+        return False
+    each = []
+    for is_regular in (False, True):
+        samples = log.samples(int(np.argmax(np.std(np.nan_to_num(log.rates), axis=0))), is_regular)
+        fitted = None if samples is None or not np.ptp(samples.commands.rate) else fit(samples, longest, 0.0)
+        each.append(fitted.variance if fitted else np.inf)
+    return each[1] < each[0]
+
+
+def _joint(name: str, samples: Samples | None, longest: float) -> Joint:
     """Return the result for a joint."""
     trouble = unfit(samples)
     if trouble or samples is None:
-        return Joint(name, None, None, 0.0, trouble, ())
+        return Joint(name, None, None, trouble)
     step = resolution(samples.position)
-    found = fit(samples, longest, step)
-    if found is None:
-        return Joint(name, None, None, step, "its log is shorter than its response: log 10 s or more", ())
-    noise = white_noise(found.residual, step)
-    trouble = untold(found, noise, step, period, longest)
-    return Joint(name, found, noise, step, trouble, () if trouble else tuple(odd(found, noise, step, period)))
+    fitted, cause = fit(samples, longest, step), ""
+    if fitted is None:
+        lost = "too few of its rows respond to known commands: log 10 s or more, without losses"
+        return Joint(name, None, None, lost)
+    noise = noise_of(fitted, step)
+    if fitted.rms > POOR * noise.total and fitted.rms > 1e-6 * np.ptp(samples.position):
+        fitted, cause = explained(samples, fitted, noise, longest)
+        noise = noise_of(fitted, step)
+    trouble = untold(fitted, noise, cause, longest)
+    return Joint(name, fitted, noise, trouble, () if trouble else tuple(observations(fitted, noise, cause)))
 
 
 def _together(each: Sequence[Interval]) -> Interval:
@@ -147,4 +169,5 @@ def _together(each: Sequence[Interval]) -> Interval:
     mean = float(np.sum(values / half**2) / np.sum(1.0 / half**2))
     excess = np.sum(((values - mean) / half) ** 2) / max(len(each) - 1, 1)
     spread = float(np.sqrt(max(excess, 1.0) / np.sum(1.0 / half**2)))
+    spread = max(spread, STAMP)
     return Interval(mean, mean - spread, mean + spread)

@@ -1,20 +1,21 @@
-"""A log of commands and positions: read, converted to SI units, sorted, and split at missing rows."""
+"""A log of commands and positions: its columns, its clock, and the rows that it lacks."""
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rmrc.analysis.identify.columns import Columns, choose
 from rmrc.analysis.identify.fit import LEAST_ROWS, Samples
 from rmrc.analysis.identify.response import Array, Commands
 from rmrc.logs.clock import in_order, seconds
-from rmrc.logs.columns import Column, scaled
-from rmrc.logs.tables import Table, columns_of, read_table
+from rmrc.logs.columns import POSITION, Column, enumerated, joint_groups, mapped, scaled, time_columns
+from rmrc.logs.tables import Numbers, Table, columns_of, read_table
+from rmrc.logs.units import JOINT_RATES, JOINTS, SECONDS
 from rmrc.results.run import Run
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import listed, quoted
@@ -22,25 +23,43 @@ from rmrc.support.legible import listed, quoted
 Source: TypeAlias = str | os.PathLike[str] | Run | Mapping[str, ArrayLike]
 """A file, a run, or arrays by the names of columns."""
 
+# Names of commanded rates in various programs, the most certain first, as `POSITION`.
+COMMAND = (
+    "qdot_cmd", "qdot_command", "qdot_commanded", "cmd_qdot", "q_dot_cmd", "qd_cmd", "dq_cmd", "cmd_qd",
+    "cmd_dq", "target_qd", "qd_target", "qdot_d", "dq_d", "velocity_command", "velocity_cmd",
+    "command_velocity", "commanded_velocity", "cmd_velocity", "vel_cmd", "cmd_vel", "speed_cmd", "cmd_speed",
+)  # fmt: skip
+UNITS = {"t": SECONDS, "q": JOINTS, "qdot_cmd": JOINT_RATES}
 # Steps of a control loop are between these [s]; otherwise the assumed unit of time is wrong.
 STEPS = 2e-4, 0.2
-# Where rows are missing for this many periods, and this long [s], a new part begins, because the commands
-# there are unknown. In shorter gaps, commands of a regular log are interpolated linearly.
+# Steps above this many periods lack rows, if this share of them are multiples of it, to a quarter of it.
+LONG, MULTIPLE = 1.5, 0.8
+# Commands of a log without a period hold until the next, but not for this many steps, and this long [s].
 GAP, GAP_TIME = 10, 0.05
-# Steps this near to their median are regular.
-REGULAR = 0.2
-# A log is regular, and complete in its commands, if this share of steps and cells is.
-MOST = 0.8
+# Columns with fewer commands than this share of the rows have rows of their own.
+DENSE = 0.5
 # If positions are read less often than logged, this share of them is repeated while the arm moves.
 STALE = 0.3
 # A longer log is thinned to about this many positions.
 MOST_ROWS = 20_000
-# A larger position is hardly in rad.
-LARGEST_TURN = 15.0
-# Larger numbers are no positions or rates in any unit.
-FARTHEST = 1e9
+# A larger position is hardly in rad; larger numbers are no positions or rates in any unit.
+LARGEST_TURN, FARTHEST = 15.0, 1e9
 # A hinge whose position changes by a turn, to within this, from row to row was wrapped [rad].
 WRAPPED = 1.0
+
+
+class Clock(NamedTuple):
+    """The period of a log.
+
+    Attributes:
+        period: [s].
+        missing: Number of rows that are missing.
+        regular: Times at multiples of the period; None if the stamps have other ones, (R,) [s].
+    """
+
+    period: float
+    missing: int
+    regular: Array | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,18 +69,67 @@ class Log:
     Attributes:
         name: Name of the log.
         joints: Names or numbers.
-        samples: Samples of each joint; None where it has too few rows.
-        period: Median step of the commands' time [s].
-        duration: [s].
+        time: (R,) [s].
+        q: Positions; NaN where there is none, (R, n).
+        rates: Commanded rates; NaN where there is none, (R, n).
+        clock: Its period.
         facts: Properties and assumptions, by their subject.
     """
 
     name: str
     joints: tuple[str, ...]
-    samples: tuple[Samples | None, ...]
-    period: float
-    duration: float
+    time: Array
+    q: Array
+    rates: Array
+    clock: Clock
     facts: Mapping[str, str]
+
+    @property
+    def period(self) -> float:
+        """Typical step of the commands [s]."""
+        return self.clock.period
+
+    @property
+    def duration(self) -> float:
+        """From the first row to the last [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    def samples(self, joint: int, is_regular: bool = False) -> Samples | None:
+        """Return the positions and commands of a joint, by its index; None where there are too few.
+
+        Args:
+            joint: Index of the joint.
+            is_regular: Whether the stamps jitter, and the loop does not.
+        """
+        time = self.time if self.clock.regular is None or not is_regular else self.clock.regular
+        sent, read = np.isfinite(self.rates[:, joint]), np.isfinite(self.q[:, joint])
+        if min(sent.sum(), read.sum()) < LEAST_ROWS:
+            return None
+        at, rows = time[sent], np.flatnonzero(read)
+        rows = rows[:: -(-len(rows) // MOST_ROWS)]
+        step, clock = np.diff(at), clock_of(at)
+        longest = (
+            LONG * clock.period
+            if clock.missing and sent.mean() >= DENSE
+            else max(GAP * clock.period, GAP_TIME)
+        )
+        until = np.append(np.where(step > longest, at[:-1] + clock.period, at[1:]), at[-1] + clock.period)
+        return Samples(Commands(at, self.rates[sent, joint], until), time[rows], self.q[rows, joint])
+
+
+def clock_of(time: Array) -> Clock:
+    """Return the period of some times, (R,) [s]."""
+    step = np.diff(time)
+    least = float(np.median(step[step <= LONG * np.quantile(step, 0.1)]))
+    period = float(np.median(step))
+    if period > LONG * least and np.mean(np.abs(step - least) < 0.1 * least) > 0.25:
+        period = least  # most rows are missing
+    units, long = np.maximum(np.round(step / period), 1.0), step > LONG * period
+    is_lossy = bool(long.any() and np.mean(np.abs(step / period - units)[long] < 0.25) > MULTIPLE)
+    rows = np.concatenate([[0.0], np.cumsum(units if is_lossy else np.ones(len(step)))])
+    regular = np.polyval(np.polyfit(rows, time, 1), rows)
+    is_regular = np.abs(time - regular).max() < 0.6 * period
+    return Clock(period, int(np.sum(units - 1.0)) if is_lossy else 0, regular if is_regular else None)
 
 
 def read_log(source: Source, columns: Mapping[str, str], degrees: bool) -> Log:
@@ -75,66 +143,112 @@ def read_log(source: Source, columns: Mapping[str, str], degrees: bool) -> Log:
     Raises:
         QuestionError: It cannot be read, or lacks something.
     """
-    name, table = _table(source)
+    if isinstance(source, Run):
+        name, table = source.name, Table(columns_of(source.columns, source.joints), {})
+    elif isinstance(source, Mapping):
+        name, table = "log", Table(columns_of(source), {})
+    else:
+        name, table = Path(source).name, read_table(Path(source), "a log")
     try:
-        return _log(name, table, choose(table.numbers, columns), degrees)
+        return _log(name, table, columns, degrees)
     except QuestionError as error:
         raise QuestionError(f"{name}: {error}") from None
 
 
-def _log(name: str, table: Table, columns: Columns, degrees: bool) -> Log:
-    numbers, facts = table.numbers, _facts(table)
-    sizes = {
-        len(numbers[c.name]) for c in (*columns.q, *columns.qdot_cmd, *columns.time) if c.name in numbers
-    }
+def _log(name: str, table: Table, mapping: Mapping[str, str], degrees: bool) -> Log:
+    numbers, facts = table.numbers, dict[str, str]()
+    times, positions, commands, left_out = choose(numbers, mapping)
+    chosen = (*times, *positions.values(), *commands.values())
+    sizes = {len(numbers[column.name]) for column in chosen if column.name in numbers}
     if len(sizes) > 1:
         raise QuestionError(f"its columns must have equally many rows, got {sorted(sizes)}")
-    time, clock = seconds(numbers, columns.time, STEPS)
+    time, clock = seconds(numbers, times, STEPS)
     facts["time"] = " and ".join(map(str, clock))
-    if clock != columns.time:
+    if clock != times:
         facts["time"] += f": the unit is taken from the steps of {1e3 * np.diff(time).mean():.4g} ms"
-    q, facts["positions"] = _in_si(table, columns.q, degrees, "rad")
-    rates, facts["commands"] = _in_si(table, columns.qdot_cmd, degrees, "rad/s")
-    if columns.unpaired:
-        facts["left out"] = f"{listed(columns.unpaired, 8)}: position or command is missing"
-    time, values, changed = in_order(time, np.hstack([q, rates]))
-    q, rates = values[:, : q.shape[1]], values[:, q.shape[1] :]
-    if len(time) < LEAST_ROWS:
-        raise QuestionError(f"it must have {LEAST_ROWS} rows or more, got {len(time)}; log 10 s or more")
-    wrapped = _unwrap(q)
-    q, stale = _fresh(q, rates)
-    period = float(np.median(np.diff(time)))
-    begins = np.concatenate([time[:1], time[1:][np.diff(time) > max(GAP * period, GAP_TIME)]])
-    sent_at, rates, filled = _filled(time, rates, period)
-    samples = tuple(_samples(time, q[:, j], sent_at, rates[:, j], begins) for j in range(q.shape[1]))
-    gaps = f"{len(begins) - 1} gaps, each starting a new stretch" if len(begins) > 1 else ""
-    if notes := [note for note in (changed, wrapped, stale, filled, gaps) if note]:
-        facts["rows"] = "; ".join(notes)
-    return Log(name, columns.joints, samples, period, float(time[-1] - time[0]), facts)
-
-
-def _table(source: Source) -> tuple[str, Table]:
-    """Return the name and the columns of a log."""
-    if isinstance(source, Run):
-        return source.name, Table(columns_of(source.columns, source.joints), {})
-    if isinstance(source, Mapping):
-        return "log", Table(columns_of(source), {})
-    return Path(source).name, read_table(Path(source), "a log")
-
-
-def _facts(table: Table) -> dict[str, str]:
-    """Return notes on a table."""
-    numbers, facts = table.numbers, {}
-    if table.texts:
-        texts = (f"{name} ({quoted(text)})" for name, text in table.texts.items())
-        facts["texts"] = f"ignored: {listed(texts, 8)}"
-    if table.skipped:
-        facts["skipped"] = f"{table.skipped:,} rows with too few cells or too many"
+    q, facts["positions"] = _in_si(table, tuple(positions.values()), degrees, "rad")
+    rates, facts["commands"] = _in_si(table, tuple(commands.values()), degrees, "rad/s")
+    if left_out:
+        facts["left out"] = f"{listed(left_out, 8)}: position or command is missing"
     beliefs = [name for name in numbers if name.startswith("q_believed[")]
     if any((numbers[name] != numbers[name.replace("q_believed", "q")]).any() for name in beliefs):
         way = 'select the encoder readings by --columns "q=q_believed[*]"'
         facts["truth"] = f"q of a simulation has neither noise nor resolution: {way}"
-    return facts
+    time, values, changed = in_order(time, np.hstack([q, rates]))
+    q, rates = values[:, : q.shape[1]], values[:, q.shape[1] :]
+    if len(time) < LEAST_ROWS:
+        raise QuestionError(f"it must have {LEAST_ROWS} rows or more, got {len(time)}; log 10 s or more")
+    notes = [f"{table.skipped:,} with too few cells or too many ignored" if table.skipped else "", changed]
+    notes += [_unwrap(q), _forget_repeats(q, rates)]
+    known = clock_of(time)
+    lacking = int((~np.isfinite(rates)).sum()) if np.isfinite(rates).mean() >= DENSE else 0
+    if known.missing or lacking:
+        total = len(time) + known.missing
+        empty = f" and {lacking:,} commands" if lacking else ""
+        notes.append(
+            f"{known.missing:,} of {total:,} ({100.0 * known.missing / total:.2g} %){empty} are missing: "
+            "positions that depend on these are left out"
+        )
+    if any(notes):
+        facts["rows"] = "; ".join(filter(None, notes))
+    return Log(name, tuple(joint or "joint" for joint in positions), time, q, rates, known, facts)
+
+
+Joints: TypeAlias = dict[str, Column]
+
+
+def choose(
+    numbers: Numbers, mapping: Mapping[str, str]
+) -> tuple[tuple[Column, ...], Joints, Joints, list[str]]:
+    """Return the columns of the time, of positions and commands by their joints, and names of unpaired ones.
+
+    Args:
+        numbers: All numeric columns.
+        mapping: Columns by t, q and qdot_cmd, as in `mapped`.
+
+    Raises:
+        QuestionError: There are no such columns, or positions and commands are of different joints.
+    """
+    if unknown := set(mapping) - set(UNITS):
+        raise QuestionError(f"columns must map {', '.join(UNITS)}, got {quoted(sorted(unknown)[0])}")
+    names = list(numbers)
+    columns = {key: mapped(names, key, text, UNITS[key]) for key, text in mapping.items()}
+    time = tuple(columns["t"].values()) if "t" in columns else time_columns(numbers)
+    rates = columns.get("qdot_cmd") or next(joint_groups(names, COMMAND, JOINT_RATES), {})
+    others = [name for name in names if name not in {rate.name for rate in rates.values()}]
+    groups = [columns["q"]] if "q" in columns else list(joint_groups(others, POSITION, JOINTS))
+    for what, key, hits in (
+        ("time", "t", time),
+        ("commanded rates", "qdot_cmd", rates),
+        ("positions", "q", groups),
+    ):
+        if not hits:
+            targets = [
+                name for name in names if re.match(r"(q|pos\w*)_?(cmd|command|target)|target_q(_|\d)", name)
+            ]
+            way = (
+                "; commanded positions are not enough: log the rates" if key == "qdot_cmd" and targets else ""
+            )
+            raise QuestionError(
+                f"there is no column of {what}; {enumerated(names)}; name it by --columns {key}=NAME, with * "
+                f"where a joint stands{way}"
+            )
+    places = max(groups, key=lambda group: len(group.keys() & rates.keys()))
+    if "," in mapping.get("q", "") + mapping.get("qdot_cmd", "") and len(places) == len(rates):
+        rates = dict(zip(places, rates.values(), strict=True))  # lists are paired by their order
+    joints = [joint for joint in places if joint in rates]
+    if not joints:
+        raise QuestionError(
+            f"positions are of joints {listed(places, 8)}, commands of {listed(rates, 8)}: name matching "
+            "columns, as by --columns q=A,B --columns qdot_cmd=C,D"
+        )
+    unpaired = [group[joint].name for group in (places, rates) for joint in group if joint not in joints]
+    return (
+        time,
+        {joint: places[joint] for joint in joints},
+        {joint: rates[joint] for joint in joints},
+        unpaired,
+    )
 
 
 def _in_si(table: Table, columns: tuple[Column, ...], degrees: bool, unit: str) -> tuple[Array, str]:
@@ -167,72 +281,16 @@ def _unwrap(q: Array) -> str:
     return f"{count:,} jumps of a turn unwrapped" if count else ""
 
 
-def _fresh(q: Array, rates: Array) -> tuple[Array, str]:
-    """Return positions without repeated readings, and a note on the changes, or ""."""
+def _forget_repeats(q: Array, rates: Array) -> str:
+    """Make repeated readings NaN, where positions are read less often than logged; return a note, or ""."""
     top = np.nanmax(np.abs(rates), axis=0, initial=0.0)
     driven = np.nanmax(np.abs(rates) / np.where(top > 0.0, top, 1.0), axis=1, initial=0.0)[1:] > 0.5
-    same = (np.diff(q, axis=0) == 0.0) | np.isnan(q[1:])
-    repeats = same.all(axis=1)
-    # Coarse encoders repeat as well, but not for all joints at once for long while they move.
-    if not driven.any() or not STALE < float(repeats[driven].mean()) < 1.0 or _is_coarse(q):
-        return q, ""
-    q = q.copy()
+    steps = np.abs(np.diff(q, axis=0))
+    repeats = ((steps == 0.0) | np.isnan(steps)).all(axis=1)
+    # Coarse encoders repeat as well, but they move by single steps of their resolution.
+    moved = [column[column > 0.0] for column in steps.T]
+    coarse = all(np.median(column) <= 2.5 * column.min() for column in moved if len(column))
+    if coarse or not driven.any() or not STALE < float(repeats[driven].mean()) < 1.0:
+        return ""
     q[1:][repeats] = np.nan
-    note = f"{repeats.sum():,} positions that repeat the row before left out, as read less often than logged"
-    return q, note
-
-
-def _is_coarse(q: Array) -> bool:
-    """Return whether positions move by single steps of their resolution, so that repeats may be real."""
-    for column in q.T:
-        steps = np.abs(np.diff(column[np.isfinite(column)]))
-        steps = steps[steps > 0.0]
-        if len(steps) and np.median(steps) > 2.5 * steps.min():
-            return False
-    return True
-
-
-def _filled(time: Array, rates: Array, period: float) -> tuple[Array, Array, str]:
-    """Return commands with the missing ones of a regular log interpolated linearly.
-
-    This applies where most commands exist: commands at another rate than the rows hold until the next.
-    """
-    steps = np.diff(time)
-    missing = np.round(steps / period).astype(int) - 1
-    short = (missing > 0) & (missing < GAP)
-    if np.mean(np.abs(steps - period) <= REGULAR * period) < MOST:
-        return time, rates, ""
-    more = [
-        time[i] + steps[i] * np.arange(1, n + 1) / (n + 1)
-        for i, n in zip(np.flatnonzero(short), missing[short], strict=True)
-    ]
-    whole, columns, lacking = np.sort(np.concatenate([time, *more])), [], 0
-    for column in rates.T:
-        known = np.isfinite(column)
-        if known.mean() < MOST:
-            columns.append(np.interp(whole, time, column))  # a missing cell stays NaN, and is left out
-            continue
-        filled = np.interp(whole, time[known], column[known])
-        before = np.interp(whole, time[known], np.arange(known.sum()))
-        gap = np.diff(time[known], append=np.inf)[before.astype(int)] >= GAP * period
-        filled[gap & (before % 1.0 > 0.0)] = np.nan
-        columns.append(filled)
-        lacking += int((~known).sum())
-    count = sum(map(len, more))
-    note = (
-        f"{count:,} that are missing and {lacking:,} cells of commands: commands in between are interpolated "
-        "linearly"
-    )
-    return whole, np.column_stack(columns), note if count or lacking else ""
-
-
-def _samples(time: Array, q: Array, sent_at: Array, rate: Array, begins: Array) -> Samples | None:
-    """Return the positions of a joint and its commands; None where there are too few."""
-    sent, read = np.isfinite(rate), np.isfinite(q)
-    if sent.sum() < LEAST_ROWS or read.sum() < LEAST_ROWS:
-        return None
-    commands = Commands.of(sent_at[sent], rate[sent])
-    rows = np.flatnonzero(read & (time >= commands.time[0]))
-    rows = rows[:: -(-len(rows) // MOST_ROWS)]
-    parts = np.searchsorted(begins, time[rows], "right") - 1
-    return Samples(commands, time[rows], q[rows], parts, begins) if len(rows) >= LEAST_ROWS else None
+    return f"{repeats.sum():,} positions that repeat the row before left out, as read less often than logged"

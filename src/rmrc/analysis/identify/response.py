@@ -1,12 +1,15 @@
 """The response of a joint to commanded rates with a delay and a first-order lag: exact, at any times.
 
-A rate holds until the next is sent. With dead time d and lag L, the rate w of the joint and its travel x are
+A rate holds until the next is sent. With dead time d, lag L and an acceleration of at most a, the rate w of
+the joint and its travel x are
 
-    L ẇ(t) = u(t − d) − w(t),   x(t) = ∫ w = c(t − d) − L w(t),   c(t) = ∫ u
+    ẇ(t) = min(max((u(t − d) − w(t))/L, −a), a),   x(t) = ∫ w
 
-so that between two commands, for L > 0, w(s) = u + (w₀ − u) exp(−(s − s₀)/L), at s = t − d.
+so that between two commands w first approaches u by a ramp of ± a, if it is farther away than a L, and from
+there by exp(−s/L).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +18,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 # A lag below this share of the median period has no effect, and would overflow.
-_LEAST_SHARE = 1e-3
+LEAST_SHARE = 1e-9
 # A share of a rate that is lost in rounding.
-_VANISHED = 1e-18
+VANISHED = 1e-18
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,40 +30,60 @@ class Commands:
     Attributes:
         time: Time of each command, increasing, (K,) [s].
         rate: (K,) [rad/s or m/s].
-        travel: Their integral since the first one, (K,) [rad or m].
+        until: Until when each is known to hold: the next one, or less where rows are missing, (K,) [s].
     """
 
     time: Array
     rate: Array
-    travel: Array
+    until: Array
 
-    @classmethod
-    def of(cls, time: Array, rate: Array) -> "Commands":
-        """Return commands with their travel."""
-        return cls(time, rate, np.concatenate([[0.0], np.cumsum(np.diff(time) * rate[:-1])]))
+    @property
+    def period(self) -> float:
+        """The median step [s]."""
+        return float(np.median(np.diff(self.time)))
 
-    def lagged(self, lag: float) -> "Lagged":
-        """Return the commands after a lag [s], at rest or steady where they begin."""
-        step = np.diff(self.time)
-        if lag <= _LEAST_SHARE * float(np.median(step)):
-            return Lagged(self, 0.0, self.rate)
-        decay = np.exp(-step / lag)
-        return Lagged(self, lag, _recursion(decay, (1.0 - decay) * self.rate[:-1], self.rate[0]))
+    def response(self, lag: float, limit: float = np.inf) -> "Response":
+        """Return the response with a lag [s] and a largest acceleration, steady where the commands begin."""
+        step, lag = np.diff(self.time), max(lag, LEAST_SHARE * self.period)
+        if np.isinf(limit):
+            decay = np.exp(-step / lag)
+            start = _recursion(decay, (1.0 - decay) * self.rate[:-1], float(self.rate[0]))
+        else:
+            start = self._saturated(step, lag, limit)
+        travel = _advance(start[:-1], self.rate[:-1], step, lag, limit)[0]
+        return Response(self, lag, limit, start, np.concatenate([[0.0], np.cumsum(travel)]))
+
+    def _saturated(self, step: Array, lag: float, limit: float) -> Array:
+        """Return the rate of the joint at each command."""
+        rate, start = float(self.rate[0]), [float(self.rate[0])]
+        for sent, time, whole in zip(
+            self.rate.tolist(), step.tolist(), np.exp(-step / lag).tolist(), strict=False
+        ):
+            gap = sent - rate
+            ramp = min(max(abs(gap) / limit - lag, 0.0), time)
+            decay = math.exp(-(time - ramp) / lag) if ramp else whole
+            rate = sent - (gap - math.copysign(limit * ramp, gap)) * decay
+            start.append(rate)
+        return np.array(start)
 
 
 @dataclass(frozen=True, eq=False)
-class Lagged:
+class Response:
     """Commands after a lag.
 
     Attributes:
         commands: The commands before it.
-        lag: L; 0: none [s].
+        lag: L [s].
+        limit: a [rad/s² or m/s²].
         start: w at the time of each command, (K,) [rad/s or m/s].
+        travel: x there, (K,) [rad or m].
     """
 
     commands: Commands
     lag: float
+    limit: float
     start: Array
+    travel: Array
 
     def at(self, time: Array) -> tuple[Array, Array]:
         """Return travel and rate at some times less the delay, (T,) each; both are 0 before the commands."""
@@ -69,12 +92,19 @@ class Lagged:
         before = row < 0
         row[before] = 0
         since = np.where(before, 0.0, time - sent.time[row])
-        rate = sent.rate[row]
-        travel = sent.travel[row] + rate * since
-        if self.lag:
-            rate = rate + (self.start[row] - rate) * np.exp(-since / self.lag)
-            travel -= self.lag * (rate - sent.rate[0])
-        return travel, np.where(before, 0.0, rate)
+        travel, rate = _advance(self.start[row], sent.rate[row], since, self.lag, self.limit)
+        return self.travel[row] + travel, np.where(before, 0.0, rate)
+
+
+def _advance(start: Array, sent: Array, since: Array, lag: float, limit: float) -> tuple[Array, Array]:
+    """Return travel and rate some time after a command."""
+    gap, travel = sent - start, np.zeros(len(start))
+    if not np.isinf(limit):
+        ramp = np.clip(np.abs(gap) / limit - lag, 0.0, since)
+        bend = np.copysign(limit, gap) * ramp
+        travel, since, gap = (start + 0.5 * bend) * ramp, since - ramp, gap - bend
+    ahead = gap * np.exp(-since / lag)
+    return travel + sent * since - lag * (gap - ahead), sent - ahead
 
 
 def _recursion(a: Array, b: Array, first: float) -> Array:
@@ -84,7 +114,7 @@ def _recursion(a: Array, b: Array, first: float) -> Array:
     """
     w, product = np.concatenate([[first], b]), np.concatenate([[0.0], a])
     reach = 1
-    while reach < len(w) and product.max() > _VANISHED:
+    while reach < len(w) and product.max() > VANISHED:
         w[reach:] += product[reach:] * w[:-reach]
         product[reach:] = product[reach:] * product[:-reach]
         reach *= 2
