@@ -379,7 +379,9 @@ def test_the_verdict_is_the_least_error_then_the_most_feedback_then_the_simplest
     a, b = tried(own("jparse", 2.0), 1.0, 3.0), tried(own("jparse", 5.0), 1.009, 2.0)
     c, d = tried(own("jparse", 5.0, policy="stop"), 1.009, 2.0), tried(own("filtered", 2.0), 1.2, 2.1)
     verdict = judge([written, a, c, b, d], [written, a, c, b, d], written)
-    assert verdict.recommended is b  # 0.9 % more error, more feedback; as good as the one that stops, and simpler
+    assert (
+        verdict.recommended is b
+    )  # 0.9 % more error, more feedback; as good as the one that stops, and simpler
     assert (verdict.second, verdict.better, verdict.decided) == (d, b, "error")
     assert [trial.worst[:2] for trial in verdict.front] == [(1.009, 2.0), (1.0, 3.0)]
     assert judge([written, a], [written, a], tried(own("filtered"), 0.5, 0.5)).better is None
@@ -410,7 +412,8 @@ def test_of_equal_largest_errors_the_end_decides_and_then_the_scenario_itself():
 def test_what_exceeds_a_limit_by_a_hair_and_errs_a_tenth_is_shown():
     good = tried(own("jparse"), 1.0, 1.0)
     near, far, poor = (
-        tried(own("filtered"), error, 1.0, excess) for error, excess in ((0.1, 0.04), (0.01, 0.2), (0.2, 0.01))
+        tried(own("filtered"), error, 1.0, excess)
+        for error, excess in ((0.1, 0.04), (0.01, 0.2), (0.2, 0.01))
     )
     assert judge([good], [good, far, poor, near], good).close is near
     assert judge([good], [good, far, poor], good).close is None
