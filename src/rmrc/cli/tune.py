@@ -33,7 +33,20 @@ Start = Annotated[
 Offset = Annotated[
     float, typer.Option(help="Largest target offset in a perturbed scenario along each axis [m].")
 ]
-Payload = Annotated[float, typer.Option(help="Largest additional payload of a perturbed scenario [kg].")]
+Payload = Annotated[
+    float | None,
+    typer.Option(
+        help="Largest additional payload of a perturbed scenario [kg]; 0: none.",
+        show_default="5 % of the mass that the joints move",
+    ),
+]
+Friction = Annotated[
+    float | None,
+    typer.Option(
+        help="Largest additional dry friction of each joint in a perturbed scenario [N·m or N]; 0: none.",
+        show_default="what accelerates the joint by 1 rad/s²",
+    ),
+]
 Delay = Annotated[
     str | None,
     typer.Option(metavar="RANGE", help="Dead time of the robot [s], such as 8ms or 6ms..12ms."),
@@ -79,7 +92,8 @@ def tune(
     perturbed: Perturbed = 4,
     start: Start = "1 deg",
     offset: Offset = 0.002,
-    payload: Payload = 0.0,
+    payload: Payload = None,
+    friction: Friction = None,
     delay: Delay = None,
     lag: Lag = None,
     noise: Noise = None,
@@ -115,8 +129,8 @@ def tune(
     with interruption("interrupted before the first result"):
         work = Tuning(
             scenario, set_ or (), only=only or (), perturbed=perturbed, start=off, offset=offset,
-            payload=payload, delay=delay, lag=lag, noise=noise, calibration=calibration, ideal=ideal,
-            gain_margin=gain_margin, slower=slower, runs=runs, seed=seed, threads=threads,
+            payload=payload, friction=friction, delay=delay, lag=lag, noise=noise, calibration=calibration,
+            ideal=ideal, gain_margin=gain_margin, slower=slower, runs=runs, seed=seed, threads=threads,
         )  # fmt: skip
         work.compile()
         refuse_unwritable(files(work, out, picture))
@@ -136,9 +150,12 @@ def _show(work: "Tuning", tuned: "Tuned", places: tuple[Path, Path | None], quie
     from rmrc.tuning.verb import write
 
     console, facts = output(quiet), about(work, tuned)
+    first = int(tuned.is_worse)  # a bad recommendation says so before anything else
+    for line in facts["lines"][:first]:
+        console.print(line, highlight=False)
     console.print(render(sheets(facts, rows_of(tuned))))
     if tuned.feasible:
-        for line in facts["lines"]:
+        for line in facts["lines"][first:]:
             console.print(line, highlight=False)
         console.print(f"\n{facts['block']}", highlight=False, soft_wrap=True)
     for path in write(work, tuned, *places):

@@ -27,7 +27,10 @@ class Options:
         perturbed: Number of perturbed scenarios; the worst of all counts.
         start: Perturbation of the joints' start, to either side [rad]; slides: times `task.length` [m].
         offset: Offset of the target along each translational task axis, to either side [m].
-        payload: Largest additional payload of a perturbed scenario [kg].
+        payload: Largest additional payload of a perturbed scenario [kg]; None: 5 % of the mass that the
+            joints move, and none with `ideal` or in an ideal plant.
+        friction: Largest additional dry friction of each joint in a perturbed scenario [N·m; of slides, N];
+            None: as much as accelerates the joint alone by 1 rad/s², with exceptions as for `payload`.
         delay: Dead time of the robot's commands [s]: a number, the smallest and the largest, or a text such
             as `6ms..12ms`. If neither this nor `lag` or `noise` is given, nor in the scenario, a modest robot
             is assumed.
@@ -47,7 +50,8 @@ class Options:
     perturbed: int = 4
     start: float = math.radians(1.0)
     offset: float = 0.002
-    payload: float = 0.0
+    payload: float | None = None
+    friction: float | None = None
     delay: Property = None
     lag: Property = None
     noise: Property = None
@@ -65,7 +69,7 @@ class Options:
         Raises:
             ScenarioError: Lists those that are too small or not finite.
         """
-        least = dict.fromkeys(("perturbed", "seed", "start", "offset", "payload"), 0)
+        least = dict.fromkeys(("perturbed", "seed", "start", "offset", "payload", "friction"), 0)
         least |= {"gain_margin": 1, "slower": 1, "runs": 2 * (self.perturbed + 1), "threads": 1}
         problems = list[Problem]()
         for name, low in least.items():

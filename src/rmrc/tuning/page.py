@@ -20,7 +20,7 @@ from rmrc.tuning.answer import Row, front, named, numbers, sheets, words
 from rmrc.tuning.space import METHOD
 
 # Markers of the roles, which are distinguished without colors.
-_SHAPES = "*DXP"
+_SHAPES = "*DXPs"
 
 
 def page(path: Path) -> Page:

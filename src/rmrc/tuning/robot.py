@@ -1,8 +1,9 @@
-"""Uncertainty about a robot: delay, lag and noise of its loop, and its calibration."""
+"""Uncertainty about a robot: delay, lag and noise of its loop, its calibration, and its loads."""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -23,8 +24,15 @@ Range = tuple[float, float]
 # lag, and an encoder of 19 bits rounds to 1e-5 rad.
 DELAY, PERIODS, LAG, NOISE = 0.008, 2, 0.005, 1e-5
 
+# The loads of perturbed scenarios, if nobody tells them: a payload of this share of the mass that the joints
+# move, and a dry friction that accelerates each joint alone by this much [rad/s² or m/s²].
+PAYLOAD, FRICTION = 0.05, 1.0
+
 _UNITS = {"delay": "s", "lag": "s", "noise": "rad", "calibration": "1"}
-_KEYS = {"delay": "plant.delay", "lag": "plant.lag", "noise": "arm.encoder.noise"}
+_KEYS = {
+    "delay": "plant.delay", "lag": "plant.lag", "noise": "arm.encoder.noise",
+    "payload": "plant.payload", "friction": "plant.friction.coulomb",
+}  # fmt: skip
 _EXAMPLES = {"s": "8ms or 6ms..12ms", "rad": "1e-5 or 0..1e-5", "1": "0.002"}
 
 
@@ -38,11 +46,14 @@ class Robot:
         calibration: Errors of link lengths and joint zeros, to either side: share of a length, and angle
             [1, rad]; of slides, times task.length [m].
         origin: `assumed`, or the profile with its published loop; "" if options or the scenario describe it.
+        burdens: Largest loads beside those of the scenario: `payload` [kg], and `friction`, dry friction of
+            each joint, (n,) [N·m or N].
     """
 
     ranges: Mapping[str, Range]
     calibration: float = 0.0
     origin: str = ""
+    burdens: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -62,6 +73,24 @@ class Robot:
             slides = name == "noise" and nominal.arm.is_slide.any()
             values[_KEYS[name]] = value * lengths_of(nominal) if slides else value
         return values
+
+    def burdened(self, nominal: Prepared, shares: Sequence[float]) -> dict[str, object]:
+        """Return the keys of the loads, and their values.
+
+        Args:
+            nominal: The scenario.
+            shares: Share of each largest load, 0 to 1.
+        """
+        pairs = zip(self.burdens.items(), shares, strict=True)
+        keys = [(_KEYS[name], share * most) for (name, most), share in pairs]
+        return {key: attrgetter(key)(nominal.scenario) + more for key, more in keys}
+
+    def without(self, name: str) -> "Robot":
+        """Return a robot without a property or load."""
+        ranges, burdens = dict(self.ranges), dict(self.burdens)
+        ranges.pop(name, None)
+        burdens.pop(name, None)
+        return replace(self, ranges=ranges, burdens=burdens)
 
     def misfit(self, nominal: Prepared, shares: NDArray[np.float64]) -> dict[str, object]:
         """Return the calibration keys of a perturbed scenario, and their values.
@@ -88,6 +117,13 @@ class Robot:
         return delay[-1], float(lag[-1])
 
     @property
+    def weights(self) -> tuple[str, str]:
+        """The loads in words: `payload 0.85 kg`, `friction 0.1 to 2.14 N·m`."""
+        payload, friction = (np.unique(self.burdens.get(name, 0.0)) for name in ("payload", "friction"))
+        ends = " to ".join(f"{it:.3g}" for it in dict.fromkeys((friction[0], friction[-1])))
+        return f"payload {payload[0]:.3g} kg", f"friction {ends} N·m"
+
+    @property
     def words(self) -> str:
         """The properties in words: `delay 0 to 0.008 s, lag 0.005 s, noise 1e-05 rad`."""
         ranges = {**self.ranges, **({"calibration": (0.0, self.calibration)} if self.calibration else {})}
@@ -102,17 +138,36 @@ def lengths_of(nominal: Prepared) -> NDArray[np.float64]:
     return np.where(nominal.arm.is_slide, nominal.task.length, 1.0)
 
 
-def robot_of(scenario: Scenario, options: Options) -> Robot:
+def robot_of(nominal: Prepared, options: Options) -> Robot:
     """Return the uncertainty about a scenario's robot, assumed if neither options nor scenario describe it.
 
     Args:
-        scenario: Its `tune` has the properties that the options do not have; if its plant or its encoders
-            have a loop of their own, nothing is assumed.
+        nominal: The scenario. Its `tune` has the properties that the options do not have; if its plant or its
+            encoders have a loop of their own, none is assumed.
         options: Options of the search.
 
     Raises:
-        ScenarioError: Lists the problems of the ranges.
+        ScenarioError: Lists the problems of the ranges; or loads in an ideal plant.
     """
+    arm, has_loads = nominal.arm, nominal.plant.has_physics
+    mass = arm.model.body_subtreemass[arm.model.jnt_bodyid[arm.wiring.joint]].max()
+    usual = {"payload": PAYLOAD * mass, "friction": FRICTION * arm.inertia}
+    burdens = dict[str, NDArray[np.float64]]()
+    for name, value in usual.items():
+        option = getattr(options, name)
+        if option and not has_loads:
+            plant = nominal.scenario.plant.kind
+            wrong = f"must be 0 in an {plant} plant, which has no loads; use another plant.kind"
+            raise ScenarioError.about(f"--{name}", wrong)
+        if option is None and has_loads and not options.ideal:
+            burdens[name] = np.asarray(value)
+        elif option:
+            burdens[name] = np.full(np.shape(value), option)
+    return replace(_loop_of(nominal.scenario, options), burdens=burdens)
+
+
+def _loop_of(scenario: Scenario, options: Options) -> Robot:
+    """Return the robot without its loads."""
     asked = {name: getattr(options, name) for name in _UNITS if getattr(options, name) is not None}
     if options.ideal:
         if asked:

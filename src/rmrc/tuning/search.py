@@ -1,46 +1,37 @@
-"""Choose the next settings: points that fill the space, then neighbors of the front in shrinking steps.
+"""Choose the next settings: a coarse grid over damping and feedback, then neighbors of the best in all sizes.
 
-The setting as written comes first, on all worlds, and shows which of them is the hardest. The first settings
-are each structure with the numbers of the scenario, and with points of the Sobol sequence. All later settings
-are neighbors of the front [Deb02], or of the best of another inverse.
-
-Every setting is run on the hardest world, those that count by it on the next, and at last the front of these
-on all the others: the worst of more runs is never better, so nothing else can count. That is successive
-halving [Jamieson16]. A run ends once it exceeds a limit, or once another setting is better in both peak rate
-and error.
+The setting as written comes first, on all worlds, and shows which of them is the hardest. Every other setting
+is run on the hardest world. Whichever looks best so far is run on the others, until the best has been run on
+all: the worst of more runs is never better, so nothing else can be best. A run ends once it exceeds a limit,
+or once another setting is better in both peak rate and error. That is successive halving [Jamieson16].
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from rmrc.study.sobol import sobol_point
-from rmrc.tuning.front import Point, area, front
-from rmrc.tuning.neighbors import neighbors
-from rmrc.tuning.space import FEEDBACK, Setting, Space
+from rmrc.tuning.front import Point, front
+from rmrc.tuning.space import Setting, Space
 from rmrc.tuning.trials import Outcome, Trials
-from rmrc.tuning.verdict import ALIKE, Trial, Verdict, best, judge
+from rmrc.tuning.verdict import ALIKE, HAIR, LESS, Trial, Verdict, best, judge
 
-# Points of a structure's cube to begin with, and settings of a round, enough for some cores.
-_POINTS, _ROUND = 4, 12
+# Dampings and feedbacks of a grid, the finest first, and its middle feedback, relative to that as written.
+_GRIDS, _MIDDLE = ((7, 5), (7, 3), (5, 3), (3, 3), (3, 2), (2, 2), (2, 1), (1, 1)), 1.5
+# Settings of a round, enough for some cores; the shortest and the longest step in the unit cube, whose sides
+# are two or three decades.
+_ROUND, _STEPS = 12, (0.003, 0.5)
 # A setting that is better by less than this share does not count.
 _NEW = 1e-2
 # Errors above this multiple of the smallest one, and above that as written, are of no use.
 _FAR = 3.0
-# Neighbors are tried until so many rounds add less than this share to the area of the front.
-_PATIENCE, _GROWTH = 12, 5e-3
-# So many times more the front is completed, as far as there are runs.
-_SETTLED = 3
-# The area of a front goes this much beyond the largest rate and error, so that its ends count.
-_BEYOND = 1.2
-# A setting that adds less than this share to the area of the front is not run on all worlds.
-_WORTH = 5e-4
-# Shares of the largest feedback of which it is asked first whether a loop bears it.
-_SHARES = (1.0, 0.94, 0.88, 0.8, 0.7, 0.5, 0.25)
+# Neighbors are tried until so many rounds lower the least error by less than this share.
+_PATIENCE, _GAIN = 16, 5e-3
+# Settings on the front are at least this far apart in peak rate, relatively.
+_APART = 0.05
 # Inverses with some g(σ) σ above 1: less feedback may be less stable than more.
 _ABOVE_1 = ("transpose", "jparse")
-_STABLE = Outcome(0.0, 0.0, 0.0, 0.0, 1.0, -1.0, "")
+_STABLE = Outcome(0.0, 0.0, 0.0, 1.0, -1.0, "")
 
 
 class Search:
@@ -50,62 +41,60 @@ class Search:
         tried: All settings with a run on a world, the one as written first.
     """
 
-    def __init__(self, space: Space, trials: Trials, margin: float, budget: int, seed: int) -> None:
+    def __init__(
+        self, space: Space, trials: Trials, margin: float, enough: float, budget: int, seed: int
+    ) -> None:
         """Begin without settings.
 
         Args:
             space: The possible settings.
             trials: Runs settings.
             margin: Factor on its feedback that a setting must tolerate on the slowest loop; 1: none.
+            enough: Feedback beyond which more is no better [1/s].
             budget: Number of runs.
             seed: Seed of the random numbers.
         """
-        self._space, self._trials, self._margin = space, trials, margin
-        self._budget, self._seed = budget, seed
+        self._space, self._trials, self._margin, self._enough = space, trials, margin, enough
+        self._budget, self._random = budget, np.random.default_rng(seed)
         self.tried = list[Trial]()
-        self._known = set[Setting]()
 
     @property
     def feasible(self) -> list[Trial]:
         """Settings that keep all limits on all worlds, within the restrictions of the search."""
-        worlds = range(self._trials.worlds)
-        return [trial for trial in self._sound if all(world in trial.outcomes for world in worlds)]
+        return [trial for trial in self._sound if not self._missing(trial)]
 
-    def run(self, own: Setting, slower: float) -> Verdict | None:
+    def run(self, written: Setting, slower: float) -> Verdict | None:
         """Use the runs, as long as there is time, and return the verdict; None: interrupted too early.
 
         Args:
-            own: The setting as written.
+            written: The setting as written.
             slower: Times its duration that the others may take; where it does not complete its path, times
                 the duration of the path.
         """
-        if not self._begin(own, slower):
+        if not self._begin(written, slower):
             return None
-        starts = self._starts()
-        for first in range(0, len(starts), _ROUND):
-            self._try(starts[first : first + _ROUND])
-        self._lower_feedback()
-        random, areas = np.random.default_rng(self._seed), list[float]()
+        grid = self._grid()
+        for first in range(0, len(grid), _ROUND):
+            self._try(grid[first : first + _ROUND])
+        errors = list[float]()
         while self._room > 0 and not self._trials.stop.is_set():
-            line, reference = self._line(self._sound), self._reference()
-            areas.append(area([trial.worst.point for trial in line], reference))
-            if len(areas) > _PATIENCE and areas[-1] <= (1.0 + _GROWTH) * areas[-1 - _PATIENCE]:
+            each = (min((it.worst.error for it in few), default=1e9) for few in (self._sound, self._nearer))
+            errors.append(math.prod(each))
+            if len(errors) > _PATIENCE and errors[-1] > (1.0 - _GAIN) * errors[-1 - _PATIENCE]:
                 break
-            self._try(neighbors(self._space, self.tried, self._parents(), reference, _ROUND, random))
-        for attempt in range(1 + _SETTLED):  # on all worlds others may be better
-            if attempt == 0 or self._trials.done < self._budget:
-                self._complete(self._finalists())
-        while True:
-            verdict = judge(self.feasible, self.tried, self.tried[0])
-            named, loops = [it for it in (verdict.recommended, verdict.second) if it], self._trials.loops
-            jobs = [(trial, loop) for trial in named for loop in loops if loop not in trial.outcomes]
-            if not jobs or not self._run(jobs):
-                return verdict
+            self._try(self._neighbors())
+        self._settle(None)
+        if preferred := self._best(self._sound):
+            self._settle(preferred.setting.structure.inverse)
+        for trial in self._line(self._sound, _APART):
+            while self._advance(trial):
+                pass
+        return self._verdict()
 
-    def _begin(self, own: Setting, slower: float) -> bool:
+    def _begin(self, written: Setting, slower: float) -> bool:
         """Run the setting as written on all worlds, which sets the time scale; return whether it was run."""
         trials = self._trials
-        outcomes = trials.run([(own, world) for world in range(trials.worlds)])
+        outcomes = trials.run([(written, world) for world in range(trials.worlds)])
         if outcomes is None:
             return False
         for world, outcome in enumerate(outcomes):
@@ -113,116 +102,153 @@ class Search:
             trials.longest[world] = slower * time
         for loop in trials.loops:
             trials.longest[loop] = trials.longest[0]
-        first = max(range(trials.worlds), key=lambda world: outcomes[world].error)
-        others = [world for world in range(trials.worlds) if world != first]
-        self._order = [first, *sorted(others, key=lambda world: -outcomes[world].peak_rate)]
-        self.tried.append(Trial(own, dict(enumerate(outcomes))))
-        self._known.add(own._replace(is_written=False))
-        return self._check_margin(self.tried)
+        hardest = max(range(trials.worlds), key=lambda world: outcomes[world].error)
+        self._order = list(dict.fromkeys((hardest, *range(trials.worlds))))
+        self.tried.append(Trial(written, dict(enumerate(outcomes))))
+        return True
 
-    # Which settings count ---------------------------------------------------------------------
+    def _verdict(self) -> Verdict | None:
+        """Return the verdict, once the settings that it names were run on the loops between as well."""
+        while True:
+            verdict = judge(self.feasible, self.tried, self.tried[0], self._enough)
+            worlds = {trial: self._trials.loops for trial in (verdict.recommended, verdict.second) if trial}
+            worlds |= {verdict.close: range(self._trials.worlds)} if verdict.close else {}
+            jobs = [(trial, it) for trial, some in worlds.items() for it in some if it not in trial.outcomes]
+            if not jobs or not self._run(jobs):
+                return verdict
+
+    # Settings ---------------------------------------------------------------------------------
 
     @property
     def _sound(self) -> list[Trial]:
-        """Settings that may be feasible, by their runs on the two hardest worlds at least."""
-        least = min(2, self._trials.worlds)
-        known = [trial for trial in self.tried if len(trial.outcomes) >= least and trial.keeps_limits]
-        return [trial for trial in known if self._space.allows(trial.setting)]
+        """Settings that keep the limits in their runs so far."""
+        return [it for it in self.tried if it.keeps_limits and self._space.allows(it.setting)]
 
-    def _line(self, some: Sequence[Trial]) -> list[Trial]:
-        """Return the front of some, as far as its errors are of use, by rising peak rate."""
+    def _best(self, some: Sequence[Trial]) -> Trial | None:
+        return best(some, self.tried[0], self._enough)
+
+    @property
+    def _nearer(self) -> list[Trial]:
+        """Settings that keep the limits, and end nearer to the target than as written, by rising error."""
+        nearer = [trial for trial in self._sound if trial.ends_nearer(self.tried[0])]
+        return sorted(nearer, key=lambda trial: trial.worst.error)
+
+    def _line(self, some: Sequence[Trial], apart: float = 0.0) -> list[Trial]:
+        """Return the front of some, as far as its errors are of use, by falling peak rate."""
         most = self._most(some)
-        near = [trial for trial in some if trial.worst.error <= most]
-        return [near[i] for i in front([trial.worst.point for trial in near])]
+        near, line = [trial for trial in some if trial.worst.error <= most], list[Trial]()
+        for i in reversed(front([trial.worst.point for trial in near])):
+            if not line or near[i].worst.peak_rate <= (1.0 - apart) * line[-1].worst.peak_rate:
+                line.append(near[i])
+        return line
 
     def _most(self, some: Sequence[Trial]) -> float:
         """Return the largest error that is of use."""
         least = min((trial.worst.error for trial in some), default=math.inf)
         return max(_FAR * least, self.tried[0].worst.error)
 
-    def _reference(self) -> tuple[float, float]:
-        """Return the logarithms of the peak rate and the error beyond which nothing counts."""
-        known = [self.tried[0], *self._sound]
-        most = max(trial.worst.peak_rate for trial in known)
-        return Point(_BEYOND * most, _BEYOND * self._most(known[1:]), 0.0).logs
-
-    def _parents(self) -> list[Trial]:
-        """Return the settings to refine: the front, and the best of each inverse."""
-        possible = [trial for trial in self.tried if trial.setting.structure in self._space.structures]
-        each = dict[tuple[str, str], Trial]()
-        for trial in sorted(possible, key=_rank):
-            each.setdefault(trial.setting.structure.inverse, trial)
-        line = [trial for trial in self._line(self._sound) if trial in possible]
-        return list(dict.fromkeys([*line, *each.values()]))
-
-    def _finalists(self) -> list[Trial]:
-        """Return the settings that add the most to the area of the front, and the best ones."""
-        sound, reference = self._sound, self._reference()
-        preferred = best(sound)
-        inverse = preferred and preferred.setting.structure.inverse
-        second = best(trial for trial in sound if trial.setting.structure.inverse != inverse)
-        chosen = [trial for trial in (preferred, second) if trial]
-        left = [trial for trial in self._line(sound) if trial not in chosen]
-        while left:
-            every = [[it.worst.point for it in (*chosen, trial)] for trial in left]
-            areas = [area(points, reference) for points in every]
-            i = int(np.argmax(areas))
-            if areas[i] - area(every[i][:-1], reference) <= _WORTH * areas[i]:
-                break
-            chosen.append(left.pop(i))
-        return chosen
-
     @property
     def _room(self) -> int:
-        """Number of runs that are left, without those that the front needs."""
+        """Number of runs that are left, without those that the best and the front need."""
         worlds = self._trials.worlds
-        owed = sum(max(0, worlds - len(trial.outcomes)) for trial in self._finalists())
-        return self._budget - self._trials.done - owed
+        kept_back = worlds - 1 + max(0, self._budget - 2 * worlds) // 6
+        return self._budget - self._trials.done - kept_back
+
+    def _grid(self) -> list[Setting]:
+        """Return a grid over damping and feedback for each inverse, with at most a third of the runs."""
+        space, most = self._space, max(1, self._budget // 3)
+        plain = [it for it in space.structures if not it.on_excess] or list(space.structures)
+        plain = [it for it in plain if it.at_singularity == plain[0].at_singularity]
+        middle = _MIDDLE * self.tried[0].setting.feedback
+        for size in _GRIDS:
+            grid = [setting for structure in plain for setting in space.grid(structure, *size, middle)]
+            if len(grid) <= most:
+                break
+        return [grid[i] for i in self._random.permutation(len(grid))][:most]
+
+    def _neighbors(self) -> list[Setting]:
+        """Return settings beside the best, that which ends nearer, other inverses, and the front."""
+        some = sorted(self.tried, key=_rank)
+        each = {trial.setting.structure.inverse: trial for trial in reversed(some)}
+        others, line = sorted(each.values(), key=_rank), self._line(self._sound)
+        preferred = self._best(self._sound) or some[0]
+        front = [line[i] for i in self._random.permutation(len(line))]
+        nearer = {trial.setting.structure.inverse: trial for trial in reversed(self._nearer)}
+        between = [self._between(trial) for trial in sorted(nearer.values(), key=_rank)[: _ROUND // 3]]
+        parents = [*[preferred] * 4, *others[:2], *front[:2]]
+        shortest, longest = _STEPS
+        steps = shortest * (longest / shortest) ** self._random.random(len(parents))
+        pairs = zip(parents, steps, strict=True)
+        return between + [self._space.beside(it.setting, step, self._random) for it, step in pairs]
+
+    def _between(self, trial: Trial) -> Setting:
+        """Return a setting between one that ends nearer and another of its inverse with less error so far."""
+        least = self.tried[0].setting.feedback
+        others = [
+            other.setting
+            for other in self.tried
+            if other.setting.structure.inverse == trial.setting.structure.inverse
+            and other.setting.feedback >= least and other.worst.error <= trial.worst.error
+        ]  # fmt: skip
+        other = others[self._random.integers(len(others))]
+        return self._space.between(trial.setting, other, self._random)
 
     # Runs -------------------------------------------------------------------------------------
 
-    def _starts(self) -> list[Setting]:
-        """Return each structure with the scenario's numbers, and with points that fill its cube."""
-        space = self._space
-        plain = [it for it in space.structures if not it.on_excess] or space.structures
-        settings = [space.usual(structure) for structure in plain]
-        for index in range(_POINTS):
-            # policies matter less than the numbers of an inverse: all of them have one point
-            some = [it for it in plain if index == 0 or it.at_singularity == plain[0].at_singularity]
-            points = (sobol_point(index, len(structure.keys), self._seed) for structure in some)
-            settings += map(space.at, some, points)
-        return settings[: max(1, self._budget // 3)]
+    def _try(self, settings: Sequence[Setting]) -> None:
+        """Run new settings on the hardest world, and the best so far on all."""
+        known = {trial.setting._replace(is_written=False) for trial in self.tried}
+        new = [Trial(it) for it in dict.fromkeys(settings) if it not in known and self._space.allows(it)]
+        new = new[: max(0, self._room)]
+        if self._run([(trial, self._order[0]) for trial in new]):
+            self.tried += new
+        self._settle(None)
 
-    def _try(self, settings: Iterable[Setting]) -> None:
-        """Run new settings on the hardest world, and those that count on the next."""
-        new = [Trial(setting) for setting in dict.fromkeys(settings) if setting not in self._known]
-        worlds = self._order[:2]
-        new = new[: max(0, self._room) // len(worlds)]
-        for world in worlds:
-            if not self._run([(trial, world) for trial in new], self._sound):
+    def _settle(self, inverse: tuple[str, str] | None) -> None:
+        """Run the best on all worlds, and what is then the best, as far as the runs go.
+
+        Args:
+            inverse: Which is left out.
+        """
+        while True:
+            some = [trial for trial in self._sound if trial.setting.structure.inverse != inverse]
+            trial = self._best(some)
+            if trial is None or not self._advance(trial):
                 return
-            self.tried += [trial for trial in new if trial.setting not in self._known]
-            self._known |= {trial.setting for trial in new}
-            new = self._promising(new)[: max(0, self._room) // max(1, self._trials.worlds - 1)]
 
-    def _promising(self, some: Sequence[Trial]) -> list[Trial]:
-        """Return settings that may count beside the others; where none keeps the limits, the nearest."""
-        able = [trial for trial in some if trial.keeps_limits]
-        every = list(dict.fromkeys([*self._sound, *able]))
-        if not every:
-            return sorted(some, key=lambda trial: trial.worst.excess)[:2]
-        preferred, chosen = best(every), self._line(every)
-        return [trial for trial in able if trial in chosen or trial is preferred]
+    def _missing(self, trial: Trial) -> list[int]:
+        """Return the worlds on which a setting was not run; [-1]: only its margin is unknown."""
+        missing = [world for world in self._order if world not in trial.outcomes]
+        is_checked = trial.margin is not None or self._margin == 1.0 or trial.setting.feedback == 0.0
+        return missing if missing or is_checked else [-1]
 
-    def _run(self, jobs: Sequence[tuple[Trial, int]], known: Sequence[Trial] | None = None) -> bool:
+    def _advance(self, trial: Trial) -> bool:
+        """Run a setting where it was not run yet, at the nominal world first; return whether it was run."""
+        missing = self._missing(trial)
+        if not missing or not trial.keeps_limits or self._trials.done + len(missing) > self._budget:
+            return False
+        if missing == [-1]:
+            return self._check_margin(trial)
+        return self._run([(trial, it) for it in (missing[:1] if 0 in missing else missing)])
+
+    def _run(self, jobs: Sequence[tuple[Trial, int]]) -> bool:
         """Run settings on worlds, as far as they count beside known ones; return whether they were run."""
-        points = [trial.worst.point for trial in self._line(known or [])]
-        most = self._most(known or []) if points else math.inf
-        least = min((point.error for point in points), default=0.0)
+        feasible, written = self.feasible, self.tried[0].setting.feedback
+        points = [(trial.worst.point, trial.setting.feedback) for trial in feasible]
+        most = self._most(feasible) if points else math.inf
+        least = min((point.error for point, _ in points), default=math.inf)
 
-        def ends(so_far: Point) -> bool:
+        def ends(setting: Setting, so_far: Point, excess: float) -> bool:
+            if excess > (HAIR if so_far.error <= LESS * least else 0.0):
+                return True
             rate, error = (1.0 + _NEW) * so_far.peak_rate, (1.0 + _NEW) * so_far.error
-            is_beaten = any(point.peak_rate <= rate and point.error <= error for point in points)
+            # what has more feedback, and more than as written, may end nearer
+            is_beaten = any(
+                point.peak_rate <= rate
+                and point.error <= error
+                and setting.feedback <= max(feedback, written)
+                for point, feedback in points
+            )
             return so_far.error > most or (is_beaten and so_far.error > (1.0 + ALIKE) * least)
 
         outcomes = self._trials.run([(trial.setting, world) for trial, world in jobs], ends)
@@ -230,48 +256,23 @@ class Search:
             trial.outcomes[world] = outcome
         return outcomes is not None
 
-    def _complete(self, some: Sequence[Trial]) -> None:
-        """Run settings on all worlds that are left, and with more feedback."""
-        worlds = range(self._trials.worlds)
-        self._run([(trial, world) for trial in some for world in worlds if world not in trial.outcomes])
-        self._check_margin(some)
-
-    # Margins ----------------------------------------------------------------------------------
-
-    def _lower_feedback(self) -> None:
-        """Lower the largest feedback to what the best setting so far tolerates with the margin."""
-        preferred = best(self._sound)
-        if self._margin == 1.0 or FEEDBACK in self._space.only or preferred is None:
-            return
-        low, high = self._space.limits[FEEDBACK]
-        for share in _SHARES:
-            setting = self._space.with_feedback(preferred.setting, share * high)
-            if self._room < 2 or self._trials.bears([setting], self._margin) == [True]:
-                self._space.limits[FEEDBACK] = low, share * high
-                return
-
-    def _check_margin(self, some: Sequence[Trial]) -> bool:
-        """Try settings with more feedback, if requested; return whether it was done.
-
-        Of each inverse, the largest feedback is tried first: less is then stable too.
-        """
+    def _check_margin(self, trial: Trial) -> bool:
+        """Try a setting with more feedback, unless more is stable with its inverse; return whether it was."""
+        inverse, feedback = trial.setting.structure.inverse, trial.setting.feedback
+        implied = any(
+            other.margin == _STABLE and other.setting.structure.inverse == inverse
+            and other.setting.feedback >= feedback and inverse[0] not in _ABOVE_1
+            for other in self.tried
+        )  # fmt: skip
+        (is_stable,) = [True] if implied else self._trials.bears([trial.setting], self._margin)
+        if is_stable is None:
+            return False
         missed = f"with {self._margin:g} times its feedback its loop is unstable on the slowest robot"
-        asked = [it for it in some if it.keeps_limits and it.margin is None and it.setting.feedback > 0.0]
-        left = sorted(asked, key=lambda trial: trial.setting.feedback) if self._margin > 1.0 else []
-        while left:
-            most = {trial.setting.structure.inverse: trial for trial in left}
-            answers = self._trials.bears([trial.setting for trial in most.values()], self._margin)
-            if None in answers:
-                return False
-            for (inverse, trial), is_stable in zip(most.items(), answers, strict=True):
-                trial.margin = _STABLE if is_stable else _STABLE._replace(excess=1.0, missed=missed)
-                implied = [it for it in left if it.setting.structure.inverse == inverse and is_stable]
-                for other in implied if inverse[0] not in _ABOVE_1 else ():
-                    other.margin = _STABLE
-            left = [trial for trial in left if trial.margin is None]
+        trial.margin = _STABLE if is_stable else _STABLE._replace(excess=1.0, missed=missed)
         return True
 
 
-def _rank(trial: Trial) -> tuple[float, bool, float]:
+def _rank(trial: Trial) -> tuple[bool, float]:
     """Return how good a setting is by its runs so far, the smallest for the best."""
-    return max(trial.worst.excess, 0.0), trial.worst.ended, trial.worst.error
+    outcome = trial.worst
+    return outcome.ended, outcome.error * (1.0 + max(outcome.excess, 0.0))

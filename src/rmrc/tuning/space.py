@@ -192,13 +192,11 @@ class Space:
         structures: The possible structures.
         limits: Bounds of each number.
         only: Values to which a key is restricted.
-        own: The scenario's numbers, by key.
     """
 
     structures: tuple[Structure, ...]
     limits: dict[str, tuple[float, float]]
     only: Mapping[str, tuple[Any, ...]]
-    own: Mapping[str, float]
 
     def at(self, structure: Structure, point: Point) -> Setting:
         """Return the setting at a point of a structure's cube, to 3 digits.
@@ -228,15 +226,51 @@ class Space:
         low, high = self.limits[key]
         return min(max(math.log(value / low) / math.log(high / low), 0.0), 1.0) if value > 0.0 else 0.0
 
-    def usual(self, structure: Structure) -> Setting:
-        """Return a structure with the numbers of the scenario or its defaults."""
-        allowed = {key: self.only.get(key, (self.own[key],)) for key in structure.keys}
-        fitting = (self.own[key] if self.own[key] in some else some[0] for key, some in allowed.items())
-        return Setting(structure, tuple(fitting))
+    def grid(self, structure: Structure, dampings: int, feedbacks: int, middle: float) -> list[Setting]:
+        """Return a structure's settings on a grid over its feedback and all its other numbers together.
 
-    def with_feedback(self, setting: Setting, feedback: float) -> Setting:
-        """Return a setting with another feedback."""
-        return Setting(setting.structure, tuple((setting.by_key | {FEEDBACK: rounded(feedback)}).values()))
+        Args:
+            structure: Its structure.
+            dampings: Number of values of the other numbers.
+            feedbacks: Number of feedbacks.
+            middle: The middle feedback [1/s].
+        """
+        low, high = self.limits[FEEDBACK]
+        share = math.log(min(max(middle, low), high) / low) / math.log(high / low)
+        rows, columns = ((np.arange(count) + 0.5) / count for count in (dampings, feedbacks))
+        pairs = [
+            (row, gain) for row in rows for gain in np.interp(columns, (0.0, 0.5, 1.0), (0.0, share, 1.0))
+        ]
+        is_gain = np.array([key == FEEDBACK for key in structure.keys])
+        return list(dict.fromkeys(self.at(structure, np.where(is_gain, gain, row)) for row, gain in pairs))
+
+    def beside(self, setting: Setting, step: float, random: np.random.Generator) -> Setting:
+        """Return a neighbor of a setting; half of them differ in one number, or in the policy, alone.
+
+        Args:
+            setting: The setting.
+            step: Typical distance in the cube.
+            random: Random numbers.
+        """
+        structure, shares = (
+            setting.structure,
+            dict(zip(setting.structure.keys, self.point(setting), strict=True)),
+        )
+        alone = random.integers(-len(shares), len(shares) + 1)  # negative: all of them
+        if alone == len(shares) or structure not in self.structures:
+            alike = [it for it in self.structures if it.inverse == structure.inverse] or self.structures
+            structure = alike[random.integers(len(alike))]
+        point = np.array([shares.get(key, random.random()) for key in structure.keys])
+        moved = np.full(len(point), True) if alone < 0 else np.arange(len(point)) == alone
+        return self.at(structure, point + step * random.standard_normal(len(point)) * moved)
+
+    def between(self, setting: Setting, other: Setting, random: np.random.Generator) -> Setting:
+        """Return a setting between two with the same inverse, with any policy."""
+        ends = [dict(zip(it.structure.keys, self.point(it), strict=True)) for it in (setting, other)]
+        alike = [it for it in self.structures if it.inverse == setting.structure.inverse]
+        structure, share = alike[random.integers(len(alike))], random.random()
+        pairs = [[end.get(key, 0.5) for end in ends] for key in structure.keys]
+        return self.at(structure, np.array([(1.0 - share) * a + share * b for a, b in pairs]))
 
     def allows(self, setting: Setting) -> bool:
         """Return whether a setting keeps to the restrictions."""

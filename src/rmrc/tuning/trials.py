@@ -42,23 +42,23 @@ class Outcome(NamedTuple):
         error: The larger of position_error.max and task.length · orientation_error.max [m].
         peak_rate: The largest of the joints' peak rates, of those that slide over task.length [rad/s].
         time: duration [s].
-        roughness: The largest of the joints' rms commanded accelerations [rad/s² or m/s²].
         completed: Share of the path.
         excess: Largest relative excess over a limit; not positive: all limits are kept.
         missed: The limit with the largest excess, in words.
         ended: Whether it was ended because it could no longer count: all values are those until then.
         condition: Largest κ.
+        end: Errors at the end: position_error.end, and task.length · orientation_error.end [m].
     """
 
     error: float
     peak_rate: float
     time: float
-    roughness: float
     completed: float
     excess: float
     missed: str
     ended: bool = False
     condition: float = 0.0
+    end: tuple[float, float] = (0.0, 0.0)
 
     @property
     def point(self) -> Point:
@@ -68,7 +68,7 @@ class Outcome(NamedTuple):
 
 def worst(outcomes: Sequence[Outcome]) -> Outcome:
     """Return the worst of each of several runs."""
-    largest = ("error", "peak_rate", "time", "roughness", "ended", "condition")
+    largest = ("error", "peak_rate", "time", "ended", "condition")
     values = {name: max(getattr(outcome, name) for outcome in outcomes) for name in largest}
     completed = min(outcome.completed for outcome in outcomes)
     return max(outcomes, key=lambda outcome: outcome.excess)._replace(completed=completed, **values)
@@ -133,8 +133,10 @@ class Limits:
         if divergence is not None:
             excesses.append((math.inf, f"it {divergence}"))
         excess, missed = max(excesses, key=lambda pair: pair[0])
-        rate, rough = float((rates / self.scale).max()), figure("joint_acceleration_cmd.rms")
-        return Outcome(error, rate, time, rough, completed, excess, missed, ended, figure("condition.max"))
+        rate, condition = float((rates / self.scale).max()), figure("condition.max")
+        position, angle = ends(card)
+        end = position, self.length * angle
+        return Outcome(error, rate, time, completed, excess, missed, ended, condition, end)
 
     def _peaks(self, card: Scorecard) -> Iterator[tuple[float, str]]:
         """Yield the relative excess over the limits of the joints, and in words."""
@@ -147,8 +149,8 @@ class Limits:
             if joint == most and self.jerk[i] < math.inf:
                 yield _over(card, "joint_jerk_cmd.peak", self.jerk[i], 1.0 + TOLERANCE)
 
-    def progress(self, run: Run) -> tuple[Point, bool]:
-        """Return the objectives of a run so far, and whether it exceeded the limit of a joint already."""
+    def progress(self, run: Run) -> tuple[Point, float]:
+        """Return the objectives of a run so far, and its relative excess over the limits of the joints."""
         off = run["pose_error"] * np.isin(AXES, run.axes)
         position, angle = (float(np.linalg.norm(it, axis=1).max()) for it in (off[:, :3], off[:, 3:]))
         error = max(position, self.length * angle)
@@ -156,7 +158,14 @@ class Limits:
         accelerations = np.abs(np.diff(run["qdot"], axis=0)).max(axis=0) / run.period
         over = np.maximum(rates / self.rate, accelerations / self.acceleration)
         point = Point(float((rates / self.scale).max()), error, len(run) * run.period)
-        return point, bool(over.max() > 1.0 + TOLERANCE)
+        return point, float(over.max()) / (1.0 + TOLERANCE) - 1.0
+
+
+def ends(card: Scorecard) -> tuple[float, float]:
+    """Return the error at the end of a run: a length and an angle [m, rad], 0 for what is no task."""
+    names = "position_error.end", "orientation_error.end"
+    position, angle = (float(card[name].value) if name in card else 0.0 for name in names)
+    return position, angle
 
 
 def _over(card: Scorecard, name: str, limit: float, factor: float = 1.0) -> tuple[float, str]:
@@ -209,18 +218,18 @@ class Trials:
         self.longest = [math.inf] * len(references)
 
     def run(
-        self, jobs: Sequence[tuple[Setting, int]], ends: Callable[[Point], bool] | None = None
+        self, jobs: Sequence[tuple[Setting, int]], ends: Callable[[Setting, Point, float], bool] | None = None
     ) -> list[Outcome] | None:
         """Return the outcomes of settings on worlds; None if interrupted.
 
         Args:
             jobs: Setting, and number of the world.
-            ends: Whether a run with these objectives so far can no longer count; None: all run to the end.
+            ends: Whether a run of a setting with these objectives and this excess so far can no longer count;
+                None: all run to the end.
         """
 
-        def rule(_: int, run: Run) -> bool:
-            point, is_over = self.limits.progress(run)
-            return is_over or (ends is not None and ends(point))
+        def rule(index: int, run: Run) -> bool:
+            return ends is not None and ends(jobs[index][0], *self.limits.progress(run))
 
         if not jobs:
             return []

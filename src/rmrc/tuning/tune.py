@@ -2,13 +2,13 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from operator import attrgetter
+from dataclasses import dataclass
 from typing import Any
 
 from rmrc.scenario import Source, Variant, block, changes_of, draft_of
 from rmrc.scenario.choices import POLICIES
 from rmrc.simulation.footprint import refuse_excess
+from rmrc.simulation.simulation import Simulation
 from rmrc.study.study import Study
 from rmrc.support.brief import brief
 from rmrc.support.errors import ScenarioError
@@ -16,11 +16,11 @@ from rmrc.support.interruption import interruptible
 from rmrc.support.problems import Problem
 from rmrc.textbook.stability import edge_gain
 from rmrc.tuning import space
-from rmrc.tuning.options import Options
+from rmrc.tuning.options import GAIN_MARGIN, Options
 from rmrc.tuning.robot import Robot, robot_of
 from rmrc.tuning.search import Search
 from rmrc.tuning.space import Setting, Space, Structure, own_setting, read_only
-from rmrc.tuning.trials import OnRuns, Trials
+from rmrc.tuning.trials import OnRuns, Trials, ends
 from rmrc.tuning.verdict import Trial, Verdict
 from rmrc.tuning.worlds import draw_scenarios, loops_between
 
@@ -39,6 +39,8 @@ class Tuned:
         scenarios: The scenario itself, and the perturbed scenarios.
         runs: Number of runs on scenarios.
         interrupted: Whether Ctrl-C ended it.
+        per_kilogram: By how much a payload moves the end of the path: length and angle, with the recommended
+            setting and that as written [m/kg, rad/kg]; empty without a payload.
     """
 
     own: Trial
@@ -49,6 +51,13 @@ class Tuned:
     scenarios: tuple[Variant, ...]
     runs: int
     interrupted: bool
+    per_kilogram: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether the recommended setting has a larger error than that as written, which breaks a limit."""
+        best = self.verdict.recommended
+        return best is not None and best.worst.error > self.own.worst.error
 
     @property
     def block(self) -> str:
@@ -91,7 +100,7 @@ class Tuning:
             for value in values:
                 self.draft.changed(*changes_of({key: value}, "--only")).scenario()
         self._structures, self.left_out = self._possible()
-        self.robot = self._bearable(robot_of(self.scenario, self.options))
+        self.robot = self._bearable(robot_of(self.nominal, self.options))
         self.scenarios = draw_scenarios(self.nominal, self.options, self.robot)
         self.loops = loops_between(self.nominal, self.robot) if self.options.perturbed else ()
         refuse_excess([self.nominal])
@@ -114,14 +123,14 @@ class Tuning:
         threads = options.threads or os.cpu_count() or 1
         with interruptible() as stop:
             (nominal,) = self._study.step([self.nominal], stop)
-            edge = edge_gain(self.scenario.control.period, *self.robot.slowest(self.scenario)) / margin
-            limits = space.bounds(self.nominal, nominal.run, edge)
+            edge = edge_gain(self.scenario.control.period, *self.robot.slowest(self.scenario))
+            enough = edge / max(margin, GAIN_MARGIN)
+            limits = space.bounds(self.nominal, nominal.run, edge / margin)
             matters = space.ON_EXCESS in self._only or space.meets_limits(nominal.run)
             structures = tuple(it for it in self._structures if matters or not it.on_excess)
-            values = {key: float(attrgetter(key)(self.scenario)) for key in space.NUMBERS}
-            possible = Space(structures, limits, self._only, values)
+            possible = Space(structures, limits, self._only)
             trials = Trials(self._study, self.scenarios, self.loops, threads, stop, on_runs)
-            search = Search(possible, trials, margin, options.runs, options.seed)
+            search = Search(possible, trials, margin, enough, options.runs, options.seed)
             verdict = search.run(own_setting(self.scenario), options.slower)
             if verdict is None:
                 raise KeyboardInterrupt
@@ -129,7 +138,19 @@ class Tuning:
         best = verdict.recommended
         control = self.written(best.setting).get("control", {}) if best else None
         own, tried, feasible = search.tried[0], tuple(search.tried), tuple(search.feasible)
-        return Tuned(own, tried, feasible, verdict, control, self.scenarios, runs, interrupted)
+        costs = tuple(map(self._cost, (best, own))) if best and "payload" in self.robot.burdens else ()
+        return Tuned(own, tried, feasible, verdict, control, self.scenarios, runs, interrupted, costs)
+
+    def _cost(self, trial: Trial) -> tuple[float, float]:
+        """Return by how much a payload moves the end of the path, per kilogram."""
+        payload = float(self.robot.burdens["payload"])
+        base = *trial.setting.changes, *self.scenarios[0].changes
+        load = changes_of({"plant.payload": self.scenario.plant.payload + payload})
+        worlds = [self._study.prepare(changes) for changes in (base, (*base, *load))]
+        simulation = Simulation(worlds, keep_columns=False)
+        simulation.step()
+        before, after = map(ends, simulation.scorecards())
+        return (after[0] - before[0]) / payload, (after[1] - before[1]) / payload
 
     def written(self, setting: Setting) -> dict[str, Any]:
         """Return the scenario as written, with a setting, and without keys that the setting does not read."""
@@ -166,12 +187,21 @@ class Tuning:
 
     def _bearable(self, robot: Robot) -> Robot:
         """Return a robot without assumed properties that the scenario cannot have, and report these."""
-        for name, pair in robot.ranges.items() if robot.origin == "assumed" else ():
+        parts = {
+            name: Robot({name: pair}) for name, pair in robot.ranges.items() if robot.origin == "assumed"
+        }
+        parts |= {
+            name: Robot({}, burdens={name: most})
+            for name, most in robot.burdens.items()
+            if getattr(self.options, name) is None
+        }
+        for name, part in parts.items():
+            values = part.values(self.nominal, {}) | part.burdened(self.nominal, [1.0] * len(part.burdens))
             try:
-                self._study.prepare(changes_of(Robot({name: pair}).values(self.nominal, {})))
+                self._study.prepare(changes_of(values))
             except ScenarioError as error:
                 self.left_out += tuple(map(str, error.problems))
-                robot = replace(robot, ranges={key: it for key, it in robot.ranges.items() if key != name})
+                robot = robot.without(name)
         return robot
 
 

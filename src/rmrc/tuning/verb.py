@@ -20,9 +20,11 @@ _COLUMNS = (
     Column("index", "count", "1", "number of the setting, in the order of trial"),
     *(Column(key, "text", "", "null if the setting has none") for key in WORDS),
     *(Column(key, "number", "as the key", "NaN if the setting does not use it") for key in NUMBERS),
-    Column("role", "text", "", "as written, recommended or second best; null for the others"),
+    Column("role", "text", "", "as written, recommended, second best, or why it is shown beside them; null"),
     Column("scenarios", "count", "1", "number of scenarios run: the scenario itself and perturbed ones"),
     Column("error", "number", "m", "largest error of all its runs; angles times task.length"),
+    Column("nominal", "number", "m", "largest error on the scenario itself; 0: not run there"),
+    Column("end", "number", "m", "largest error at the end of its runs; angles times task.length"),
     Column("peak_rate", "number", "rad/s", "largest joint rate of its runs; slides over task.length"),
     Column("time", "number", "s", "longest duration of its runs"),
     Column("completed", "number", "1", "smallest completed fraction of the path"),
@@ -53,8 +55,8 @@ def tune(
         out: Folder for NAME.tune.yaml, .png and .parquet; created if missing. None: writes nothing.
         on_runs: Called with the number of finished runs.
         options: The other options of the verb by name, as `rmrc.tuning.options.Options` has them:
-            `perturbed`, `start`, `offset`, `payload`, `delay`, `lag`, `noise`, `calibration`, `ideal`,
-            `gain_margin`, `slower`, `runs`, `seed` and `threads`.
+            `perturbed`, `start`, `offset`, `payload`, `friction`, `delay`, `lag`, `noise`, `calibration`,
+            `ideal`, `gain_margin`, `slower`, `runs`, `seed` and `threads`.
 
     Returns:
         The result, with `tuned.block`, the control section to paste; Ctrl-C ends the search and keeps the
@@ -109,6 +111,9 @@ def write(work: Tuning, tuned: Tuned, folder: Path, picture: Path | None = None)
     name = Path(work.draft.source).name or work.scenario.name
     with written_whole(paths[0]) as temporary:
         head = f"# {name} with the control section that `rmrc tune` recommends."
+        head += (
+            "\n# It has a larger error than the setting as written, which breaks a limit." * tuned.is_worse
+        )
         temporary.write_text(f"{head}\n{block(data)}", "utf-8")
     save(front_figure(work.scenario.name, rows), [paths[1]])
     return paths

@@ -1,6 +1,7 @@
 """A setting and its outcomes, and the best of several."""
 
-from collections.abc import Callable, Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from rmrc.scenario.choices import INVERSES, POLICIES
@@ -14,6 +15,12 @@ ALIKE = 0.02
 SINGULAR = 100.0
 # Feedback within this share counts as equal: then the structure decides.
 SLOW = 0.1
+# A setting is shown as well that exceeds limits by at most this share, with at most this share of the error.
+HAIR, LESS = 0.05, 0.1
+# A setting ends nearer than another with at most this share of its error at the end, or with this error [m].
+NEARER, NEAR = 0.8, 1e-5
+# Less feedback counts as this much [1/s].
+_NO_FEEDBACK = 1e-9
 
 
 @dataclass(eq=False)
@@ -36,10 +43,34 @@ class Trial:
         return worst([*self.outcomes.values(), *([self.margin] if self.margin else [])])
 
     @property
+    def nominal(self) -> float:
+        """Its largest error on the scenario itself [m]; 0 if it was not run there."""
+        return self.outcomes[0].error if 0 in self.outcomes else 0.0
+
+    @property
     def keeps_limits(self) -> bool:
         """Whether all its runs so far kept the limits, and none was ended early."""
         outcome = self.worst
         return outcome.excess <= 0.0 and not outcome.ended
+
+    @property
+    def end(self) -> float:
+        """The largest error at the end of its runs [m]; angles times task.length."""
+        return max(max(outcome.end) for outcome in self.outcomes.values())
+
+    def ends_nearer(self, other: "Trial") -> bool:
+        """Whether it ends nearer to the target than another in all its runs so far."""
+        pairs = [(self.outcomes[world].end, other.outcomes[world].end) for world in self.outcomes
+                 if world in other.outcomes]  # fmt: skip
+        return all(
+            a <= max(NEARER * b, NEAR) for own, others in pairs for a, b in zip(own, others, strict=True)
+        )
+
+    def is_close_to(self, other: "Trial") -> bool:
+        """Whether it exceeds limits by a hair's breadth, and has a fraction of another's error."""
+        outcome = self.worst
+        is_close = 0.0 < outcome.excess <= HAIR and not outcome.ended
+        return is_close and outcome.error <= LESS * other.worst.error
 
     @property
     def is_bounded(self) -> bool:
@@ -68,6 +99,8 @@ class Verdict:
         second: The best with another inverse or schedule; None without one.
         better: The best that dominates the setting as written; None if that is on the front.
         nearest: The setting with the smallest excess over the limits, if nothing is feasible.
+        close: A setting that exceeds limits a little, with much less error than the best; None: none.
+        decided: What decided between the best and the second.
     """
 
     front: tuple[Trial, ...] = ()
@@ -75,43 +108,79 @@ class Verdict:
     second: Trial | None = None
     better: Trial | None = None
     nearest: Trial | None = None
+    close: Trial | None = None
+    decided: str = ""
 
 
-def judge(feasible: Iterable[Trial], tried: Iterable[Trial], own: Trial) -> Verdict:
+def judge(
+    feasible: Iterable[Trial], tried: Iterable[Trial], written: Trial, enough: float = math.inf
+) -> Verdict:
     """Return the verdict.
 
     Args:
         feasible: Settings that keep the limits on all worlds.
         tried: All tried settings, at least one.
-        own: The setting as written.
+        written: The setting as written.
+        enough: Feedback beyond which more is no better [1/s].
     """
     preferred = sorted(feasible, key=lambda trial: trial.preference)
-    recommended = best(preferred)
+    recommended = best(preferred, written, enough)
     if recommended is None:
         nearest = min(tried, key=lambda it: (-len(it.outcomes), it.worst.excess, it.worst.error))
         return Verdict(nearest=nearest)
     points = {trial.worst.point: trial for trial in reversed(preferred)}
     chosen = [list(points.values())[i] for i in front(list(points))]
     inverse = recommended.setting.structure.inverse
-    rivals = [trial for trial in preferred if trial.setting.structure.inverse != inverse]
-    better = [trial for trial in preferred if dominates(trial.worst.point, own.worst.point)]
-    dominating = recommended if recommended in better else best(better)
-    return Verdict(tuple(chosen), recommended, best(rivals), dominating)
+    second = best(
+        (trial for trial in preferred if trial.setting.structure.inverse != inverse), written, enough
+    )
+    better = [trial for trial in preferred if dominates(trial.worst.point, written.worst.point)]
+    return Verdict(
+        front=tuple(chosen),
+        recommended=recommended,
+        second=second,
+        better=recommended if recommended in better else best(better, written, enough),
+        close=min(
+            (trial for trial in tried if trial.is_close_to(recommended)),
+            key=lambda trial: trial.worst.error,
+            default=None,
+        ),
+        decided=next((why for why, some in _rounds(preferred, written, enough) if second not in some), ""),
+    )
 
 
-def best(trials: Iterable[Trial]) -> Trial | None:
-    """Return the setting with the smallest error; of nearly equal errors, the smoothest; None of none.
+def best(trials: Iterable[Trial], written: Trial | None = None, enough: float = math.inf) -> Trial | None:
+    """Return the setting with the smallest error on all worlds; of nearly equal ones, see `_rounds`.
 
-    Of equally smooth settings, the one with the lowest feedback; then the preferred structure, and its
-    smallest error. A setting that is unbounded near a singularity only counts if there is no other.
+    A setting that is unbounded near a singularity only counts if there is no other.
+
+    Args:
+        trials: The settings.
+        written: The setting as written.
+        enough: Feedback beyond which more is no better [1/s].
     """
-    able = sorted(trials, key=lambda trial: trial.preference)
-    alike = _least([trial for trial in able if trial.is_bounded] or able, lambda it: it.worst.error, ALIKE)
-    alike = _least(alike, lambda trial: trial.worst.roughness, ALIKE)
-    alike = _least(alike, lambda trial: trial.setting.feedback, SLOW)
-    settings = {trial: (trial.setting.structure, trial.setting.is_written) for trial in alike}
-    alike = [trial for trial in alike if settings[trial] == settings[alike[0]]]
+    *_, (_, alike) = _rounds(trials, written, enough)
     return min(alike, key=lambda trial: (trial.worst.error, trial.worst.time), default=None)
+
+
+def _rounds(
+    trials: Iterable[Trial], written: Trial | None, enough: float
+) -> Iterator[tuple[str, list[Trial]]]:
+    """Yield what decides, in turn, and the settings that remain."""
+    able = sorted(trials, key=lambda trial: trial.preference)
+    able = [trial for trial in able if trial.is_bounded] or able
+    yield "bounded rates", able
+    able = _least(able, lambda trial: trial.worst.error, ALIKE)
+    yield "error", able
+    if written:  # which may have more feedback, that loads show at the end
+        able = [trial for trial in able if trial.ends_nearer(written)] or able
+        yield "end", able
+    able = _least(able, lambda trial: trial.nominal, ALIKE)
+    yield "nominal error", able
+    able = _least(able, lambda trial: 1.0 / max(min(trial.setting.feedback, enough), _NO_FEEDBACK), SLOW)
+    yield "feedback", able
+    settings = {trial: (trial.setting.structure, trial.setting.is_written) for trial in able}
+    yield "simplicity", [trial for trial in able if settings[trial] == settings[able[0]]]
 
 
 def _least(trials: Sequence[Trial], figure: Callable[[Trial], float], share: float) -> list[Trial]:

@@ -1,4 +1,4 @@
-"""The worlds of a search: the scenario itself, and with small errors of start, target, payload and loop."""
+"""The worlds of a search: the scenario itself, and with small errors of start, target, loads and loop."""
 
 import numpy as np
 
@@ -24,17 +24,14 @@ def draw_scenarios(nominal: Prepared, options: Options, robot: Robot) -> tuple[V
         nominal: The scenario.
         options: Number, seed and sizes of the perturbations; a start stays within the joints' position
             limits, and an offset is drawn only if the path has an absolute point for it to move.
-        robot: Range of their loops.
+        robot: Range of their loops, and their loads.
 
     Raises:
-        ScenarioError: A payload in an ideal plant, or too many numbers to draw.
+        ScenarioError: Too many numbers to draw.
     """
     scenario, arm = nominal.scenario, nominal.arm
-    if options.payload and not nominal.plant.has_physics:
-        wrong = f"must be 0 in an {scenario.plant.kind} plant, which has no loads; use another plant.kind"
-        raise ScenarioError.about("--payload", wrong)
     moved = [axis in scenario.task.axes and bool(options.offset) and _has_points(scenario) for axis in "xyz"]
-    sizes = [arm.n if options.start else 0, sum(moved), len(robot.varied), bool(options.payload)]
+    sizes = [arm.n if options.start else 0, sum(moved), len(robot.varied), len(robot.burdens)]
     if sum(sizes) > MOST_DRAWN:
         wrong = f"at most {MOST_DRAWN} numbers can be drawn, got {sum(sizes)}; use --start 0"
         raise ScenarioError.about("--perturbed", wrong)
@@ -47,7 +44,7 @@ def draw_scenarios(nominal: Prepared, options: Options, robot: Robot) -> tuple[V
     worlds = [_named("the scenario itself", robot.values(nominal, {}))]
     for index in range(options.perturbed if sum(sizes) or robot.calibration else 0):
         point = sobol_point(index, sum(sizes), options.seed)
-        start, offset, loop, payload = np.split(point, np.cumsum(sizes)[:-1])
+        start, offset, loop, burden = np.split(point, np.cumsum(sizes)[:-1])
         shares = np.ones(len(loop)) if index % 2 else loop if index else np.zeros(len(loop))
         values = robot.values(nominal, dict(zip(robot.varied, shares, strict=True)))
         if options.start:
@@ -58,8 +55,7 @@ def draw_scenarios(nominal: Prepared, options: Options, robot: Robot) -> tuple[V
             target[: len(scenario.target.offset)] = scenario.target.offset
             target[moved] += options.offset * (2.0 * offset - 1.0)
             values["target.offset"] = target
-        if options.payload:
-            values["plant.payload"] = scenario.plant.payload + options.payload * float(payload[0])
+        values |= robot.burdened(nominal, burden.tolist())
         values |= robot.misfit(
             nominal, np.random.default_rng((options.seed, index)).uniform(-1.0, 1.0, 2 * arm.n)
         )
