@@ -105,7 +105,7 @@ class Search:
         hardest = max(range(trials.worlds), key=lambda world: outcomes[world].error)
         self._order = list(dict.fromkeys((hardest, *range(trials.worlds))))
         self.tried.append(Trial(written, dict(enumerate(outcomes))))
-        return True
+        return self._missing(self.tried[0]) != [-1] or self._check_margin(self.tried[0])
 
     def _verdict(self) -> Verdict | None:
         """Return the verdict, once the settings that it names were run on the loops between as well."""
