@@ -6,9 +6,9 @@ import tokenize
 
 from project import ROOT
 
-SOURCE_LINES = 28_800
-SOURCE_MODULES = 302
-TEST_LINES = 33_400
+SOURCE_LINES = 27_300
+SOURCE_MODULES = 286
+TEST_LINES = 33_150
 
 # Tokens that make no line a line of code.
 LAYOUT = {

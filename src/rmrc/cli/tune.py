@@ -101,7 +101,7 @@ def tune(
     ideal: Ideal = False,
     gain_margin: GainMargin = None,
     slower: Slower = 1.1,
-    runs: Runs = 560,
+    runs: Runs = 340,
     seed: Seed = 0,
     set_: Overrides = None,
     out: Out = Path("recordings"),

@@ -59,7 +59,7 @@ class Options:
     ideal: bool = False
     gain_margin: float | None = None
     slower: float = 1.1
-    runs: int = 560
+    runs: int = 340
     seed: int = 0
     threads: int | None = None
 
