@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 
 import mujoco
 import numpy as np
@@ -212,10 +214,20 @@ SOFT = '<safety_controller soft_lower_limit="{}" soft_upper_limit="{}" k_velocit
     ],
 )  # fmt: skip
 def test_data_that_are_not_used_are_told_with_their_joint_and_value(folder, arm, changes, code, words):
-    changed = arms.load(replaced(folder, ARM, changes))
-    new = [note for note in changed.notes if note not in arm.notes and "is controlled" not in note]
-    assert [code_of(note) for note in new] == [code] * (code is not None)
-    assert all(str(note) == says(f"… {words}") for note in new)
+    # in a process of its own, as MuJoCo was seen to hang on one of these after thousands of other models
+    program = (
+        "import json, sys; from pathlib import Path; from rmrc import arm; from rmrc.arm.frames import code_of; "
+        "print(json.dumps([(code_of(note), str(note)) for note in arm.load(Path(sys.argv[1])).notes]))"
+    )
+    path = str(replaced(folder, ARM, changes))
+    done = subprocess.run([sys.executable, "-c", program, path], capture_output=True, check=True, timeout=100)
+    new = [
+        (of, note)
+        for of, note in json.loads(done.stdout)
+        if note not in arm.notes and "is controlled" not in note
+    ]
+    assert [of for of, _ in new] == [code] * (code is not None)
+    assert all(note == says(f"… {words}") for _, note in new)
 
 
 BOX = '<collision><origin xyz="0.25 0 0"/><geometry><box size="0.5 0.1 0.1"/></geometry></collision>'
