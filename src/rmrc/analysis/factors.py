@@ -65,10 +65,6 @@ class Product:
         first, *others = (rule.of(J) for rule in self.rules)
         return np.stack([self.sign * first, *others], axis=-1)
 
-    def nearest(self, J: Array) -> NDArray[np.intp]:
-        """Return which factor is nearest to 0, relative to its largest, (...), at J (..., 6, n)."""
-        return np.asarray(np.argmin(np.abs(self.values(J)) / self.largest, axis=-1))
-
 
 def product(task: Task, columns: Sequence[int] | None = None) -> Product | None:
     """Return det J of the task's rows as a product; None where they are not square or no structure is known.

@@ -67,8 +67,8 @@ def read(path: Path, packages: Mapping[str, Path] | None = None) -> Read:
                 spec = mujoco.MjSpec.from_file(str(path))
                 return Read(spec, spec.compile(), None, ())
             except ValueError:
-                for line in _pointers(mujoco.mju_getXMLDependencies(str(path))):
-                    raise ModelError(f"{path}: {line}") from None
+                if lines := _pointers(mujoco.mju_getXMLDependencies(str(path))):
+                    raise ModelError(f"{path}: {lines[0]}") from None
                 raise
         failure = ValueError()
         for repairs in range(3):  # parsed anew, because a specification that failed keeps its error

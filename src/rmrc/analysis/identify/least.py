@@ -41,10 +41,10 @@ def least(residual: Callable[[Array], Array], values: Array, lower: Array) -> tu
     return values, here, slopes
 
 
-def dot(one: Array, other: Array) -> Any:
+def dot(a: Array, b: Array) -> Any:
     """Return the product of columns, (N,) or (N, k): without threads, which cost more than they save here."""
-    letters = ["i" if each.ndim == 1 else f"i{letter}" for each, letter in ((one, "j"), (other, "k"))]
-    return np.einsum(",".join(letters), one, other)
+    letters = ["i" if each.ndim == 1 else f"i{letter}" for each, letter in ((a, "j"), (b, "k"))]
+    return np.einsum(",".join(letters), a, b)
 
 
 def times(columns: Array, weights: Array) -> Array:
