@@ -150,7 +150,7 @@ def headset(rng):
 
 
 def rounded(_):
-    """Return poses at 100 Hz that are rounded to a millimetre and to 0.001."""
+    """Return poses at 100 Hz that are rounded to a millimeter and to 0.001."""
     time = np.arange(0.0, 5.0, 0.01)
     return time, circle(time, 4.0), "%.3f"
 
