@@ -1,22 +1,13 @@
 """The verb `statics`: actuator torques and link loads under a wrench, checked in the physics."""
 
-from enum import StrEnum
 from typing import Annotated
 
 import typer
 
 from rmrc.cli.console import EXIT_DIVERGED, EXIT_MISSED, interruption, progress
-from rmrc.cli.options import AsJson, Body, Keyframe, Length, Model, Packages, Positions, Site, read_arm
+from rmrc.cli.options import AsJson, Body, Keyframe, Model, Packages, Positions, Site, read_arm
 from rmrc.cli.reports import show
 from rmrc.cli.texts import configuration, wrench_of
-
-
-class Frame(StrEnum):
-    """Frame of the axes of a wrench."""
-
-    WORLD = "world"
-    SITE = "site"
-
 
 Wrench = Annotated[
     str,
@@ -26,25 +17,19 @@ Wrench = Annotated[
         show_default=False,
     ),
 ]
-Axes = Annotated[Frame, typer.Option("--frame", help="Frame of the axes of the wrench.")]
+Axes = Annotated[
+    str, typer.Option("--frame", metavar="world|base|site", help="Frame of the axes of the wrench.")
+]
 At = Annotated[
     str | None,
-    typer.Option(
-        "--at", metavar="SITE", help="Also print the equivalent wrench at this other site of the same body."
-    ),
+    typer.Option(metavar="SITE", help="Also print the wrench at this other site of the same body."),
 ]
 Gravity = Annotated[
-    bool,
-    typer.Option(
-        "--gravity/--no-gravity",
-        help="Whether the actuators also support the arm's weight; default: no.",
-        show_default=False,
-    ),
+    bool, typer.Option(help="Whether the actuators also support the arm's weight.", show_default=False)
 ]
 Hold = Annotated[
     float | None,
     typer.Option(
-        "--hold",
         metavar="SECONDS",
         help="Also simulate: hold the arm until it is still, for at most this time, and read the actuators.",
         min=0.2,
@@ -61,11 +46,10 @@ def statics(
     site: Site = None,
     body: Body = None,
     package: Packages = None,
-    frame: Axes = Frame.WORLD,
+    frame: Axes = "world",
     at: At = None,
     gravity: Gravity = False,
     hold: Hold = None,
-    length: Length = None,
     as_json: AsJson = False,
 ) -> None:
     """Compute actuator torques and link loads under a wrench, and wrenches that need no torque."""
@@ -79,9 +63,6 @@ def statics(
         interruption("interrupted" if hold is None else "interrupted while holding"),
         progress("hold", round((hold or 0.0) / PERIOD) + 1, as_json or hold is None) as on_ticks,
     ):
-        found = ask(
-            arm, acts, positions, frame=frame.value, at=at, gravity=gravity, hold=hold, length=length,
-            on_ticks=on_ticks,
-        )  # fmt: skip
+        found = ask(arm, acts, positions, frame=frame, at=at, gravity=gravity, hold=hold, on_ticks=on_ticks)
     diverged = found.held is not None and found.held["run"].divergence
     show(report(found), as_json, missed=EXIT_DIVERGED if diverged else EXIT_MISSED)
