@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rmrc.analysis.new.text import identity
 from rmrc.analysis.statics.balance import Balance, balance, elsewhere, without_rounding, wrench_costs
 from rmrc.analysis.subject import Model, Packages, numbers, subject
+from rmrc.analysis.trial import identity
 from rmrc.arm import Arm
 from rmrc.arm.inventory import contacts
 from rmrc.law.task import Task
