@@ -34,17 +34,11 @@ def gantry(tmp_path, rates=True):
     return path
 
 
-def runs(rmrc, path, *options):
-    code, _, err = rmrc("run", str(path), "--no-record", "--quiet", *options)
-    # of drives that a rise of the rates brings to their limits it may say so
-    return code == 0 and all("TORQUE_LIMITED" in line for line in err.splitlines())
-
-
 @pytest.mark.parametrize("name", mostly_long(SHIPPED, 1, slow=set(SHIPPED) - {*QUICK}))
 def test_what_is_written_runs_and_meets_what_it_expects_on_every_plant(rmrc, name):
     assert rmrc("new", str(model(name)), "-o", "mine.yaml")[0] == 0
-    plants = [plant for plant in PLANTS.names if runs(rmrc, "mine.yaml", "--set", f"plant.kind={plant}")]
-    assert plants == [*PLANTS.names]
+    for plant in PLANTS.names:
+        assert rmrc("run", "mine.yaml", "--no-record", "--quiet", "--set", f"plant.kind={plant}")[0] == 0
 
 
 def test_bounds_are_of_the_worst_plant():

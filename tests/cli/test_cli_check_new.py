@@ -75,7 +75,7 @@ def test_new_writes_a_scenario_in_this_folder_and_says_how_to_run_it(rmrc, tmp_p
 def test_nothing_is_overwritten_unless_forced(rmrc, tmp_path):
     (tmp_path / "mine.yaml").write_text("mine")
     code, out, err = rmrc("new", TWO, "-o", "mine.yaml")
-    told = "mine.yaml: already exists; give another file with -o, or overwrite it with --force"
+    told = "mine.yaml: already exists; give another by -o, or overwrite it by --force"
     assert (code, out, err) == (2, "", f"rmrc: error: {told}\n")
     assert (tmp_path / "mine.yaml").read_text() == "mine"
     assert rmrc("new", TWO, "-o", "mine.yaml", "--force", "-q")[:2] == (0, "")

@@ -10,7 +10,7 @@ from rmrc.analysis.scaling import Scales
 from rmrc.analysis.trial import Trial, identity, tried
 from rmrc.law.task import Array
 from rmrc.results.scorecard import Figure
-from rmrc.scenario import Scenario, inline, loads
+from rmrc.scenario import Scenario
 from rmrc.scenario.choices import PLANTS
 from rmrc.simulation.prepare import Cache, prepare
 
@@ -66,12 +66,10 @@ def _scenario(scales: Scales, start: Array) -> Scenario:
     task, arm = scales.task, scales.task.arm
     away = BOUND * task.joint_scale * np.random.default_rng(0).uniform(-1.0, 1.0, (PLACES, arm.n))
     places = [*np.clip(start + away, *arm.position_limit.T), start]
-    moves = np.ptp([arm.pose(q) for q in places], axis=0).any()
-    visits = {"configurations": [q.tolist() for q in places]}
-    return loads(inline({
+    return Scenario.model_validate({
         "name": "check",
         "arm": identity(arm, Path.resolve) | {"start": start.tolist()},
         "task": {"axes": list(task.axes), "length": task.length},
         "control": {"limits": {"rate": scales.rate.tolist()}},
-        "target": {"path": [visits if moves else {"hold": {"for": DURATION}}]},
-    }))  # fmt: skip
+        "target": {"path": [{"configurations": [q.tolist() for q in places]}]},
+    })  # fmt: skip

@@ -103,9 +103,7 @@ def new(
     if path is not None:
         refuse_unwritable([path])
         if os.path.lexists(path) and not force:
-            raise QuestionError(
-                f"{path}: already exists; give another file with -o, or overwrite it with --force"
-            )
+            raise QuestionError(f"{path}: already exists; give another by -o, or overwrite it by --force")
     if length is not None and not (np.isfinite(length) and length > 0.0):
         raise QuestionError(f"length must be > 0 and finite, got {length:g}")
     arm = read_arm(model, site, body, packages, joints)
@@ -149,10 +147,8 @@ def _best(suits: Scales, name: str, cache: Cache) -> tuple[Move, Scenario]:
         if not candidates[-1][0].faults:
             break
     if not candidates:
-        raise QuestionError(
-            f"{suits.task.arm.path}: no move from near home can run{why}; give another --site or --body, and "
-            "run `rmrc check` for details"
-        )
+        cure = "give another --site or --body, and run `rmrc check` for details"
+        raise QuestionError(f"{suits.task.arm.path}: no move from near home can run{why}; {cure}")
     return min(candidates, key=lambda candidate: candidate[0].rank)
 
 
