@@ -1,14 +1,8 @@
 """The verb `check`: find whether a model is ready to be simulated and controlled."""
 
-from typing import Annotated
-
-import typer
-
 from rmrc.cli.console import notice
 from rmrc.cli.options import AsJson, Body, Joints, Junit, Model, Packages, Site, Summary, asked, joints_of
 from rmrc.cli.reports import show
-
-Seed = Annotated[int, typer.Option(help="Seed of the one-second random motion.", min=0)]
 
 
 def check(
@@ -17,15 +11,14 @@ def check(
     body: Body = None,
     package: Packages = None,
     joints: Joints = None,
-    seed: Seed = 0,
     as_json: AsJson = False,
     junit: Junit = None,
     summary: Summary = None,
 ) -> None:
     """Lint a model: report errors, missing data and assumptions.
 
-    Checks the chain, actuators, limits, home and the nearest singularity, contacts, and one second of motion
-    on each plant, compared with the ideal one. Exit code 1: the model has an error.
+    Checks the frame, limits, home, size and contacts, and one second of motion on each plant, compared with
+    the ideal one. Exit code 1: the model has an error.
     """
     with notice("checking the model ..."):
         from rmrc.analysis.check.check import check as ask
@@ -34,7 +27,7 @@ def check(
         from rmrc.show.sheets import as_markdown
 
         with ci.files(model.stem, junit, summary) as results:
-            answer = report(ask(model, **asked(site, body, package), joints=joints_of(joints), seed=seed))
+            answer = report(ask(model, **asked(site, body, package), joints=joints_of(joints)))
             results.suites = [ci.Suite(model.stem, answer.cases, verdict=answer.problem)]
             results.figures = "\n\n".join(map(as_markdown, answer.sheets))
     show(answer, as_json, files=[*filter(None, (junit, summary))])
