@@ -12,5 +12,5 @@ def arm_of(name, site=None):
 
 
 @functools.cache
-def found(name, site=None, plane=None, cells=100, samples=200_000, worst=False):
-    return workspace(arm_of(name, site), plane, cells=cells, samples=samples, worst=worst)
+def found(name, site=None, plane=None, cells=100, samples=200_000):
+    return workspace(arm_of(name, site), plane, cells=cells, samples=samples)
