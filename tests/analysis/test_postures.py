@@ -133,16 +133,6 @@ def test_a_spherical_wrist_has_two_postures():
     assert_allclose(found.q, sorted_rows(expected), atol=1e-11)
 
 
-def test_a_long_torus_arm_has_two_postures_at_most_and_a_short_one_four():
-    counts = {}
-    for name in ("torus_3r", "torus_3r_short"):
-        task = choose(load(name))
-        goals = [task.arm.pose(q) for q in task.arm.sampled(6, 40)]
-        counts[name] = {len(find(task, goal, limits=False, starts=500).q) for goal in goals}
-    assert counts["torus_3r"] == {2}
-    assert counts["torus_3r_short"] == {2, 4}
-
-
 # Continua ---------------------------------------------------------------------------------------
 
 
@@ -183,13 +173,6 @@ def test_a_singular_posture_with_none_beside_it_is_isolated():
     assert not found.is_continuum
     # The two postures are one there, to the root of rounding.
     assert_allclose(found.q, [[0.3, 0.0]], atol=1e-6)
-
-
-def test_where_there_is_no_posture_none_is_listed():
-    task = choose(load("planar_2link"))
-    found = find(task, goal_pose(task, [0.0, 2.5]))
-    assert found.q.shape == (0, 2) and len(found.hits) == len(found.freedom) == 0
-    assert not found.is_continuum
 
 
 # Denavit-Hartenberg rows a, α [deg], d, and a pose that six hinges of these dimensions reach in sixteen ways.

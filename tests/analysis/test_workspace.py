@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from spaces import arm_of, found
+from spaces import arm_of, chain, found, gantry
 
 from project import examples
 from rmrc import arm as arms
@@ -71,28 +71,13 @@ def test_area_of_a_slice_of_the_torus_is_that_of_the_ring_of_its_tube():
     assert_area(found("torus_3r").free, np.pi * ((l2 + l3) ** 2 - (l2 - l3) ** 2))
 
 
-def chain(path, *parts):
-    """Write and load an arm of joints (type, axis, range in degrees or m, the way to it), with a tool at its end."""
-    bodies = "".join(
-        f'<body pos="{way}"><joint name="j{i}" type="{kind}" axis="{axis}" range="{ends}"/><geom size="0.05"/>'
-        for i, (kind, axis, ends, way) in enumerate(parts, 1)
-    )
-    path.write_text(
-        '<mujoco><default><geom contype="0" conaffinity="0"/></default><worldbody>'
-        f'{bodies}<site name="tool"/>{"</body>" * len(parts)}</worldbody></mujoco>'
-    )
-    return arms.load(path)
-
-
 def test_areas_of_a_gantry_are_the_sides_of_its_box(tmp_path):
-    slides = ("1 0 0", "0 2"), ("0 1 0", "0 1"), ("0 0 1", "-0.5 0")
-    arm = chain(tmp_path / "gantry.xml", *(("slide", axis, ends, "0 0 0") for axis, ends in slides))
-    space = workspace(arm, cells=60, samples=100_000)
+    space = gantry(tmp_path)
     slices = {each.part.name: each for each in (space, *space.others)}
     assert [*slices] == ["xz", "xy", "yz"]  # each of which one slide leaves alone
     for plane, area in (("xz", 1.0), ("xy", 2.0), ("yz", 0.5)):
         assert_area(slices[plane].limited, area, 2e-3)  # of a corner a quarter is reached, and not a half
-    assert workspace(arm, "xy", cells=20, samples=1000).others == ()
+    assert workspace(space.task.arm, "xy", cells=20, samples=1000).others == ()
 
 
 SCARA = ("hinge", "0 0 1", "-132 132", "0 0 0.4"), ("hinge", "0 0 1", "0 150", "0.3 0 0")

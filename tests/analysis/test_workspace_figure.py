@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from matplotlib.lines import Line2D
 from numpy.testing import assert_allclose
-from spaces import found
+from spaces import found, gantry
 
 from rmrc.analysis.workspace.report import picture
+from rmrc.show import figures
+from rmrc.show.asked import sized
 
 
 def words(figure):
@@ -47,20 +49,25 @@ def test_entries_of_the_legend_differ_without_colors_too(name):
 
 @pytest.mark.parametrize("measure", ["sigma_min", "manipulability"])
 def test_a_map_has_a_colorbar_with_name_and_unit(measure):
-    label = picture(found("torus_3r"), measure).axes[1].get_ylabel()
-    assert "[1]" in label and label.endswith("best posture")
+    label = picture(found("torus_3r"), measure).axes[1].get_xlabel()
+    assert label == f"best {measure} [1]"
 
 
-@pytest.mark.parametrize(("name", "measure"), [("torus_3r", "sigma_min"), ("planar_6_3", None)])
-def test_nothing_is_cut_off(name, measure):
-    figure = picture(found(name), measure)
-    figure.draw_without_rendering()
+@pytest.mark.parametrize("width", [None, 3.5])
+@pytest.mark.parametrize(
+    ("name", "measure"), [("torus_3r", "sigma_min"), ("planar_6_3", None), ("gantry", "sigma_min")]
+)
+def test_nothing_is_cut_off(tmp_path, name, measure, width):
+    space = gantry(tmp_path) if name == "gantry" else found(name)
+    with sized(width, None), figures.lettering():
+        figure = picture(space, measure)
+        figure.draw_without_rendering()
     for part in (figure.legends[0], *figure.axes):
         box = part.get_tightbbox()
         assert box.x0 >= -1.0 and box.y0 >= -1.0
         assert box.x1 <= figure.bbox.x1 + 1.0 and box.y1 <= figure.bbox.y1 + 1.0
-    axes = figure.axes[0]
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    for line in axes.lines:  # curves and the arm are within the axes, and not on their border
-        x, y = line.get_data()
-        assert left < np.min(x) <= np.max(x) < right and low < np.min(y) <= np.max(y) < high
+    for axes in figure.axes[: 1 + len(space.others)]:
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        for line in axes.lines:  # curves and the arm are within the axes, and not on their border
+            x, y = line.get_data()
+            assert left < np.min(x) <= np.max(x) < right and low < np.min(y) <= np.max(y) < high

@@ -121,18 +121,6 @@ def test_no_posture_at_all_exits_1(rmrc):
     assert_allclose(facts["position_error"], 1.0, atol=1e-12)
 
 
-def test_the_orientation_can_be_a_quaternion(rmrc):
-    arm = arms.load(ROOT / "models/puma560.xml")
-    pose = arm.pose([0.2, -1, 1, 0.3, 0.4, 0.5])
-    # In any length, and of either sign: both say the same.
-    to, quat = (",".join(map(str, part)) for part in (pose[:3], -2.0 * pose[3:]))
-    code, out, _ = rmrc("ik", PUMA, "--to", to, "--quat", quat, "--json")
-    facts = json.loads(out)
-    assert code == 0
-    assert_allclose(facts["pose"][:3], pose[:3], atol=1e-9)
-    assert_allclose(abs(np.dot(facts["pose"][3:], pose[3:])), 1.0, atol=1e-12)
-
-
 def test_the_tolerance_is_the_users(rmrc):
     ask = ("ik", TWO, "--to", "0,2.000001", "--json")
     assert rmrc(*ask)[0] == 1
@@ -164,21 +152,3 @@ def test_the_tolerance_is_the_users(rmrc):
 )  # fmt: skip
 def test_bad_input_is_one_line(rmrc, options, line):
     assert rmrc("ik", TWO, *options) == (2, "", says(f"rmrc: error: {line}\n"))
-
-
-def test_an_unknown_site_is_told(rmrc):
-    told = says(f'rmrc: error: {TWO}: … site "top" … "tip"… tip\n')
-    assert rmrc("ik", TWO, "--to", "1,1", "--site", "top") == (2, "", told)
-
-
-def test_the_goal_of_the_rows_that_count_alone(rmrc):
-    code, out, _ = rmrc("ik", PUMA, "--axes", "x,y,z", "--to", "0.3,0.4,0.5", "--json")
-    facts = json.loads(out)
-    assert code == 0 and facts["axes"] == ["x", "y", "z"]
-    assert_allclose(facts["pose"][:3], [0.3, 0.4, 0.5], atol=1e-9)
-
-
-def test_a_joint_without_limits_has_none(rmrc):
-    out = rmrc("ik", TWO, "--to", "1,1", "--no-limits")[1]
-    (shoulder,) = (line for line in out.splitlines() if line.startswith("shoulder"))
-    assert shoulder.split()[-2:] == ["none", "none"]

@@ -97,12 +97,12 @@ def draw(space: Workspace, path: Path, measure: str | None = None) -> None:
 def picture(space: Workspace, measure: str | None = None) -> Figure:
     """Return the picture of a workspace: a panel for each slice; `measure` as in `report`."""
     spaces = (space, *space.others)
-    # A panel is narrower than its part of the picture by labels, and by a colorbar.
-    width = WIDTH / len(spaces) - (2.3 if measure else 1.0)
-    spans = [[edges[-1] - edges[0] for edges in each.free.edges] for each in spaces]
-    high = float(np.clip(max(width * b / a for a, b in spans), 2.0, 7.5))
-    figure = figures.sheet(WIDTH, high + 1.9)
-    for axes, each in zip(figure.subplots(1, len(spaces), squeeze=False)[0], spaces, strict=True):
+    shapes = [float(np.divide(*np.ptp(each.free.extents[::-1], axis=1))) for each in spaces]
+    # A panel is narrower than the picture by labels, and a colorbar is below it.
+    high = float(np.clip(sum(shapes) * (WIDTH - 1.0), 2.0, 7.5))
+    figure = figures.sheet(WIDTH, high + 1.1 + (1.6 if measure else 0.8) * len(spaces))
+    panels = figure.subplots(len(spaces), height_ratios=shapes, squeeze=False)[:, 0]
+    for axes, each in zip(panels, spaces, strict=True):
         _panel(axes, each, measure)
     if not figures.is_narrow():
         figure.suptitle(figures.plain(f"{space.task.arm.path.stem}: workspace of {space.task.arm.site}"))
@@ -119,7 +119,7 @@ def _panel(axes: Axes, space: Workspace, measure: str | None) -> None:
     if measure:
         values = space.limited.values[measure].T
         mesh = axes.pcolormesh(*space.limited.edges, values, vmin=0.0, rasterized=True, zorder=1.5)
-        axes.figure.colorbar(mesh, ax=axes, label=f"{measure} [1], best posture", shrink=0.85)
+        axes.figure.colorbar(mesh, ax=axes, label=f"best {measure} [1]", location="bottom")
     else:
         _region(axes, space.limited, "0.7", "////", "reached within the limits")
     families = {rule.name: f"singular: {rule.name}, {rule.family}" for rule in space.families}
