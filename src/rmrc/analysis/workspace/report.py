@@ -119,7 +119,7 @@ def _panel(axes: Axes, space: Workspace, measure: str | None) -> None:
     if measure:
         values = space.limited.values[measure].T
         mesh = axes.pcolormesh(*space.limited.edges, values, vmin=0.0, rasterized=True, zorder=1.5)
-        axes.figure.colorbar(mesh, ax=axes, label=f"best {measure} [1]", location="bottom")
+        axes.figure.colorbar(mesh, ax=axes, label=f"best {measure} [1]", location="bottom", aspect=40)
     else:
         _region(axes, space.limited, "0.7", "////", "reached within the limits")
     families = {rule.name: f"singular: {rule.name}, {rule.family}" for rule in space.families}
