@@ -127,7 +127,7 @@ SHOWN = {
     "schema": ["schema"],
     "inspect": ["inspect", TWO],
     "statics": ["statics", TWO, "--wrench", "0,-1,0"],
-    "ik": ["ik", TWO, "--to", "1,1", "--iterates"],
+    "ik": ["ik", TWO, "--to", "1,1", "--method", "newton"],
     "a mistake": ["run", "quick.yaml", "--set", "arm.site=σέ中"],
 }
 
