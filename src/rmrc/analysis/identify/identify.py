@@ -92,10 +92,16 @@ def identify(log: Source, *, columns: Mapping[str, str] | None = None, degrees: 
     joints = tuple(_joint(name, read.samples(j, time)) for j, name in enumerate(read.joints))
     sound = {joint.name: joint.fit for joint in joints if joint.fit and not joint.trouble}
     jitters = [joint.noise.jitter for joint in joints if joint.noise and joint.noise.jitter]
-    if is_regular or jitters:
-        jitter = 1e3 * (np.std(read.time - time) if is_regular else np.median(jitters))
-        way = "the arm moves as if rows were regular" if is_regular else "the residual grows with the rate"
-        notes.append(f"stamps jitter by {jitter:.2g} ms, as {way}; the noise is without it")
+    if is_regular:
+        away = 1e3 * (read.time - time)
+        notes.append(
+            f"stamps jitter by {np.std(away):.2g} ms, {np.abs(away).max():.2g} at most; the arm does not"
+        )
+    elif jitters:
+        jitter = 1e3 * np.median(jitters)
+        notes.append(
+            f"stamps jitter by {jitter:.2g} ms, as residuals grow with the rate; the noise excludes it"
+        )
     if not sound:
         return Identified(read, joints, None, (), tuple(notes))
     is_lagged = any(each.lag.low > NO_LAG * read.clock.period for each in sound.values())
