@@ -8,7 +8,7 @@ import typer
 
 from rmrc.cli.console import interruption, notice
 from rmrc.cli.kinds import LOG, expect
-from rmrc.cli.options import AsJson, Out, Quiet, drawable, within
+from rmrc.cli.options import AsJson, Out, Quiet, drawable
 from rmrc.cli.reports import show
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import quoted
@@ -33,12 +33,6 @@ Columns = Annotated[
 Degrees = Annotated[
     bool, typer.Option("--degrees", help="Angles are in degrees; default: rad.", show_default=False)
 ]
-Longest = Annotated[
-    float,
-    typer.Option(
-        help="Largest delay, and largest lag, to consider [s].", callback=within("--longest", 1e-3, 10.0)
-    ),
-]
 Picture = Annotated[
     Path | None,
     typer.Option(
@@ -54,7 +48,6 @@ def identify(
     log: LogFile,
     columns: Columns = None,
     degrees: Degrees = False,
-    longest: Longest = 0.5,
     out: Out = Path("recordings"),
     picture: Picture = None,
     as_json: AsJson = False,
@@ -78,7 +71,7 @@ def identify(
 
         wanted = picture or out / f"{log.stem}.identify.png", out / f"{log.stem}.identify.yaml"
         refuse_unwritable(wanted)
-        found = ask(log, columns=given, degrees=degrees, longest=longest)
+        found = ask(log, columns=given, degrees=degrees)
         answer = report(found)
         files = []
         if answer.draw is not None:
