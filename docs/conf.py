@@ -13,7 +13,6 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "docs/_ext")]  # of this checkout, not an installed copy
 
 import findable  # noqa: E402
-import typeset  # noqa: E402
 
 project = "rmrc"
 author = "the authors of rmrc"
@@ -37,6 +36,7 @@ root_doc = "docs/index"
 source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
 
 myst_enable_extensions = ["dollarmath"]
+myst_fence_as_directive = ["math"]
 html_math_renderer = "mathml"
 myst_heading_anchors = 4
 nb_execution_mode = "force"
@@ -64,14 +64,8 @@ def add_contents(_: object, page: str, source: list[str]) -> None:
             source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{entries}\n```\n"
 
 
-def typeset_equations(_: object, page: str, source: list[str]) -> None:
-    """Typeset the equations, which are plain text in Markdown, so that they can be read anywhere."""
-    if page in ("docs/theory", "docs/choices"):
-        source[0] = typeset.typeset_page(source[0])
-
-
 def write_math(writer: Any, node: Any) -> None:
-    """Write an equation of a notebook, which is LaTeX, as MathML."""
+    """Write an equation, which is TeX, as MathML."""
     from docutils.nodes import SkipNode
     from latex2mathml.converter import convert
 
@@ -99,7 +93,6 @@ def setup(app: Any) -> None:
     app.add_html_math_renderer("mathml", (write_math, None), (write_math, None))
     app.connect("autodoc-process-docstring", as_markup, priority=400)  # before napoleon
     app.connect("source-read", add_contents)
-    app.connect("source-read", typeset_equations)
     findable.setup(app)
 
 

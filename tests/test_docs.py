@@ -20,7 +20,6 @@ from numpy.testing import assert_allclose
 import rmrc.textbook
 from pages import page
 from project import ROOT, mostly_long
-from rmrc.results.columns import COLUMNS
 from rmrc.results.expectations import blank
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load, loads, variants
@@ -39,7 +38,7 @@ DOCUMENTS = {
     for path in sorted(ROOT.glob(pattern))
 }
 README, THEORY = DOCUMENTS["README.md"], page("Theory")
-CONTRIBUTING, REFERENCES = DOCUMENTS["CONTRIBUTING.md"], DOCUMENTS["docs/references.md"]
+REFERENCES = DOCUMENTS["docs/references.md"]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 PROJECT = PYPROJECT["project"]
 
@@ -248,11 +247,6 @@ def test_every_function_of_the_textbook_is_in_the_theory_and_has_an_example():
 # Lists that must be complete ---------------------------------------------------------------------
 
 
-def test_every_column_is_in_the_theory():
-    table = [cells[0].strip("`") for cells in rows(section(THEORY, "Columns of a run"))]
-    assert table == list(COLUMNS)
-
-
 def test_every_status_is_on_its_page_with_its_bit():
     table = {cells[0].strip("`"): int(cells[1]) for cells in rows(page("Statuses"))}
     assert table == {one.name: one.value for one in Status if one}
@@ -269,19 +263,12 @@ def test_the_tables_of_the_reference_are_what_is_declared():
         assert as_declared(text.replace(row, "")) == text  # a row that is lost is seen, and mended
 
 
-# Where the theory lists them: the start of the block, which ends with an empty line.
-LISTED = {
-    INVERSES: "    inverse             ", SCHEDULES: "    constant            ", OBJECTIVES: "    posture         ",
-    PRIORITIES: "    classical   ", LIMITS: "    scale         ",
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("choices", LISTED, ids=lambda choices: choices.field)
+@pytest.mark.parametrize(
+    "choices", [INVERSES, SCHEDULES, OBJECTIVES, PRIORITIES, LIMITS], ids=lambda choices: choices.field
+)
 def test_the_theory_lists_every_choice_with_its_source(choices):
-    (start,) = re.findall(rf"^{LISTED[choices]}.*", THEORY, re.MULTILINE)
-    block = start + THEORY.partition(start)[2].partition("\n\n")[0]
-    entries = re.split(r"^    (?=\w)", block, flags=re.MULTILINE)[1:]
-    listed = {entry.split()[0]: entry for entry in entries}
+    table = re.search(rf"^\| `control.{choices.key}` \|.*?(?=\n\n)", THEORY, re.MULTILINE | re.DOTALL)[0]
+    listed = {line.split("`")[1]: line for line in table.splitlines()[2:]}
     wanted = [one for one in choices.options if not (choices is OBJECTIVES and not one.acts)]
     assert list(listed) == [one.name for one in wanted]
     for one in wanted:
@@ -294,23 +281,17 @@ def test_every_policy_at_a_singularity_is_in_the_theory():
     assert [name for name in POLICIES.names if f"`{name}`" not in text] == []
 
 
-def test_every_group_of_figures_is_in_the_theory():
-    text = section(THEORY, "Metrics of the scorecard")
-    groups = {name.partition(".")[0] for name in blank(("a",), ("x", "rz"))}
-    assert [group for group in groups if not re.search(rf"`{group}[.`]", text)] == []
-
-
-def test_contributing_justifies_each_dependency_once():
-    wanted = [
-        *PROJECT["dependencies"],
-        *(one for extra in PROJECT["optional-dependencies"].values() for one in extra),
-        *(one for group in PYPROJECT["dependency-groups"].values() for one in group),
+def test_each_dependency_says_what_it_is_for():
+    text = (ROOT / "pyproject.toml").read_text("utf-8")
+    lists = [
+        PROJECT["dependencies"],
+        *PROJECT["optional-dependencies"].values(),
+        *PYPROJECT["dependency-groups"].values(),
     ]
-    # one extra may name another, as `rmrc[cluster]`
-    names = sorted(re.match(r"[\w-]+", one)[0] for one in wanted if not one.startswith("rmrc["))
-    table = rows(section(CONTRIBUTING, "Dependencies"))
-    assert sorted(cells[0].strip("`") for cells in table) == names
-    assert all(cells[1] for cells in table)
+    wanted = [one for some in lists for one in some if not one.startswith("rmrc[")]
+    assert [
+        one for one in wanted if not re.search(rf'^    "{re.escape(one)}",  # \w', text, re.MULTILINE)
+    ] == []
 
 
 def test_every_scenario_and_model_is_in_its_table():

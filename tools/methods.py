@@ -1,13 +1,12 @@
-"""Run methods on shipped scenarios, and write the results into `docs/which_method.md`.
+"""Run methods on shipped scenarios, and write `docs/methods.csv` and the tables of `docs/which_method.md`.
 
-    python tools/methods.py [--write] [--only METHOD ...]
+    python tools/methods.py [--page]
 
-Prints the tables, or writes them into the page, between its marks. With `--only` the rows of the others are
-those of the page. Each row is `rmrc run` of a scenario with the row's `--set`; only metrics of its
-scorecard go into the page. A test runs a part of it again.
+Each row is `rmrc run` of a scenario with the `--set` of a method. `--page` writes the page alone, from the
+file that is there. A test runs a part of it again.
 """
 
-import argparse
+import csv
 import math
 import re
 import sys
@@ -21,7 +20,7 @@ from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import RmrcError
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs/which_method.md"
+PAGE, FILE = ROOT / "docs/which_method.md", ROOT / "docs/methods.csv"
 
 SITUATIONS = {
     "approach_singularity": "near the edge of the workspace, 5 mm from full reach",
@@ -63,8 +62,8 @@ BACK = 2.0
 # A smaller metric may cost this multiple of the least error, or this error.
 WORTH, NOTHING = 3.0, 0.5
 COLUMNS = (
-    "peak rate [rad/s]", "error [mm]", "[mrad]", "end [mm]", "[mrad]", "acceleration [rad/s²]",
-    "chatter [1/s]", "time [s]",
+    "peak rate [rad/s]", "error [mm]", "error [mrad]", "end [mm]", "end [mrad]", "peak acceleration [rad/s²]",
+    "chatter [1/s]", "duration [s]",
 )  # fmt: skip
 
 
@@ -103,35 +102,18 @@ def shown(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.3g}" if value < 1000 else f"{value:.0f}"
 
 
-def table(scenario: str, found: dict[str, tuple[float, ...] | str]) -> Iterator[str]:
-    """Yield the lines of a scenario's table."""
-    yield f"### {SITUATIONS[scenario][0].upper()}{SITUATIONS[scenario][1:]}"
-    yield ""
-    own = "".join(f' --set "{one}"' for one in SETS.get(scenario, ()))
-    yield f"`rmrc run {scenario}{own}` with the `--set` of the [method](#the-methods):"
-    yield ""
-    yield f"| method | {' | '.join(COLUMNS)} |"
-    yield f"|---|{'---|' * len(COLUMNS)}"
-    for name, row in found.items():
-        cells = [row, *[""] * (len(COLUMNS) - 1)] if isinstance(row, str) else map(shown, row)
-        yield f"| {name} | {' | '.join(cells)} |"
-    yield ""
-
-
 def error_of(row: tuple[float, ...]) -> float:
     """Return the larger of both errors [mm or mrad]."""
     return max(value for value in row[1:3] if not math.isnan(value))
 
 
 def decision(scenario: str, found: dict[str, tuple[float, ...] | str]) -> str:
-    """Return the row of the decision table: the best of those that come back, the simplest of equals.
-
-    Equal are those with the same displayed metrics: the decision must be visible in the tables.
-    """
-    back = {}
-    for name, row in found.items():
-        if not isinstance(row, str) and max(v for v in row[3:5] if not math.isnan(v)) <= BACK:
-            back[name] = tuple(float(shown(value) or "nan") for value in row)
+    """Return the row of the decision table: the best of those that come back, the simplest of equals."""
+    back = {
+        name: row
+        for name, row in found.items()
+        if not isinstance(row, str) and max(v for v in row[3:5] if not math.isnan(v)) <= BACK
+    }
     if not back:
         return f"| {SITUATIONS[scenario]} | none comes back | | |"
     least = min(back, key=lambda name: error_of(back[name]))
@@ -150,53 +132,50 @@ def decision(scenario: str, found: dict[str, tuple[float, ...] | str]) -> str:
     return f"| {SITUATIONS[scenario]} | {' | '.join(cells)} |"
 
 
-def row_of(page: str, scenario: str, method: str) -> tuple[float, ...] | str:
-    """Return a row as a page has it."""
-    block = page.partition(f"`rmrc run {scenario}`")[2].partition("###")[0]
-    cells = re.findall(rf"^\| {re.escape(method)} \| (.*) \|$", block, re.MULTILINE)[0].split("|")
-    told: str = cells[0].strip()
-    return tuple(float(cell.strip() or "nan") for cell in cells) if told[:1].isdigit() else told
+def rows() -> dict[str, dict[str, tuple[float, ...] | str]]:
+    """Return the rows of the file: the metrics of each method on each scenario, or why there are none."""
+    found: dict[str, dict[str, tuple[float, ...] | str]] = {}
+    with FILE.open(encoding="utf-8", newline="") as opened:
+        for scenario, method, first, *others in list(csv.reader(opened))[1:]:
+            is_run = first[:1].isdigit()
+            values = tuple(float(cell or "nan") for cell in (first, *others))
+            found.setdefault(scenario, {})[method] = values if is_run else first
+    return found
 
 
-def rows_of(page: str, scenario: str, only: Sequence[str]) -> dict[str, tuple[float, ...] | str]:
-    """Return the metrics of all methods on a scenario: measured, or from the page."""
-    found = measured(scenario, only)
-    return {name: found[name] if name in only else row_of(page, scenario, name) for name in METHODS}
+def summary(found: dict[str, dict[str, tuple[float, ...] | str]]) -> Iterator[str]:
+    """Yield the table of all methods: largest error and peak rate of each situation."""
+    yield f"| method | {' | '.join(SITUATIONS[scenario] for scenario in found)} |"
+    yield f"|---|{'---:|' * len(found)}"
+    for name in METHODS:
+        each = [found[scenario][name] for scenario in found]
+        cells = [row if isinstance(row, str) else f"{shown(error_of(row))}; {shown(row[0])}" for row in each]
+        yield f"| {name} | {' | '.join(cells)} |"
 
 
-def blocks(page: str, only: Sequence[str]) -> dict[str, str]:
-    """Return the texts between the marks of the page, by their names."""
-    rows = {scenario: rows_of(page, scenario, only) for scenario in SITUATIONS}
-    decided = [
-        "| situation | least error | slowest joints | smoothest |", "|---|---|---|---|",
-        *(decision(scenario, found) for scenario, found in rows.items()),
-    ]  # fmt: skip
+def with_tables(page: str) -> str:
+    """Return a page with the tables between its marks replaced."""
+    found = rows()
+    decided = ["| situation | least error | slowest joints | smoothest |", "|---|---|---|---|"]
+    decided += [decision(scenario, each) for scenario, each in found.items()]
     named = ["| method | `--set` |", "|---|---|"]
     named += [f"| {name} | {' '.join(f'`{one}`' for one in sets)} |" for name, sets in METHODS.items()]
-    tables = [line for scenario, found in rows.items() for line in table(scenario, found)]
-    parts = {"decision": decided, "methods": named, "tables": tables}
-    return {name: "\n".join(lines).strip() for name, lines in parts.items()}
-
-
-def with_blocks(page: str, found: dict[str, str]) -> str:
-    """Return a page with the texts between its marks replaced."""
-    for name, block in found.items():
-        mark = f"<!-- {name} -->\n"
+    for name, lines in {"decision": decided, "methods": named, "tables": summary(found)}.items():
+        mark, block = f"<!-- {name} -->\n", "\n".join(lines)
         page = re.sub(f"(?s){mark}.*?{mark}", lambda _, m=mark, b=block: f"{m}\n{b}\n\n{m}", page)
     return page
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Print or write; return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
-    parser.add_argument("--write", action="store_true", help="write the tables into the page")
-    parser.add_argument("--only", nargs="+", choices=METHODS, default=list(METHODS), metavar="METHOD")
-    given, page = parser.parse_args(arguments), PAGE.read_text("utf-8")
-    found = blocks(page, given.only)
-    if given.write:
-        PAGE.write_text(with_blocks(page, found), "utf-8")
-    else:
-        print("\n\n".join(found.values()))
+def main() -> int:
+    """Measure and write the file, or write the page alone; return the exit code."""
+    if "--page" not in sys.argv[1:]:
+        with FILE.open("w", encoding="utf-8", newline="") as opened:
+            lines = csv.writer(opened, lineterminator="\n")
+            lines.writerow(("scenario", "method", *COLUMNS))
+            for scenario in SITUATIONS:
+                for name, row in measured(scenario, list(METHODS)).items():
+                    lines.writerow((scenario, name, *([row] if isinstance(row, str) else map(shown, row))))
+    PAGE.write_text(with_tables(PAGE.read_text("utf-8")), "utf-8")
     return 0
 
 
