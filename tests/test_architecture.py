@@ -54,7 +54,7 @@ OWNERS = {
             "rmrc.show.figures",
             "rmrc.show.compare_figure",
             "rmrc.show.page",
-            "rmrc.show.panels",
+            "rmrc.show.axes",
             "rmrc.show.plot",
             "rmrc.show.run_figure",
             "rmrc.show.textbook_figures",

@@ -13,7 +13,7 @@ from scipy.linalg import null_space
 from project import ROOT, mostly_long, undrawn
 from rmrc.results.run import Run, read_runs
 from rmrc.scenario import load
-from rmrc.show.panels import GRAY, NAMES, OVER_TIME, SPANS, thinned
+from rmrc.show.axes import GRAY, NAMES, OVER_TIME, SPANS, thinned
 from rmrc.show.plot import plot
 from rmrc.simulation.prepare import prepare
 from rmrc.study.pictures import plot as plot_any

@@ -76,7 +76,7 @@ def plot(
     size = inches(width)
     with interruption("interrupted; nothing was written"):
         from rmrc.results.leaving import refuse_unwritable
-        from rmrc.show.panels import NAMES
+        from rmrc.show.axes import NAMES
         from rmrc.study import pictures
 
         names = _chosen(panels, pictures.PANELS if run.suffix == ".parquet" else NAMES)

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rmrc.results.run import Run
-from rmrc.show.figures import DASHES, plain
-from rmrc.show.panels import (
+from rmrc.show.axes import (
     APART,
     DOTTED,
     GRAY,
@@ -36,6 +35,7 @@ from rmrc.show.panels import (
     thinned,
     torque_unit,
 )  # fmt: skip
+from rmrc.show.figures import DASHES, plain
 
 Runs = Mapping[str, Run]
 

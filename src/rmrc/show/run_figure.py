@@ -10,9 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rmrc.results.run import Run
-from rmrc.show.figures import DASHES, plain
-from rmrc.show.palette import GREEN, MAGENTA
-from rmrc.show.panels import (
+from rmrc.show.axes import (
     APART,
     CLIPPED,
     DOTTED,
@@ -44,6 +42,8 @@ from rmrc.show.panels import (
     thinned,
     torque_unit,
 )  # fmt: skip
+from rmrc.show.figures import DASHES, plain
+from rmrc.show.palette import GREEN, MAGENTA
 from rmrc.show.shadows import shadows
 
 # The rates of the plain inverse are drawn if they exceed this multiple of the peak; below it, the curves

@@ -10,8 +10,8 @@ from rmrc.results.run import Run, read_runs
 from rmrc.scenario import loads
 from rmrc.scenario.wording import block
 from rmrc.show import tables, traces
+from rmrc.show.axes import NAMES, applies
 from rmrc.show.page import Page
-from rmrc.show.panels import NAMES, applies
 from rmrc.show.plot import plot
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.support.errors import QuestionError, ScenarioError

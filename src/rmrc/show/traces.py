@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
-from rmrc.show.figures import DASHES
-from rmrc.show.palette import GOLD, GREEN, INDIGO, MAGENTA, SLATE, WHITE, distinct, mix, of_status
-from rmrc.show.panels import (
+from rmrc.show.axes import (
     APART,
     CLIPPED,
     FAR,
@@ -31,6 +29,8 @@ from rmrc.show.panels import (
     statuses,
     torque_unit,
 )
+from rmrc.show.figures import DASHES
+from rmrc.show.palette import GOLD, GREEN, INDIGO, MAGENTA, SLATE, WHITE, distinct, mix, of_status
 
 # Largest number of values of a panel. In a longer run, each span of time keeps the least and the largest
 # value.

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from rmrc.results.run import Run, read_runs
 from rmrc.scenario import Source, Variant, block, draft_of, grid, loads
+from rmrc.show.axes import paints
 from rmrc.show.figures import COLUMN, Picture, plain, save
 from rmrc.show.page import Page
-from rmrc.show.panels import paints
 from rmrc.show.plot import plot as plot_runs
 from rmrc.show.run_page import versions
 from rmrc.show.sheets import Sheet, number

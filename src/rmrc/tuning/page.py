@@ -8,9 +8,9 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from rmrc.show import run_page
+from rmrc.show.axes import paints
 from rmrc.show.figures import MARKERS, entitle, explain, lettering, plain, sheet
 from rmrc.show.page import Page
-from rmrc.show.panels import paints
 from rmrc.show.run_page import versions
 from rmrc.study.dataset import Table, about_of, read_table
 from rmrc.study.pictures import sweep_page
