@@ -95,6 +95,7 @@ def test_a_baseline_is_beside_the_run_in_rates_and_errors(compared):
     (curve,) = [curve for curve in panel_of(both, "error").curves if curve.role == "baseline"]
     off = 1e3 * np.linalg.norm(other["pose_error"][:, :2], axis=1)
     np.testing.assert_allclose(curve.values, off, rtol=1e-12)
+    assert panel_of(both, "error").beyond == [f"baseline: max {off.max():.4g} mm ↑"]  # an error has no peak
     assert panel_of(both, "rates").range[1] <= BESIDE * panel_of(run, "rates").range[1]
     assert "baseline" not in {curve.role for panel in panels(run) for curve in panel.curves}
 

@@ -60,7 +60,7 @@ def test_what_is_drawn_are_the_columns_and_no_peak_is_lost(left):
     run = left[1]
     rates, sigma = (panel_of(run, name) for name in ("rates", "sigma"))
     for j, name in enumerate(run.joints):
-        for label, column in ((name, "qdot"), (f"{name}, commanded", "qdot_cmd")):
+        for label, column in ((name, "qdot"), (f"{name}, cmd", "qdot_cmd")):
             drawn = curve(rates, label)
             assert len(drawn) <= 2 * SPANS + 10
             assert (drawn[:, 1].min(), drawn[:, 1].max()) == (

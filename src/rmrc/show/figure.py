@@ -33,7 +33,7 @@ SPANS = 1500
 # Width and dashes of the curves of a role; measured ones have dashes by their number.
 LOOKS: Mapping[Role, tuple[float, tuple[float, ...] | None]] = {
     "measured": (1.4, None), "commanded": (0.5, (1, 0)), "plain": (0.9, (2, 1.2)),
-    "baseline": (0.7, (4, 2)), "second": (0.9, (1, 1)),
+    "baseline": (0.7, (4, 2)),
 }  # fmt: skip
 # Heights of a panel over time, of a lane, and of the filter; room for the numbers beside and below a panel,
 # and between panels; in sizes of letters.
@@ -172,7 +172,7 @@ def draw(axes: Axes, panel: Panel, room: float) -> int:
             zorder=1.8 if curve.role in ("plain", "baseline") else 2.0,
         )  # fmt: skip
         if curve.role == "commanded":
-            entries.setdefault("commanded", Line2D([], [], color=css(SLATE), linewidth=width))
+            entries.setdefault("cmd", Line2D([], [], color=css(SLATE), linewidth=width))
         elif curve.role in ("plain", "baseline") and not curve.run:  # without its joint
             entries[curve.name.partition(",")[0]] = line
         else:

@@ -33,7 +33,6 @@ ROOM = 60_000
 # Width of the curves of a role [px], and their dashes; measured ones have dashes by their number.
 LOOKS: Mapping[Role, tuple[float, tuple[float, ...] | None]] = {
     "measured": (1.6, None), "commanded": (0.8, ()), "plain": (1.0, (4, 3)), "baseline": (1.0, (8, 4)),
-    "second": (1.0, (2, 2)),
 }  # fmt: skip
 
 

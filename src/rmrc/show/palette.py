@@ -2,7 +2,7 @@
 
 Each has a contrast of at least 3 against white and against the viewer's dark background. Any two that share a
 panel differ by a ΔE of at least 20 (CIE 1976), also for deuteranopes and protanopes; those of the first six
-joints by 35, and by 25 for these. Joints have no green, magenta, bright red or turquoise: these are for
+joints by 35, and by 23 for these. Joints have no green, magenta, bright red or turquoise: these are for
 σ_min, λ, serious statuses, and active ones.
 """
 
@@ -10,7 +10,7 @@ from rmrc.scenario.choices import Status
 
 # Colors of joints, in the order of the chain, and of variants.
 HUES = (
-    0x2F7FE8FF, 0xE06C00FF, 0x692DFFFF, 0xB88050FF, 0xA04458FF, 0x7A5890FF, 0x5898D8FF, 0xA84000FF,
+    0x2F7FE8FF, 0xE06C00FF, 0x692DFFFF, 0x98945CFF, 0xA04458FF, 0x7A5890FF, 0x5898D8FF, 0xA84000FF,
 )  # fmt: skip
 BLACK, WHITE = 0x000000FF, 0xFFFFFFFF
 # Limits and bounds; the smallest singular value, and the others; λ; the tip and its error.

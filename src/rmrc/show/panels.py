@@ -37,7 +37,7 @@ FLOOR = 1e-6
 # A path that is no longer than this is a point [m].
 POINT = 1e-6
 
-Role = Literal["measured", "commanded", "plain", "baseline", "second"]
+Role = Literal["measured", "commanded", "plain", "baseline"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class Curve:
     @property
     def label(self) -> str:
         """Its name among all curves of a panel."""
-        return f"{self.name}, {self.role}" if self.role in ("commanded", "second") else self.name
+        return f"{self.name}, cmd" if self.role == "commanded" else self.name
 
 
 class Level(NamedTuple):
@@ -198,7 +198,7 @@ def _of_runs(runs: Runs, names: Sequence[str]) -> Iterator[Panel]:
     limits = {limit for run in runs.values() for limit in run.rate_limit}
     level = [Level(limits.pop(), "limit", GRAY)] if len(limits) == 1 and math.inf not in limits else []
     unit = units(first, "rad/s", "m/s")
-    yield _sized("rates", "Largest commanded rate of a joint", unit, _each(runs, "qdot_cmd"), level)
+    yield _sized("rates", "Largest rate qdot_cmd of a joint", unit, _each(runs, "qdot_cmd"), level)
     yield _sigma(runs)
     moved, turned = error_rows(first)
     for name, title, unit, rows in (
@@ -377,14 +377,14 @@ def _within(panel: Panel) -> Panel:
     far = sorted({level.value for level in panel.levels if level.value > high})
     unit = "" if panel.unit == "1" else f" {panel.unit}"
     beyond = [f"limit{'s from' * (len(far) > 1)} {grouped(far[0])}{unit} ↑"] if far else []
-    peaks = []
+    most, peaks = "max" if panel.name in ("error", "turn_error") else "peak", []
     for role in ("measured", "commanded", "plain", "baseline"):
         curves = [curve for curve in panel.curves if curve.role == role]
         if _peak(curves) > high:
             curve = max(curves, key=lambda one: _peak([one]))
             size = np.nan_to_num(np.abs(curve.values), nan=0.0, posinf=0.0)
             row = int(size.argmax())
-            text = f"{curve.label}: peak {grouped(float(size[row]))}{unit}"
+            text = f"{curve.label}: {most} {grouped(float(size[row]))}{unit}"
             is_up = bool(curve.values[row] > 0.0)
             peaks.append(Peak(f"{text} {'↑' if is_up else '↓'}", float(curve.time[row]), is_up, curve.color))
     beyond += [peak.text for peak in peaks]
