@@ -7,18 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import rmrc
-from project import ROOT, undrawn
 from rmrc.scenario.choices import Status
 from rmrc.show.panels import BESIDE, CLIP, extremes, lanes, panels, thinned
-
-
-@pytest.fixture(scope="module")
-def compared():
-    """Return the runs of an inverse that blows up, and of a damped one."""
-    with undrawn():
-        methods = {"control.inverse.method": ["inverse", "damped"]}
-        return rmrc.compare(ROOT / "scenarios/blow_up.yaml", methods, record=False)
 
 
 def changed(run, columns=None, **facts):

@@ -9,37 +9,23 @@ import pytest
 from scipy.linalg import null_space
 
 from project import ROOT, mostly_long, undrawn
-from rmrc.results.run import Run, read_runs
+from rmrc.results.run import Run
 from rmrc.scenario import load
+from rmrc.show.asked import ASKED, Asked, sized
 from rmrc.show.figure import NAMES, OVER_TIME, SPANS, plot
+from rmrc.show.figures import save
 from rmrc.show.shadows import skeleton
 from rmrc.simulation.prepare import prepare
 from rmrc.study.pictures import plot as plot_any
-from rmrc.study.run import compare
 from rmrc.study.run import run as run_scenario
 from rmrc.study.sweep import sweep
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import AXES
+from rmrc.tuning.page import front_figure
+from rmrc.tuning.space import METHOD
 from wording import says
 
-
-@pytest.fixture(scope="module")
-def left(tmp_path_factory):
-    """Return the folder with the files of one run, and the run."""
-    folder = tmp_path_factory.mktemp("run")
-    run = run_scenario(ROOT / "scenarios/blow_up.yaml")
-    run.save(folder / "blow_up.npz")
-    return folder, run
-
-
-@pytest.fixture(scope="module")
-def compared(tmp_path_factory):
-    """Return the file that a comparison left, and its runs."""
-    folder = tmp_path_factory.mktemp("compared")
-    methods = {"control.inverse.method": ["inverse", "damped"]}
-    with undrawn():
-        runs = compare(ROOT / "scenarios/blow_up.yaml", methods, out=folder, record=False)
-    return folder / "blow_up.compare.npz", runs
+METHODS = ("damped", "filtered", "inverse", "jparse", "pseudoinverse", "selective", "truncated")
 
 
 def panel_of(runs, name, **options):
@@ -56,8 +42,8 @@ def curve(axes, label):
     return line.get_xydata()
 
 
-def test_what_is_drawn_are_the_columns_and_no_peak_is_lost(left):
-    run = left[1]
+def test_what_is_drawn_are_the_columns_and_no_peak_is_lost(compared):
+    run = compared["inverse"]
     rates, sigma = (panel_of(run, name) for name in ("rates", "sigma"))
     for j, name in enumerate(run.joints):
         for label, column in ((name, "qdot"), (f"{name}, cmd", "qdot_cmd")):
@@ -79,23 +65,24 @@ def test_what_is_drawn_are_the_columns_and_no_peak_is_lost(left):
     assert sum(low <= tick <= high for tick in sigma.get_yticks()) >= 3
 
 
-def test_the_wanted_path_of_a_tip_that_only_turns_is_a_mark(left):
+def test_the_wanted_path_of_a_tip_that_only_turns_is_a_mark(compared):
     """A line through one point alone is not seen."""
-    run = left[1]
-    resting = dataclasses.replace(run, columns={**run.columns, "pose_ref": run["pose_ref"].copy()})
-    resting.columns["pose_ref"][:] = run["pose_ref"][0]
-    for runs, mark in ((run, "None"), (resting, "+"), ({"one": resting, "other": resting}, "+")):
+    run = compared["inverse"]
+    still = dataclasses.replace(
+        run, columns=run.columns | {"pose_ref": np.tile(run["pose_ref"][0], (len(run), 1))}
+    )
+    for runs, name in (
+        (run, "wanted"),
+        (still, "wanted (a point)"),
+        ({"a": still, "b": still}, "wanted (a point)"),
+    ):
         axes = panel_of(runs, "path")
-        names = [text.get_text() for text in axes.get_legend().get_texts()]
-        assert ("wanted (a point)" in names) is (mark == "+")
-        (wanted,) = [
-            line for line in axes.get_lines() if line.get_marker() == mark and line.get_color() != "k"
-        ][:1]
-        assert len(wanted.get_xdata()) == (1 if mark == "+" else len(run))
+        assert name in [text.get_text() for text in axes.get_legend().get_texts()]
+        assert ("+" in [line.get_marker() for line in axes.get_lines()]) is (name != "wanted")
 
 
-def test_every_panel_can_be_drawn_alone_and_all_share_one_time(left):
-    run = left[1]
+def test_every_panel_can_be_drawn_alone_and_all_share_one_time(compared):
+    run = compared["inverse"]
     for name in NAMES:
         alone = [name] if name != "turn_error" else ["error"]  # a planar arm holds no rotation
         assert len(plot(run, panels=alone, width=3.5).get_axes()) == 1
@@ -107,33 +94,27 @@ def test_every_panel_can_be_drawn_alone_and_all_share_one_time(left):
     assert shown == [*[False] * (len(shown) - 1), True]
 
 
-def test_a_comparison_is_kept_bit_for_bit_and_has_a_curve_per_variant(compared):
-    path, runs = compared
-    again = read_runs(path)
-    assert list(again) == list(runs) == ["inverse", "damped"]
-    for label, run in runs.items():
-        for name, column in run.columns.items():
-            np.testing.assert_array_equal(again[label].columns[name], column, strict=True)
+def test_a_comparison_has_a_curve_and_lanes_for_each_variant(left, compared):
     with pytest.raises(QuestionError, match="holds 2 runs"):
-        Run.read(path)
-    rates = panel_of(again, "rates")
-    for label, run in runs.items():
+        Run.read(left / "blow_up.compare.npz")
+    rates = panel_of(compared, "rates")
+    for label, run in compared.items():
         assert curve(rates, label)[:, 1].max() == run.scorecard["joint_rate_cmd.peak"].value
     assert rates.get_yscale() == "log"  # one blows up, and the other is still to be seen
-    names = {text.get_text() for text in panel_of(again, "status").texts}
+    names = {text.get_text() for text in panel_of(compared, "status").texts}
     assert {"inverse: singular", "damped: damped"} <= names
 
 
 @pytest.mark.parametrize("what", mostly_long(["comparison", "run"], 2))
 @pytest.mark.parametrize("width", mostly_long([3.5, 7.16], 2))
 def test_nothing_in_a_figure_covers_anything_else_or_is_cut(compared, width, what):
-    run = compared[1]["damped"]
+    run = compared["damped"]
     long = dataclasses.replace(
         run,
         joints=("a_rather_long_name_of_a_joint", "another_one_that_is_long"),
-        baseline=compared[1]["inverse"],
+        baseline=compared["inverse"],
     )
-    figure = plot({"a_long_label": run, **compared[1]} if what == "comparison" else long, width=width)
+    figure = plot({"a_long_label": run, **compared} if what == "comparison" else long, width=width)
     figure.draw_without_rendering()
     boxes = [axes.get_tightbbox() for axes in figure.get_axes()]
     for i, box in enumerate(boxes):
@@ -144,44 +125,53 @@ def test_nothing_in_a_figure_covers_anything_else_or_is_cut(compared, width, wha
             assert across <= 0 or min(box.y1, other.y1) - max(box.y0, other.y0) <= 1.0  # a pixel
 
 
-@pytest.mark.parametrize(
-    ("width", "inches"), mostly_long([("88mm", 88 / 25.4), ("3.5in", 3.5), ("7.16in", 7.16)], 3)
-)
-def test_a_picture_has_the_width_asked_and_letters_that_can_be_read(rmrc, left, width, inches):
-    folder, _ = left
-    code, out, err = rmrc("plot", str(folder / "blow_up.npz"), "-o", str(folder / "x.svg"), "--width", width)
-    assert (code, out, err) == (0, f"wrote {folder / 'x.svg'}\n", "")
-    text = (folder / "x.svg").read_text("utf-8")
-    size = float(re.search(r'<svg [^>]*?width="([0-9.]+)pt"', text)[1])
-    assert size == pytest.approx(72 * inches, abs=0.01)
-    sizes = {float(size) for size in re.findall(r"font(?:-size)?: ([0-9.]+)px", text)}
-    # They are pt, though written px. Superscripts are smaller by 0.7, as in any mathematics.
-    assert {7.0, 8.0} <= sizes <= {7.0, 8.0, 4.9, 5.6}
+def front():
+    """Return the picture of a search in which all methods do the same."""
+    same = {"peak_rate": 1.9, "feasible": True, "on_front": True, "role": None, "error": 1e-3}
+    points = [same | {METHOD: name} for name in METHODS]
+    return front_figure("x", [points[0] | {"role": "recommended"}, *points[1:]])
 
 
-def test_fonts_are_embedded_as_journals_want_them(left):
-    folder, run = left
-    plot(run, folder / "blow_up.pdf", panels=["sigma"])
-    content = (folder / "blow_up.pdf").read_bytes()
+@pytest.mark.parametrize(("width", "font"), [(3.5, 8.0), (7.16, 9.0)])
+def test_a_picture_has_the_width_asked_and_letters_that_can_be_read(compared, tmp_path, width, font):
+    plot(compared["inverse"], tmp_path / "run.svg", width=width, font=font)
+    with sized(width, font):
+        save(front(), [tmp_path / "front.svg"])
+    assert ASKED.get() == Asked()  # nothing is left of what was asked
+    for path in tmp_path.iterdir():
+        text = path.read_text("utf-8")
+        assert float(re.search(r'<svg [^>]*?width="([0-9.]+)pt"', text)[1]) == pytest.approx(
+            72 * width, abs=0.1
+        )
+        sizes = {float(size) for size in re.findall(r"font(?:-size)?: ([0-9.]+)px", text)}
+        small = max(min(7.0, font), font - 1.0)
+        # They are pt, though written px. Superscripts are smaller by 0.7, as in any mathematics.
+        assert {font} <= sizes <= {font, small, round(0.7 * font, 6), round(0.7 * small, 6)}
+
+
+def test_verbs_take_a_width_and_a_font(rmrc, tmp_path):
+    path = tmp_path / "x.svg"
+    options = ["--picture", str(path), "--font", "8", "--width"]
+    assert rmrc("inspect", "planar_2link", *options, "88mm")[0] == 0
+    width = float(re.search(r'<svg [^>]*?width="([0-9.]+)pt"', path.read_text("utf-8"))[1])
+    assert width == pytest.approx(72 * 88 / 25.4, abs=0.1)
+    code, _, err = rmrc("inspect", "planar_2link", *options, "88")
+    assert (code, err) == (2, says("rmrc: error: --width must be a length such as 3.5in…\n"))
+
+
+def test_methods_that_do_the_same_are_nested_rings():
+    (axes,) = front().get_axes()
+    rings = [line for line in axes.get_lines() if line.get_label() in METHODS]
+    assert [line.get_label() for line in rings] == list(METHODS)
+    sizes = [line.get_markersize() for line in rings]
+    assert sorted(sizes, reverse=True) == sizes and len(set(sizes)) == len(sizes)
+    assert len({(line.get_color(), line.get_marker()) for line in rings}) == len(METHODS)
+
+
+def test_fonts_are_embedded_as_journals_want_them(compared, tmp_path):
+    plot(compared["inverse"], tmp_path / "x.pdf", panels=["sigma"])
+    content = (tmp_path / "x.pdf").read_bytes()
     assert b"/FontFile2" in content and b"/Type3" not in content
-
-
-WRONG = {
-    "another kind": (["{folder}/x.yaml"], "… scenario, …; … `rmrc run {folder}/x.yaml`"),
-    "damaged": (["{folder}/torn.npz"], "… columns of a run, … damaged: …"),
-    "panel": (["{folder}/blow_up.npz", "--panels", "rate"], '--panels: … rate … did you mean "rates"?'),
-    "narrow": (["{folder}/blow_up.npz", "--width", "1mm"], "--width … 2in … 40in, … 1mm…"),
-}
-
-
-@pytest.mark.parametrize("case", WRONG)
-def test_a_mistake_is_one_line(rmrc, left, case):
-    folder, _ = left
-    (folder / "x.yaml").write_text("name: x\n", "utf-8")
-    (folder / "torn.npz").write_bytes((folder / "blow_up.npz").read_bytes()[:5000])
-    arguments, message = WRONG[case]
-    code, out, err = rmrc("plot", *(text.format(folder=folder) for text in arguments))
-    assert (code, out, err) == (2, "", says(f"rmrc: error: … {message.format(folder=folder)}\n"))
 
 
 def ellipses_of(axes):
@@ -190,8 +180,8 @@ def ellipses_of(axes):
     return [patch.get_path().vertices for patch in axes.patches], float(time.removesuffix(" s")), name
 
 
-def test_ellipses_on_the_path_are_those_of_the_jacobian(left):
-    run = left[1]
+def test_ellipses_on_the_path_are_those_of_the_jacobian(compared):
+    run = compared["inverse"]
     outlines, time, name = ellipses_of(panel_of(run, "path"))
     assert len(outlines) >= 3 and name == "velocity ellipse"  # all of it: the task is in the plane
     checked = 0
@@ -274,13 +264,15 @@ def check_skeleton(run, row, data, joints, tip):
             np.testing.assert_allclose(off @ axis, run["q"][row, j], atol=1e-9)
 
 
-def test_a_tip_that_only_turns_has_no_path_unless_it_is_named(left):
+def test_a_tip_that_only_turns_has_no_path_unless_it_is_named(compared):
     run = run_scenario(load(ROOT / "scenarios/three_roll.yaml").set({"control.period": 0.02}))
     assert not any("[m]" in axes.get_ylabel() for axes in plot(run).get_axes())
     figure = plot(run, panels=["path"], width=3.5)
     figure.draw_without_rendering()
     assert figure.get_axes()[0].get_tightbbox().x0 >= 0.0
-    held = dataclasses.replace(left[1], columns={name: each[:1] for name, each in left[1].columns.items()})
+    held = dataclasses.replace(
+        compared["damped"], columns={name: each[:1] for name, each in compared["damped"].columns.items()}
+    )
     assert any("[m]" in axes.get_ylabel() for axes in plot(held).get_axes())  # its ellipse tells
 
 
