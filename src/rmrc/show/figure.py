@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
+from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.ticker import MaxNLocator
 
 from rmrc.results.run import Run
@@ -181,17 +182,15 @@ def draw(axes: Axes, panel: Panel, room: float) -> int:
         line = axes.axhline(level.value, color=css(level.color), linewidth=0.9, linestyle=(0, (1, 1.5)))
         entries.setdefault(level.name.partition(",")[0], line)
     for peak in panel.peaks:
-        axes.plot(
-            peak.time, panel.range[peak.is_up], "^" if peak.is_up else "v", color=css(peak.color),
-            markersize=4.0, clip_on=False, zorder=4.0,
-        )  # fmt: skip
+        end, mark = (panel.range[1], CARETUP) if peak.is_up else (panel.range[0], CARETDOWN)
+        axes.plot(peak.time, end, marker=mark, color=css(peak.color), markersize=5.0, zorder=4.0)
+    axes.set_ylim(panel.range)
     if panel.is_logarithmic:
         axes.set_yscale("log")
         axes.minorticks_off()
     else:
         axes.yaxis.set_major_locator(MaxNLocator(4, min_n_ticks=3, steps=[1, 2, 2.5, 5, 10]))
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:.4g}".replace("-", "−"))
-    axes.set_ylim(panel.range)
     names = entries if len(entries) > 1 else {}  # the title says what a single curve is
     return _explain(axes, [f"{panel.title} [{panel.unit}]", *panel.beyond], names, room)
 
@@ -264,8 +263,9 @@ def _draw_filter(axes: Axes, runs: Runs, room: float) -> int:
         (entries[name],) = axes.plot(*both, ".", color=color, markersize=2.5, label=name)
         drawn.append(both)
     sigma, gain = np.hstack(drawn)
-    axes.set(xscale="log", yscale="log", xlabel="σ [1]")
+    axes.set_xlabel("σ [1]")
     if len(sigma):
+        axes.set(xscale="log", yscale="log")
         ends = np.array([sigma.min(), sigma.max()])
         (entries["1/σ"],) = axes.plot(ends, 1.0 / ends, "--", color=css(GRAY), label="1/σ")
         axes.minorticks_off()
@@ -287,9 +287,10 @@ def _explain(axes: Axes, lines: Sequence[str], entries: Mapping[str, Artist], ro
     letters = room / (LETTER * size)
     words = [part for line in lines for part in wrap(plain(line), max(20, int(letters)))]
     columns = max(1, min(4, int(letters / (max(map(len, entries), default=0) + ENTRY))))
+    names = [wrap(plain(name), max(10, int(letters - ENTRY))) for name in entries]
     axes.legend(
-        [*entries.values()], [plain(name) for name in entries], title="\n".join(words), title_fontsize=size,
+        [*entries.values()], ["\n".join(name) for name in names], title="\n".join(words), title_fontsize=size,
         alignment="left", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False,
         handlelength=2.2, columnspacing=1.2, borderaxespad=0.1, borderpad=0.3, handletextpad=0.5,
     )  # fmt: skip
-    return len(words) + -(-len(entries) // columns)
+    return len(words) + -(-sum(map(len, names)) // columns)

@@ -123,8 +123,7 @@ def _coordinates(values: Sequence[object]) -> list[float] | list[str]:
     """Return the values of a key in all runs: numbers, or a few different words; none for many words."""
     if all(value is None or isinstance(value, int | float) for value in values):
         return [math.nan if value is None else float(value) for value in values]  # type: ignore[arg-type]
-    words = list(map(str, values))
-    return words if len(set(words)) <= MOST_WORDS else []
+    return [*map(str, values)] if len({*map(str, values)}) <= MOST_WORDS else []
 
 
 def sweep_page(swept: Swept) -> Page:
@@ -135,23 +134,15 @@ def sweep_page(swept: Swept) -> Page:
         values = [swept.rows[key][i] for key in swept.varied]
         texts = [number(value) if isinstance(value, float) else str(value) for value in values]
         settings.append((str(i), *texts))
-    drawn = ""
+    sections = [
+        Section("End of the runs", [table(replace(ends, title=""))]),
+        Section("Extremes", [table(extremes)]),
+        Section("Settings of these runs", [table(Sheet("", ("run", *swept.varied), settings))]),
+    ]
     if swept.figures:
-        drawn = picture(
-            sweep_figure(swept, None, width=9.6, font=9.0), "Runs by value, and a dot for each run"
-        )
-    return Page(
-        ends.title,
-        f"{status.count('complete')} of {len(status)} runs completed the path.",
-        [
-            Section("End of the runs", [table(replace(ends, title=""))]),
-            Section("Extremes", [table(extremes)]),
-            Section("Settings of these runs", [table(Sheet("", ("run", *swept.varied), settings))]),
-            Section(
-                "Distributions of the metrics, and the first one over the varied keys", [drawn], is_wide=True
-            ),
-        ],
-    )
+        drawn = picture(sweep_figure(swept, None, width=9.6, font=9.0), "Runs by value, and a dot a run")
+        sections += [Section("Distributions, and the first metric over the varied keys", [drawn])]
+    return Page(ends.title, f"{status.count('complete')} of {len(status)} runs completed the path.", sections)
 
 
 def render(
