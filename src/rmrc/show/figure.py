@@ -16,10 +16,10 @@ from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.ticker import MaxNLocator
 
 from rmrc.results.run import Run
-from rmrc.show.figures import DASHES, Picture, plain, save
+from rmrc.show.figures import Picture, plain, save
 from rmrc.show.palette import GRAY, GREEN, SLATE, css, distinct
+from rmrc.show.panels import DASHES, LOOKS, Lane, Panel, Runs, decades, is_point, lanes, thinned
 from rmrc.show.panels import NAMES as QUANTITIES
-from rmrc.show.panels import Lane, Panel, Role, Runs, decades, is_point, lanes, thinned
 from rmrc.show.panels import panels as panels_over_time
 from rmrc.show.shadows import closest, shadows, skeleton
 from rmrc.support.errors import QuestionError
@@ -31,11 +31,6 @@ OVER_TIME = frozenset(QUANTITIES) | {"status"}
 WIDE, SHARES = 5.0, (0.4, 0.6)
 # Number of spans of time of a long curve. Each keeps its least and its largest value, so that peaks stay.
 SPANS = 1500
-# Width and dashes of the curves of a role; measured ones have dashes by their number.
-LOOKS: Mapping[Role, tuple[float, tuple[float, ...] | None]] = {
-    "measured": (1.4, None), "commanded": (0.5, (1, 0)), "plain": (0.9, (2, 1.2)),
-    "baseline": (0.7, (4, 2)),
-}  # fmt: skip
 # Heights of a panel over time, of a lane, and of the filter; room for the numbers beside and below a panel,
 # and between panels; in sizes of letters.
 TALL, LANE, FILTER, SIDE, BELOW, GAP = 9.0, 2.2, 14.0, 6.0, 3.5, 1.0
@@ -166,10 +161,10 @@ def draw(axes: Axes, panel: Panel, room: float) -> int:
     """
     entries = dict[str, Artist]()
     for curve in sorted(panel.curves, key=lambda curve: curve.role in ("plain", "baseline")):
-        width, dashes = LOOKS[curve.role]
+        width, _ = LOOKS[curve.role]
         (line,) = axes.plot(
             *thinned(curve.time, curve.values, SPANS), color=css(curve.color), linewidth=width,
-            linestyle=(0, dashes or DASHES[curve.number % len(DASHES)]), label=curve.label,
+            linestyle=(0, curve.dashes), label=curve.label,
             zorder=1.8 if curve.role in ("plain", "baseline") else 2.0,
         )  # fmt: skip
         if curve.role == "commanded":

@@ -13,10 +13,7 @@ from matplotlib.figure import Figure
 from rmrc.show.asked import ASKED
 from rmrc.support.files import written_whole
 
-# Without colors, these distinguish neighbors; each of a dozen curves has its own pair.
-DASHES = (
-    (1, 0), (5, 2), (2, 1), (6, 1.5, 1.5, 1.5), (9, 3), (3, 1, 1, 1, 1, 1), (1, 1), (6, 1, 2, 1, 2, 1),
-)  # fmt: skip
+# Without colors, these distinguish neighbors.
 MARKERS = "osD^vP*X"
 # Resolution of a PNG [1/in].
 DPI = 150

@@ -7,7 +7,7 @@ pictures, plots with a cursor, and texts to copy.
 import base64
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
@@ -18,9 +18,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rmrc.results.run import Run
-from rmrc.show.figures import DASHES, as_svg
+from rmrc.show.figures import as_svg
 from rmrc.show.palette import css
-from rmrc.show.panels import Array, Curve, Lane, Panel, Role, Runs, extremes, lanes, panels
+from rmrc.show.panels import LOOKS, Array, Curve, Lane, Panel, Runs, extremes, lanes, panels
 from rmrc.show.sheets import Sheet
 from rmrc.support.files import written_whole
 from rmrc.support.legible import visible
@@ -30,10 +30,6 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-s
 ICON = "data:image/svg+xml,%3Csvg xmlns=%22http://www.w3.org/2000/svg%22/%3E"
 # Largest number of values of a plot. In a longer run, each span of time keeps the least and the largest one.
 ROOM = 60_000
-# Width of the curves of a role [px], and their dashes; measured ones have dashes by their number.
-LOOKS: Mapping[Role, tuple[float, tuple[float, ...] | None]] = {
-    "measured": (1.6, None), "commanded": (0.8, ()), "plain": (1.0, (4, 3)), "baseline": (1.0, (8, 4)),
-}  # fmt: skip
 
 
 class Section(NamedTuple):
@@ -183,10 +179,9 @@ def _plotted(panel: Panel) -> dict[str, Any]:
 
 
 def _look(curve: Curve) -> dict[str, Any]:
-    width, dashes = LOOKS[curve.role]
-    if dashes is None:
-        dashes = tuple(2.0 * part for part in DASHES[curve.number % len(DASHES)]) if curve.number else ()
-    return {"label": curve.label, "width": width, "dash": dashes, "color": css(curve.color)}
+    """Return label, color, width and dashes [px] of a curve."""
+    width, dashes = 1.25 * LOOKS[curve.role][0], [2.0 * part for part in curve.dashes]
+    return {"label": curve.label, "color": css(curve.color), "width": width, "dash": dashes}
 
 
 def _lane(lane: Lane) -> dict[str, Any]:
@@ -206,7 +201,8 @@ def _cells(cells: Sequence[str], sheet: Sheet, is_head: bool) -> str:
         style = {"ok": ["ok"], "MISSED": ["missed"]}.get(cell, []) + ["word"] * (i in sheet.left)
         scope = "col" if is_head else "row" if i == 0 else ""
         tag, more = ("th", f' scope="{scope}"') if scope and cell.strip() else ("td", "")
-        row.append(f'<{tag}{more} class="{" ".join(style)}">{_text(cell)}</{tag}>')
+        more += f' class="{" ".join(style)}"' if style else ""
+        row.append(f"<{tag}{more}>{_text(cell)}</{tag}>")
     return "".join(row)
 
 

@@ -37,7 +37,16 @@ FLOOR = 1e-6
 # A path that is no longer than this is a point [m].
 POINT = 1e-6
 
+# Without colors, these distinguish neighbors: lengths of dashes and gaps, in widths of a line.
+DASHES: tuple[tuple[float, ...], ...] = (
+    (), (5, 2), (2, 1), (6, 1.5, 1.5, 1.5), (9, 3), (3, 1, 1, 1, 1, 1), (1, 1), (6, 1, 2, 1, 2, 1),
+)  # fmt: skip
+
 Role = Literal["measured", "commanded", "plain", "baseline"]
+# Width [pt] and dashes of the curves of a role; those of measured ones go by their number.
+LOOKS: Mapping[Role, tuple[float, tuple[float, ...]]] = {
+    "measured": (1.4, ()), "commanded": (0.5, ()), "plain": (0.9, (2, 1.2)), "baseline": (0.7, (4, 2)),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +77,11 @@ class Curve:
     def label(self) -> str:
         """Its name among all curves of a panel."""
         return f"{self.name}, cmd" if self.role == "commanded" else self.name
+
+    @property
+    def dashes(self) -> tuple[float, ...]:
+        """Lengths of its dashes and gaps, in widths of its line; none: it is solid."""
+        return DASHES[self.number % len(DASHES)] if self.role == "measured" else LOOKS[self.role][1]
 
 
 class Level(NamedTuple):
