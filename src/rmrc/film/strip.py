@@ -11,7 +11,8 @@ from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
 from rmrc.results.run import Run
-from rmrc.show.run_figure import draw_rates
+from rmrc.show.figure import draw
+from rmrc.show.panels import panels
 
 DPI = 100.0
 # Size of the letters [pt]: 11 pixels, legible on a screen.
@@ -43,7 +44,7 @@ class Strip:
             figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
             self._canvas = FigureCanvasAgg(figure)
             self.axes: Axes = figure.add_subplot()
-            draw_rates(self.axes, run)
+            draw(self.axes, panels(run, ["rates"])[0], room=54.0 * width / DPI)
             self.axes.set_xlim(0.0, end)
             self.axes.set_xlabel("time [s]", labelpad=1.0)
         self._picture: NDArray[np.uint8] | None = None

@@ -1,206 +1,426 @@
-"""The parts of plots of runs: panels and their arrangement, curves, axes, legends."""
+"""What a run shows: panels of curves over time, with units, limits, axes, and the peaks beyond them.
+
+The viewer, the figures, the page and the films draw these panels, so that a curve has the same color, axis
+and words everywhere. A run alone is shown joint by joint, and runs side by side by their largest values.
+"""
 
 import math
-import re
-from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.font_manager import FontProperties
-from matplotlib.textpath import text_to_path
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
-from rmrc.show.figures import Picture
-from rmrc.show.palette import BLACK, distinct, mix
+from rmrc.show.palette import GOLD, GRAY, GREEN, INDIGO, MAGENTA, SLATE, distinct, of_status
 from rmrc.support.spatial import AXES
 
 Array = NDArray[np.float64]
+Runs = Mapping[str, Run]
 
-# Panels in their order from the top.
-NAMES = ("path", "rates", "sigma", "error", "torque", "pace", "status", "g")
-# Panels over time; the others have another axis.
-OVER_TIME = frozenset(NAMES) - {"path", "g"}
-# A figure of at least this width has the path beside the plots over time, a narrower one above them [in].
-WIDE = 5.0
-# Number of spans of time of a long curve. Each keeps its least and its largest value, so that peaks stay.
-SPANS = 1500
-# Heights of a panel over time, of a lane of the status, of the path, of the filter, in sizes of letters.
-TALL, LANE, PATH, FILTER = 10.0, 1.6, 17.0, 15.0
-# Room for numbers and the name of the vertical axis, for half a number at the right, between panels, and for
-# numbers and the name of the horizontal axis, in sizes of letters.
-SIDE, RIGHT, GAP, BELOW = 6.8, 1.6, 0.8, 3.6
-# A line of a legend, in sizes of its letters.
-ENTRY = 1.7
-# Lengths in a legend: of a handle and between columns, as parts of the size of letters.
-HANDLE, SPACE = 2.2, 1.2
-# Rates are drawn up to this multiple of their limits; the value of a peak beyond is written.
-CLIPPED = 1.6
-# Limits are drawn up to this multiple of the peak: farther away they would flatten the curves.
-FAR = 3.0
-# Where one curve has a peak this many times that of another, a logarithmic scale keeps the other visible.
-APART = 30.0
-# A path that is no longer than this is a point, and is drawn in a plot of this size [m].
-POINT, SMALLEST = 1e-6, 0.01
-GRAY = "0.45"
-DOTTED = (0, (1, 1.5))
-# Characters of a formula that take no width, and digits above a line.
-_MARKS = str.maketrans("", "", "${}^_")
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# Panels over time, in their order from the top. `joints` is drawn only where it is named.
+NAMES = ("rates", "sigma", "error", "turn_error", "torque", "pace", "belief", "joints")
+# A curve of the run may leave its panel where it exceeds its limit by this factor. Curves beside it, of the
+# plain inverse and of the baseline, may lengthen the axis by the second factor.
+CLIP, BESIDE = 3.0, 1.35
+# The plain inverse is drawn where its peak exceeds that of the run by this factor: otherwise they coincide.
+MORE = 1.05
+# Runs side by side have a logarithmic axis where their peaks differ by this factor; it has so many decades.
+# Without a limit, a curve leaves its panel where it exceeds its usual size by as much.
+APART, DECADES = 30.0, 6
+# The share of the values that the usual size bounds.
+USUAL = 0.9
+# A smaller singular value is drawn as this one.
+FLOOR = 1e-6
+# A path that is no longer than this is a point [m].
+POINT = 1e-6
+
+# Without colors, these distinguish neighbors: lengths of dashes and gaps, in widths of a line.
+DASHES: tuple[tuple[float, ...], ...] = (
+    (), (5, 2), (2, 1), (6, 1.5, 1.5, 1.5), (9, 3), (3, 1, 1, 1, 1, 1), (1, 1), (6, 1, 2, 1, 2, 1),
+)  # fmt: skip
+
+Role = Literal["measured", "commanded", "plain", "baseline"]
+# Width [pt] and dashes of the curves of a role; those of measured ones go by their number.
+LOOKS: Mapping[Role, tuple[float, tuple[float, ...]]] = {
+    "measured": (1.4, ()), "commanded": (0.5, ()), "plain": (0.9, (2, 1.2)), "baseline": (0.7, (4, 2)),
+}  # fmt: skip
 
 
-class Panel(NamedTuple):
-    """A part of a figure.
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A curve over time.
 
     Attributes:
-        name: One of NAMES.
-        draw: Draws it, and returns the number of lines of its legend.
-        lanes: Names of the lanes of a panel that has some.
+        name: What it is: a joint, a run, or a quantity.
+        time: (T,) [s].
+        values: (T,), in the unit of the panel; NaN: a gap.
+        color: 0xRRGGBBAA.
+        number: Number of the joint or run, for dashes that distinguish curves without color.
+        role: How it is drawn: `measured` bold, `commanded` thin, and the others thin and dashed.
+        run: Label of its run among several.
+        source: Column of the run and number within it, if the values are those of the column.
     """
 
     name: str
-    draw: Callable[[Axes], int]
-    lanes: Sequence[str] = ()
+    time: Array
+    values: Array
+    color: int
+    number: int = 0
+    role: Role = "measured"
+    run: str = ""
+    source: tuple[str, int] | None = None
 
     @property
-    def height(self) -> float:
-        """Height of its frame, in sizes of letters."""
-        heights = {"path": PATH, "g": FILTER, "status": 0.6 + LANE * len(self.lanes)}
-        return heights.get(self.name, TALL)
+    def label(self) -> str:
+        """Its name among all curves of a panel."""
+        return f"{self.name}, cmd" if self.role == "commanded" else self.name
+
+    @property
+    def dashes(self) -> tuple[float, ...]:
+        """Lengths of its dashes and gaps, in widths of its line; none: it is solid."""
+        return DASHES[self.number % len(DASHES)] if self.role == "measured" else LOOKS[self.role][1]
 
 
-def arranged(panels: Sequence[Panel], end: float, width: float) -> Picture:
-    """Return a figure of panels: those over time below each other, the others beside or above them.
+class Level(NamedTuple):
+    """A constant line.
 
-    The layout needs no drawing: sizes follow from those of letters, so that frames are aligned and a legend
-    of many lines takes no room from a frame.
+    Attributes:
+        value: Where it is, in the unit of the panel.
+        name: Its name.
+        color: 0xRRGGBBAA.
+    """
+
+    value: float
+    name: str
+    color: int
+
+
+class Peak(NamedTuple):
+    """A value beyond the axis.
+
+    Attributes:
+        text: It in words, with its unit.
+        time: When [s].
+        is_up: Whether it is above the axis.
+        color: 0xRRGGBBAA.
+    """
+
+    text: str
+    time: float
+    is_up: bool
+    color: int
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Curves over the same time.
+
+    Attributes:
+        name: One of `NAMES`.
+        title: Its quantity, without unit.
+        unit: Unit of its axis.
+        curves: In the order in which they are drawn.
+        range: Ends of its axis.
+        levels: Limits within the axis.
+        beyond: Limits and peaks beyond the axis, in words.
+        peaks: Where the curves have the peaks beyond the axis.
+        is_logarithmic: Whether its axis is.
+    """
+
+    name: str
+    title: str
+    unit: str
+    curves: Sequence[Curve]
+    range: tuple[float, float]
+    levels: Sequence[Level] = ()
+    beyond: Sequence[str] = ()
+    peaks: Sequence[Peak] = ()
+    is_logarithmic: bool = False
+
+
+class Lane(NamedTuple):
+    """The times at which a run has a status.
+
+    Attributes:
+        name: Status in words, after the label of the run among several.
+        color: 0xRRGGBBAA.
+        spans: Begin and end of each [s].
+    """
+
+    name: str
+    color: int
+    spans: Sequence[tuple[float, float]]
+
+
+def panels(runs: Run | Runs, names: Sequence[str] = ()) -> list[Panel]:
+    """Return the panels of a run, or of runs side by side.
 
     Args:
-        panels: One at least.
-        end: End of the time axis, which begins at 0 [s].
-        width: Width of the figure [in].
+        runs: A run, or runs by label; each has one tick at least.
+        names: Those to return, in this order, if the runs have such a quantity; none: all that have data,
+            but `joints`.
     """
-    timed, others = (
-        [one for one in panels if (one.name in OVER_TIME) is is_timed] for is_timed in (True, False)
-    )
-    is_wide = width >= WIDE and bool(timed and others)
-    columns = [(0.4, others), (0.6, timed)] if is_wide else [(1.0, [*others, *timed])]
-    # Frames are placed here: a layout that a user has chosen for all figures would move them.
-    picture = Picture(figsize=(width, width))
-    picture.set_layout_engine("none")
-    size, x, placed = mpl.rcParams["font.size"], 0.0, []
-    entry = ENTRY * FontProperties(size=mpl.rcParams["legend.fontsize"]).get_size_in_points()
-    for share, members in columns:
-        lanes = max((_width(name, size) for one in members for name in one.lanes), default=0.0)
-        side = max(SIDE * size, lanes + 1.4 * size)
-        free = 72.0 * share * width - side - RIGHT * size
-        column, top = [], GAP * size
-        for panel in members:
-            axes = picture.add_axes((x + side / (72.0 * width), 0.0, free / (72.0 * width), 0.1))
-            top += entry * panel.draw(axes)
-            is_last = panel.name not in OVER_TIME or panel is timed[-1]
-            if panel.name in OVER_TIME:
-                axes.set_xlim(0.0, end)
-                axes.tick_params(labelbottom=is_last)
-                axes.set_xlabel("time [s]" if is_last else "")
-            if panel.name != "path":  # its frame has the width that its scale needs
-                _name_side(axes, panel.height * size, -(SIDE - 0.9) * size / free, size)
-            column.append((axes, top, panel.height * size))
-            top += panel.height * size + (BELOW if is_last else GAP) * size
-        placed.append((column, top))
-        x += share
-    high = max(top for _, top in placed)
-    picture.set_size_inches(width, high / 72.0)
-    for column, top in placed:
-        grows = [height if axes.get_aspect() == "auto" else 0.0 for axes, _, height in column]
-        more, grown = (high - top) / max(sum(grows), size), 0.0  # of the frames of a short column
-        for (axes, above, height), its in zip(column, grows, strict=True):
-            left, _, across, _ = axes.get_position(original=True).bounds
-            grown += more * its
-            axes.set_position(
-                (left, 1.0 - (above + height + grown) / high, across, (height + more * its) / high)
-            )
-    return picture
-
-
-def _name_side(axes: Axes, height: float, place: float, size: float) -> None:
-    """Align the name of the vertical axis with the others of a column, in two lines if it is too long.
-
-    Args:
-        axes: The panel.
-        height: Height of its frame [pt].
-        place: Center of the name, in widths of the frame.
-        size: Size of the letters [pt].
-    """
-    name = axes.get_ylabel()
-    if _width(name, size) > height:
-        axes.set_ylabel(name.replace(" [", "\n[", 1))
-    axes.yaxis.set_label_coords(place, 0.5)
-    axes.yaxis.label.set_verticalalignment("center")
-
-
-def path_plane(positions: Sequence[Array]) -> tuple[int, int, Array, Array]:
-    """Return the two world axes of the largest extents, and the ends of the plot along each, (3,) [m].
-
-    A straight path, and a tip that only turns, also need a plane.
-
-    Args:
-        positions: Positions of all curves, (T, 3) each [m].
-    """
-    both = np.vstack(positions)
-    extent = np.ptp(both, axis=0)
-    first, second = sorted(np.argsort(-extent, kind="stable")[:2])
-    longest = float(extent.max()) if extent.max() > POINT else SMALLEST
-    middle = (both.max(axis=0) + both.min(axis=0)) / 2
-    room = 0.55 * np.maximum(extent, 0.8 * longest)
-    return int(first), int(second), middle - room, middle + room
-
-
-def frame_path(axes: Axes, positions: Sequence[Array]) -> tuple[int, int]:
-    """Frame a path in its plane, with equal scales; return the two axes."""
-    first, second, low, high = path_plane(positions)
-    axes.set_xlim(low[first], high[first])
-    axes.set_ylim(low[second], high[second])
-    axes.set_aspect("equal", adjustable="box", anchor="NW")
-    axes.xaxis.set_major_locator(MaxNLocator(4, min_n_ticks=3))
-    axes.set_xlabel(f"${'xyz'[first]}$ [m]")
-    axes.set_ylabel(f"${'xyz'[second]}$ [m]")
-    return first, second
-
-
-def draw_wanted(axes: Axes, wanted: Array, first: int, second: int) -> None:
-    """Draw the wanted path, (T, 3), on two world axes; that of a tip that only turns is a point."""
-    if is_point(wanted):
-        axes.plot(*wanted[0, [first, second]], "+", color="black", markersize=9, label="wanted (a point)")
+    some = {"": runs} if isinstance(runs, Run) else dict(runs)
+    if len(some) == 1:
+        (run,) = some.values()
+        found = {panel.name: panel for panel in _of_run(run, names)}
     else:
-        axes.plot(wanted[:, first], wanted[:, second], "--", color=GRAY, linewidth=1.4, label="wanted")
+        found = {panel.name: panel for panel in _of_runs(some, names)}
+    return [found[name] for name in names or NAMES if name in found]
 
 
-def is_point(path: Array) -> bool:
-    """Return whether positions (T, 3) are all the same [m]."""
-    return bool(np.ptp(path, axis=0).max() <= POINT)
+def lanes(runs: Run | Runs) -> list[Lane]:
+    """Return the statuses of a run, or of runs side by side, in their order."""
+    some = {"": runs} if isinstance(runs, Run) else runs
+    colors = distinct(len(some))
+    found = []
+    for i, (label, run) in enumerate(some.items()):
+        for flag in statuses(run):
+            name = f"{label}: {in_words(flag)}" if len(some) > 1 else in_words(flag)
+            color = colors[i] if len(some) > 1 else of_status(int(flag))
+            found.append(Lane(name, color, _spans(run, flag)))
+    return found
 
 
-def draw_spans(axes: Axes, run: Run, flag: Status, lane: float, color: str) -> None:
-    """Draw the times of a status, outlined, so that a status of a single tick is visible."""
-    holds = (run["status"].astype(np.int64) & int(flag)) != 0
-    edges, time = np.flatnonzero(np.diff(np.concatenate([[0], holds, [0]]).astype(int))), run["time"]
-    spans = [
-        (time[begin], max(time[end - 1] - time[begin], run.period))
-        for begin, end in zip(edges[::2], edges[1::2], strict=True)
+def _of_run(run: Run, names: Sequence[str]) -> Iterator[Panel]:
+    """Yield the panels of a run, joint by joint."""
+    yield _rates(run)
+    yield _sigma({"": run})
+    yield from _errors(run)
+    if "torque" in names or run["tau"].any():
+        limit = _levels(run, run.torque_limit)
+        yield _signed("torque", "Actuator torque tau", units(run, "N·m", "N"), _joints(run, "tau"), limit)
+    if "pace" in names or (run["path_rate"] < 1.0).any():
+        yield _pace({"": run})
+    if "belief" in names or not np.array_equal(run["q_believed"], run["q"]):
+        off = 1e3 * (run["q_believed"] - run["q"])
+        curves = [
+            Curve(name, run["time"], off[:, j], color, j)
+            for j, (name, color) in enumerate(zip(run.joints, distinct(len(run.joints)), strict=True))
+        ]
+        yield _signed("belief", "Joints as believed, less true", units(run, "mrad", "mm"), curves)
+    if "joints" in names:
+        yield _signed("joints", "Joint positions q", units(run, "rad", "m"), _joints(run, "q"))
+
+
+def _of_runs(runs: Runs, names: Sequence[str]) -> Iterator[Panel]:
+    """Yield the panels of runs side by side, by their largest values."""
+    first, *_ = runs.values()
+    limits = {limit for run in runs.values() for limit in run.rate_limit}
+    level = [Level(limits.pop(), "limit", GRAY)] if len(limits) == 1 and math.inf not in limits else []
+    unit = units(first, "rad/s", "m/s")
+    yield _sized("rates", "Largest rate qdot_cmd of a joint", unit, _each(runs, "qdot_cmd"), level)
+    yield _sigma(runs)
+    moved, turned = error_rows(first)
+    for name, title, unit, rows in (
+        ("error", "Position error", "mm", moved),
+        ("turn_error", "Rotation error", "mrad", turned),
+    ):
+        if rows:
+            sizes = {
+                label: 1e3 * np.linalg.norm(run["pose_error"][:, rows], axis=1) for label, run in runs.items()
+            }
+            yield _sized(name, title, unit, _curves(runs, sizes))
+    if "torque" in names or any(run["tau"].any() for run in runs.values()):
+        yield _sized("torque", "Largest actuator torque tau", units(first, "N·m", "N"), _each(runs, "tau"))
+    if "pace" in names or any((run["path_rate"] < 1.0).any() for run in runs.values()):
+        yield _pace(runs)
+
+
+def _rates(run: Run) -> Panel:
+    """Return measured and commanded rates, and beside them the plain inverse and the baseline."""
+    unit = units(run, "rad/s", "m/s")
+    curves = [*_joints(run, "qdot"), *_joints(run, "qdot_cmd", "commanded")]
+    most = _peak(curves)
+    beside = [_fastest(run, "qdot_plain", "plain inverse", "plain", SLATE)]
+    if _peak(beside) <= MORE * most:
+        beside = []
+    if run.baseline is not None and len(run.baseline):
+        beside.append(_fastest(run.baseline, "qdot_cmd", "baseline", "baseline", GRAY))
+    return _signed("rates", "Joint rates", unit, curves, _levels(run, run.rate_limit), beside)
+
+
+def _fastest(run: Run, column: str, name: str, role: Role, color: int) -> Curve:
+    """Return the rate of the joint that has the largest one of a column."""
+    sizes = np.nan_to_num(np.abs(run[column]), nan=0.0, posinf=0.0).max(axis=0)
+    j = int(sizes.argmax())
+    return Curve(f"{name}, {run.joints[j]}", run["time"], run[column][:, j], color, j, role)
+
+
+def _sigma(runs: Runs) -> Panel:
+    """Return the smallest singular value and the damping of each run, on a logarithmic axis."""
+    is_alone, colors = len(runs) == 1, distinct(len(runs))
+    curves, below = list[Curve](), set[float]()
+    for i, (label, run) in enumerate(runs.items()):
+        last, time = run["sigma"].shape[1] - 1, run["time"]
+        name, color = ("σ_min", GREEN) if is_alone else (label, colors[i])
+        curves.append(Curve(name, time, run["sigma"][:, last], color, i, run=label))
+        damping = np.where(run["damping"] > 0.0, run["damping"], np.nan)
+        if not np.isnan(damping).all():
+            name, color = ("λ", MAGENTA) if is_alone else (f"{label}, λ", colors[i])
+            role: Role = "measured" if is_alone else "plain"
+            curves.append(Curve(name, time, damping, color, is_alone + i, role, label))
+        if is_alone and np.isfinite(run["secondary_sigma"]).any():
+            curves.append(Curve("σ left to the second task", time, run["secondary_sigma"], SLATE, 2))
+        below |= {run.damping_below} - {0.0}
+    levels = [Level(epsilon, "ε", GRAY) for epsilon in sorted(below)]
+    values = np.concatenate([*(curve.values for curve in curves), [level.value for level in levels]])
+    shown = np.maximum(values[values > 0.0], FLOOR)
+    ends = decades(float(shown.min()), float(shown.max())) if len(shown) else (FLOOR, 1.0)
+    has_damping = any(curve.name.endswith("λ") for curve in curves)
+    title = "Singular value σ_min" + ", damping λ" * has_damping
+    return Panel("sigma", title, "1", curves, ends, levels, is_logarithmic=True)
+
+
+def _errors(run: Run) -> Iterator[Panel]:
+    """Yield the position error, split where the path has a direction, and the rotation error."""
+    moved, turned = error_rows(run)
+    time, norm = run["time"], 1e3 * np.linalg.norm(run["pose_error"][:, turned], axis=1)
+    beside: Array | None = None
+    if run.baseline is not None and len(run.baseline):
+        beside = 1e3 * np.linalg.norm(run.baseline["pose_error"][:, moved], axis=1)
+    if moved:
+        if run.view.frame == "world" and not is_point(run["pose_ref"][:, :3]):
+            along, across = split_error(run, moved)
+            curves = [
+                Curve("along the path", time, 1e3 * along, GOLD),
+                Curve("across", time, 1e3 * across, INDIGO, 1),
+            ]
+        else:
+            size = 1e3 * np.linalg.norm(run["pose_error"][:, moved], axis=1)
+            curves = [Curve("position", time, size, GOLD)]
+        others = []
+        if beside is not None and run.baseline is not None:
+            others = [Curve("baseline", run.baseline["time"], beside, GRAY, 2, "baseline")]
+        yield _sized("error", "Position error", "mm", curves, (), others)
+    if turned:
+        yield _sized("turn_error", "Rotation error", "mrad", [Curve("rotation", time, norm, SLATE)])
+
+
+def _pace(runs: Runs) -> Panel:
+    colors = [GOLD] if len(runs) == 1 else distinct(len(runs))
+    curves = [
+        Curve(label or "ṡ", run["time"], run["path_rate"], colors[i], i, run=label, source=("path_rate", 0))
+        for i, (label, run) in enumerate(runs.items())
     ]
-    axes.broken_barh(spans, (lane - 0.32, 0.64), facecolor=color, edgecolor=color, linewidth=0.8)
+    return Panel("pace", "Pace ṡ along the path", "1", curves, (-0.05, 1.1))
 
 
-def name_lanes(axes: Axes, names: Sequence[str]) -> None:
-    """Name lanes 0, 1, … from the top."""
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.tick_params(left=False)
+def _joints(run: Run, column: str, role: Role = "measured") -> list[Curve]:
+    """Return a curve for each joint."""
+    return [
+        Curve(name, run["time"], run[column][:, j], color, j, role, source=(column, j))
+        for j, (name, color) in enumerate(zip(run.joints, distinct(len(run.joints)), strict=True))
+    ]
+
+
+def _each(runs: Runs, column: str) -> list[Curve]:
+    """Return the largest magnitude of a column in each run."""
+    return _curves(runs, {label: np.abs(run[column]).max(axis=1) for label, run in runs.items()})
+
+
+def _curves(runs: Runs, values: Mapping[str, Array]) -> list[Curve]:
+    """Return a curve for each run."""
+    colors = distinct(len(runs))
+    return [
+        Curve(label, runs[label]["time"], those, colors[i], i, run=label)
+        for i, (label, those) in enumerate(values.items())
+    ]
+
+
+def _levels(run: Run, limits: Sequence[float]) -> list[Level]:
+    """Return the finite limits of the joints: one line if all have the same."""
+    if len(set(limits)) == 1 and math.isfinite(limits[0]):
+        return [Level(limits[0], "limit", GRAY)]
+    rows = zip(limits, run.joints, distinct(len(run.joints)), strict=False)
+    return [Level(limit, f"limit, {name}", color) for limit, name, color in rows if math.isfinite(limit)]
+
+
+# Axes -------------------------------------------------------------------------------------------
+
+
+def _signed(
+    name: str, title: str, unit: str, curves: Sequence[Curve],
+    levels: Sequence[Level] = (), beside: Sequence[Curve] = (),
+) -> Panel:  # fmt: skip
+    """Return a panel around zero."""
+    top = _top(curves, levels, beside, clips=True)
+    both = [level._replace(value=side * level.value) for level in levels for side in (1.0, -1.0)]
+    return _within(Panel(name, title, unit, [*beside, *curves], (-top, top), both))
+
+
+def _sized(
+    name: str, title: str, unit: str, curves: Sequence[Curve],
+    levels: Sequence[Level] = (), beside: Sequence[Curve] = (),
+) -> Panel:  # fmt: skip
+    """Return a panel of magnitudes, whole: on a logarithmic axis if runs side by side differ by far."""
+    peaks = [_peak([curve]) for curve in curves]
+    if len({curve.run for curve in curves}) > 1 and max(peaks) > APART * max(min(peaks), 1e-12):
+        _, high = decades(max(peaks), max(peaks))
+        ends = (float(f"{high * 10.0**-DECADES:.0e}"), high)
+        return _within(Panel(name, title, unit, curves, ends, levels, is_logarithmic=True))
+    top = _top(curves, levels, beside, clips=False)
+    return _within(Panel(name, title, unit, [*beside, *curves], (0.0, top), levels))
+
+
+def _top(curves: Sequence[Curve], levels: Sequence[Level], beside: Sequence[Curve], clips: bool) -> float:
+    """Return the end of an axis: the one rule by which every view clips.
+
+    A limit is shown unless it would flatten the curves. The curves beside may lengthen the axis a bit.
+    """
+    peak, limit = _peak(curves), max((level.value for level in levels), default=0.0)
+    sizes = np.concatenate([np.abs(curve.values) for curve in curves])
+    usual = max(float(np.quantile(np.nan_to_num(sizes), USUAL)), 1e-9)
+    top = peak if peak > 0.0 else 1.0
+    if clips and limit:
+        top = min(top, CLIP * limit)
+    elif clips and peak > APART * usual:
+        top = CLIP * usual
+    if limit <= CLIP * peak:
+        top = max(top, limit)
+    return 1.05 * min(max(top, _peak(beside)), BESIDE * top)
+
+
+def _within(panel: Panel) -> Panel:
+    """Return a panel whose limits and peaks beyond its axis are in words."""
+    low, high = panel.range
+    levels = [level for level in panel.levels if low <= level.value <= high]
+    far = sorted({level.value for level in panel.levels if level.value > high})
+    unit = "" if panel.unit == "1" else f" {panel.unit}"
+    beyond = [f"limit{'s from' * (len(far) > 1)} {grouped(far[0])}{unit} ↑"] if far else []
+    most, peaks = "max" if panel.name in ("error", "turn_error") else "peak", []
+    for role in ("measured", "commanded", "plain", "baseline"):
+        curves = [curve for curve in panel.curves if curve.role == role]
+        if _peak(curves) > high:
+            curve = max(curves, key=lambda one: _peak([one]))
+            size = np.nan_to_num(np.abs(curve.values), nan=0.0, posinf=0.0)
+            row = int(size.argmax())
+            text = f"{curve.label}: {most} {grouped(float(size[row]))}{unit}"
+            is_up = bool(curve.values[row] > 0.0)
+            peaks.append(Peak(f"{text} {'↑' if is_up else '↓'}", float(curve.time[row]), is_up, curve.color))
+    beyond += [peak.text for peak in peaks]
+    return Panel(
+        panel.name, panel.title, panel.unit, panel.curves, panel.range, levels, beyond, peaks,
+        panel.is_logarithmic,
+    )  # fmt: skip
+
+
+def _peak(curves: Sequence[Curve]) -> float:
+    """Return the largest finite magnitude of some curves; 0 of none."""
+    sizes = [np.nan_to_num(np.abs(curve.values), nan=0.0, posinf=0.0).max(initial=0.0) for curve in curves]
+    return float(max(sizes, default=0.0))
+
+
+def decades(least: float, largest: float) -> tuple[float, float]:
+    """Return a range of whole decades around positive values: at least two, and at most `DECADES`."""
+    low, high = math.floor(math.log10(least) + 1e-9), math.ceil(math.log10(largest) - 1e-9)
+    return float(10.0 ** max(min(low, high - 2), high - DECADES)), float(10.0**high)
+
+
+# Quantities -------------------------------------------------------------------------------------
 
 
 def in_words(flag: Status) -> str:
@@ -214,89 +434,32 @@ def statuses(run: Run) -> list[Status]:
     return [flag for flag in Status if flag and int(flag) & bits]
 
 
-def thinned(time: Array, values: Array) -> tuple[Array, Array]:
+def _spans(run: Run, flag: Status) -> list[tuple[float, float]]:
+    """Return begin and end of each time at which a status holds [s]; one tick lasts one period."""
+    holds = (run["status"].astype(np.int64) & int(flag)) != 0
+    edges, time = np.flatnonzero(np.diff(np.concatenate([[0], holds, [0]]).astype(int))), run["time"]
+    return [
+        (float(time[begin]), float(time[end - 1]) + run.period)
+        for begin, end in zip(edges[::2], edges[1::2], strict=True)
+    ]
+
+
+def thinned(time: Array, values: Array, spans: int) -> tuple[Array, Array]:
     """Return a curve by the least and the largest value of each span of time, so that peaks stay."""
-    every = -(-len(time) // SPANS)
-    if every <= 2:
-        return time, values
-    whole = len(time) // every * every
-    blocks = values[:whole].reshape(-1, every)
-    filled = np.nan_to_num(blocks, nan=0.0)
-    ends = np.sort(np.stack([filled.argmin(axis=1), filled.argmax(axis=1)], axis=1), axis=1)
-    rows = (np.arange(len(blocks))[:, None] * every + ends).ravel()
-    rows = np.unique(np.concatenate([[0], rows, np.arange(whole, len(time))]))
+    rows = extremes(values, spans)
     return time[rows], values[rows]
 
 
-def paints(count: int) -> list[str]:
-    """Return colors that are legible on white paper."""
-    return [on_paper(color) for color in distinct(count)]
-
-
-def on_paper(color: int) -> str:
-    """Return a color of the palette as matplotlib takes it, legible on white paper."""
-    return f"#{mix(color, BLACK, 0.15) >> 8:06x}"
-
-
-def rate_unit(run: Run) -> str:
-    """Return the unit of joint rates."""
-    slides = set(run.is_slide)
-    return "rad/s, m/s" if len(slides) > 1 else "m/s" if slides == {True} else "rad/s"
-
-
-def power(value: float) -> float:
-    """Return the power of ten next above a value, or 1."""
-    return float(10.0 ** math.ceil(math.log10(value))) if value > 0.0 else 1.0
-
-
-def scale_by_decades(axes: Axes, names: str = "y") -> None:
-    """Give axes a logarithmic scale: powers as plain text, which is set faster, and marks at 2 and 5.
-
-    Args:
-        axes: The panel.
-        names: `y`, or `xy`.
-    """
-    for name in names:
-        axes.set(**{f"{name}scale": "log"})
-        axis = axes.yaxis if name == "y" else axes.xaxis
-        axis.set_major_formatter(lambda value, _: f"10{str(round(math.log10(value))).translate(_RAISED)}")
-        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-        axis.set_minor_formatter(NullFormatter())
-
-
-def decades(values: Array) -> tuple[float, float]:
-    """Return a range of whole decades around positive values, at least two, so that an axis has numbers."""
-    low, high = math.floor(math.log10(values.min())), math.ceil(math.log10(values.max()))
-    return float(10.0 ** min(low, high - 2)), float(10.0**high)
-
-
-def legend(axes: Axes, columns: int) -> int:
-    """Put the legend above the panel, where it covers nothing; return its number of lines.
-
-    Args:
-        axes: The panel.
-        columns: Largest number; fewer if long names would make the legend wider than the panel.
-    """
-    axes.grid(color="0.92", linewidth=0.6)
-    if axes.get_yscale() == "linear":
-        axes.yaxis.set_major_locator(MaxNLocator(4, min_n_ticks=3, steps=[1, 2, 2.5, 5, 10]))
-    names = axes.get_legend_handles_labels()[1]
-    size = FontProperties(size=mpl.rcParams["legend.fontsize"]).get_size_in_points()
-    room = 72.0 * axes.bbox.width / axes.figure.dpi + SPACE * size
-    width = max([size, *(_width(name, size) for name in names)]) + (HANDLE + SPACE + 0.5) * size
-    columns = max(1, min(columns, int(room / width)))
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False, handlelength=HANDLE,
-        columnspacing=SPACE, borderaxespad=0.1, borderpad=0.3, handletextpad=0.5,
-    )  # fmt: skip
-    return -(-len(names) // columns)
-
-
-def _width(text: str, size: float) -> float:
-    """Return the width of a text in letters of a size [pt]; roughly for a formula, which is slow."""
-    plain = re.sub(r"\\[a-z]+", "x", text.replace(r"\$", "x")).translate(_MARKS)
-    width, _, _ = text_to_path.get_text_width_height_descent(plain, FontProperties(size=size), ismath=False)
-    return float(width)
+def extremes(values: Array, spans: int) -> NDArray[np.intp]:
+    """Return the rows of the least and the largest value of each span, and the ends; all of a short curve."""
+    every = -(-len(values) // spans)
+    if every <= 2:
+        return np.arange(len(values))
+    whole = len(values) // every * every
+    filled = np.nan_to_num(values[:whole].reshape(-1, every), nan=0.0)
+    ends = np.stack([filled.argmin(axis=1), filled.argmax(axis=1)], axis=1)
+    rows = (np.arange(len(filled))[:, None] * every + ends).ravel()
+    return np.unique(np.concatenate([[0], rows, np.arange(whole, len(values))]))
 
 
 def split_error(run: Run, moved: Sequence[int]) -> tuple[Array, Array]:
@@ -314,52 +477,23 @@ def split_error(run: Run, moved: Sequence[int]) -> tuple[Array, Array]:
     return np.abs(signed), np.linalg.norm(error - signed[:, None] * along, axis=1)
 
 
-def off(run: Run) -> dict[str, tuple[Array, int]]:
-    """Return the parts of the tracking error by their names, with units, (T,) each, and which curve each is.
-
-    An error along the axes of the arm or of the site cannot be split along the path. The path of a tip that
-    only turns has no direction.
-    """
-    moved, turned = error_rows(run)
-    found: dict[str, tuple[Array, int]] = {}
-    if moved and run.view.frame == "world" and not is_point(run["pose_ref"][:, :3]):
-        along, across = split_error(run, moved)
-        found = {"along the path [mm]": (1e3 * along, 0), "across [mm]": (1e3 * across, 1)}
-    elif moved:
-        found = {"position [mm]": (1e3 * np.linalg.norm(run["pose_error"][:, moved], axis=1), 0)}
-    if turned:
-        found["rotation [mrad]"] = (1e3 * np.linalg.norm(run["pose_error"][:, turned], axis=1), 2)
-    return found
-
-
 def error_rows(run: Run) -> tuple[list[int], list[int]]:
     """Return the rows of the pose error that the task has: those of the position, and of the rotation."""
     rows = [i for i, axis in enumerate(AXES) if axis in run.axes]
     return [i for i in rows if i < 3], [i for i in rows if i >= 3]
 
 
-def error_units(names: Iterable[str]) -> list[str]:
-    """Return the units of some parts of the tracking error, without repetition."""
-    return [unit for unit in ("mm", "mrad") if any(f"[{unit}]" in name for name in names)]
+def is_point(path: Array) -> bool:
+    """Return whether positions (T, 3) are all the same [m]."""
+    return bool(np.ptp(path, axis=0).max() <= POINT)
+
+
+def units(run: Run, turning: str, sliding: str) -> str:
+    """Return the unit of a quantity of the joints, or both units."""
+    slides = set(run.is_slide)
+    return f"{turning}, {sliding}" if len(slides) > 1 else sliding if slides == {True} else turning
 
 
 def grouped(value: float) -> str:
     """Return a number with four digits, or whole up to a million, with its thousands separated."""
     return f"{value:,.0f}" if 1e3 <= value < 1e6 else f"{value:.4g}"
-
-
-def torque_unit(run: Run) -> str:
-    """Return the unit of the actuator torques of an arm."""
-    slides = set(run.is_slide)
-    return "N·m, N" if len(slides) > 1 else "N" if slides == {True} else "N·m"
-
-
-def applies(name: str, run: Run) -> bool:
-    """Return whether a run has data for a panel."""
-    if name == "path":  # the path of a tip that only turns is a point
-        return not {"x", "y", "z"}.isdisjoint(run.axes) or bool(np.ptp(run["pose"], axis=0)[:3].max() > POINT)
-    if name == "torque":
-        return bool(run["tau"].any())
-    if name == "pace":
-        return bool((run["path_rate"] < 1.0).any())
-    return name != "status" or bool(statuses(run))
