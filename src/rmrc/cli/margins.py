@@ -2,29 +2,25 @@
 
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from rmrc import scenario as scenarios
-from rmrc.cli.console import EXIT_INTERRUPTED, complain, interruption, progress
-from rmrc.cli.options import AsJson, Junit, Quiet, Summary, Threads
-from rmrc.cli.reports import show
-from rmrc.cli.scenarios import Overrides, ScenarioFile
+from rmrc.cli import options
+from rmrc.cli.console import InterruptedVerb, progress, show
 
 # Usual number of runs of a search, for the progress bar.
 _RUNS = 40
 
 
 def margins(
-    scenario: ScenarioFile,
-    accuracy: Annotated[
-        float, typer.Option(help="Relative precision of the stability limits, 0.005 to 0.5.")
-    ] = 0.02,
-    set_: Overrides = None,
-    as_json: AsJson = False,
-    threads: Threads = None,
-    junit: Junit = None,
-    summary: Summary = None,
-    quiet: Quiet = False,
+    scenario: options.Scenario,
+    accuracy: Annotated[float, Option(help="Relative precision of the limits, 0.005 to 0.5.")] = 0.02,
+    set_: options.Overrides = None,
+    threads: options.Threads = None,
+    junit: options.Junit = None,
+    summary: options.Summary = None,
+    as_json: options.AsJson = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Find by simulation how much more gain, dead time and lag the loop tolerates before it becomes unstable.
 
@@ -39,18 +35,13 @@ def margins(
 
     with ci.files(scenario.stem, junit, summary) as results:
         loaded = scenarios.load(scenario, set_ or ())
-        with (
-            interruption("interrupted before the first run"),
-            progress(f"{loaded.name}: margins", _RUNS, quiet or as_json, unit="runs") as on_runs,
-        ):
+        with progress(f"{loaded.name}: margins", _RUNS, quiet or as_json) as on_runs:
             result = search(loaded, accuracy=accuracy, threads=threads, on_runs=on_runs)
         answer = report(result)
         cut = f"interrupted after {result.runs} runs" if result.interrupted else ""
         results.name = loaded.name
         results.suites = [ci.Suite(loaded.name, answer.cases, cut, answer.problem)]
         results.figures = "\n\n".join(map(as_markdown, answer.sheets))
+    show(answer, as_json, quiet, options.written(junit, summary))
     if cut:
-        complain(cut)
-    show(answer, as_json, quiet, [*filter(None, (junit, summary))])
-    if cut:
-        raise typer.Exit(EXIT_INTERRUPTED)
+        raise InterruptedVerb(cut)

@@ -3,54 +3,46 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
-from rmrc.cli.console import notice, output, print_line
-from rmrc.cli.options import AsJson, Body, Joints, Length, Model, Packages, Quiet, Site, read_arm
-from rmrc.cli.reports import show
+from rmrc.cli import options
+from rmrc.cli.console import show, working
 from rmrc.support.errors import QuestionError
 from rmrc.support.invocation import command
 
 STDOUT = Path("-")
 
-Out = Annotated[
-    Path | None,
-    typer.Option("--out", "-o", help="File, or - for stdout; default: the model's name, in this folder."),
-]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite the file.")]
-Plant = Annotated[str, typer.Option(help="Plant that executes the rates: plant.kind of the scenario.")]
-
 
 def new(
-    model: Model,
-    site: Site = None,
-    body: Body = None,
-    package: Packages = None,
-    joints: Joints = None,
-    length: Length = None,
-    plant: Plant = "servo",
-    out: Out = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    model: options.Model,
+    output: options.Output = None,
+    site: options.Site = None,
+    body: options.Body = None,
+    package: options.Packages = None,
+    joints: options.Joints = None,
+    length: options.Length = None,
+    plant: Annotated[str, Option(help="Plant of the scenario: ideal, servo or torque.")] = "servo",
+    force: Annotated[bool, Option("--force", help="Overwrite the file.")] = False,
+    as_json: options.AsJson = False,
+    quiet: options.Quiet = False,
 ) -> None:
-    """Write a first scenario for an arm: a path through its nearest singularity and back, scaled to the arm.
+    """Write a first scenario for an arm, ready to run.
 
-    Takes limits from the model, or assumes them and says so. Derives length, damping and speed from the arm.
-    Runs the scenario before writing it, and sets its expectations from that run. Exit code 1: bodies are
-    within each other.
+    A path through its nearest singularity and back, scaled to the arm. Takes limits from the model, or
+    assumes them and says so. Derives length, damping and speed from the arm. Runs the scenario before writing
+    it, and sets its expectations from that run. Writes MODEL.yaml in this folder, or FILE; `-o -` prints it.
+    Exit code 1: bodies are within each other.
     """
-    if out == STDOUT and as_json:
+    if output == STDOUT and as_json:
         raise QuestionError("give -o - or --json, not both: stdout takes either the scenario or the report")
-    with notice("trying moves ..."):
+    with working("trying moves"):
         from rmrc.analysis.new.new import new as make
         from rmrc.analysis.new.new import report
 
-        path = Path(f"{model.stem}.yaml") if out is None else out
-        arm = read_arm(model, site, body, package, joints)
+        arm = options.read_arm(model, site, body, package, joints)
+        path = output or Path(f"{model.stem}.yaml")
         made = make(arm, length=length, plant=plant, out=None if path == STDOUT else path, force=force)
     if path == STDOUT:
         print(made.text, end="")
-    show(report(made), as_json, quiet or path == STDOUT, [path])
-    if not as_json and path != STDOUT:
-        print_line(output(quiet), f"run it: {command('run', path)}")
+    hint = f"run it: {command('run', path)}"
+    show(report(made), as_json, quiet or path == STDOUT, [path], hint)

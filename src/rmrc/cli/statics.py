@@ -1,87 +1,51 @@
 """The verb `statics`: actuator torques and link loads under a wrench, checked in the physics."""
 
-from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal
 
-import typer
+from typer import Option
 
-from rmrc.cli.console import EXIT_DIVERGED, EXIT_MISSED, interruption, progress
-from rmrc.cli.options import AsJson, Body, Keyframe, Length, Model, Packages, Positions, Site, read_arm
-from rmrc.cli.reports import show
-from rmrc.cli.texts import configuration, wrench_of
-
-
-class Frame(StrEnum):
-    """Frame of the axes of a wrench."""
-
-    WORLD = "world"
-    SITE = "site"
-
-
-Wrench = Annotated[
-    str,
-    typer.Option(
-        metavar="fx,fy,fz,nx,ny,nz",
-        help="Wrench on the arm at the site: force in N and moment in N·m, or a force alone.",
-        show_default=False,
-    ),
-]
-Axes = Annotated[Frame, typer.Option("--frame", help="Frame of the axes of the wrench.")]
-At = Annotated[
-    str | None,
-    typer.Option(
-        "--at", metavar="SITE", help="Also print the equivalent wrench at this other site of the same body."
-    ),
-]
-Gravity = Annotated[
-    bool,
-    typer.Option(
-        "--gravity/--no-gravity",
-        help="Whether the actuators also support the arm's weight; default: no.",
-        show_default=False,
-    ),
-]
-Hold = Annotated[
-    float | None,
-    typer.Option(
-        "--hold",
-        metavar="SECONDS",
-        help="Also simulate: hold the arm until it is still, for at most this time, and read the actuators.",
-        min=0.2,
-        max=1000.0,
-    ),
-]
+from rmrc.cli import options
+from rmrc.cli.console import EXIT_DIVERGED, EXIT_MISSED, show, working
+from rmrc.cli.options import Number, Text
 
 
 def statics(
-    model: Model,
-    wrench: Wrench,
-    q: Positions = None,
-    keyframe: Keyframe = None,
-    site: Site = None,
-    body: Body = None,
-    package: Packages = None,
-    frame: Axes = Frame.WORLD,
-    at: At = None,
-    gravity: Gravity = False,
-    hold: Hold = None,
-    length: Length = None,
-    as_json: AsJson = False,
+    model: options.Model,
+    wrench: Annotated[
+        str,
+        Option(metavar="fx,fy,fz,nx,ny,nz", help="Wrench on the arm at the site [N, N·m], or a force alone."),
+    ],
+    q: options.Positions = None,
+    keyframe: options.Keyframe = None,
+    site: options.Site = None,
+    body: options.Body = None,
+    package: options.Packages = None,
+    frame: Annotated[Literal["world", "site"], Option(help="Frame of the axes of the wrench.")] = "world",
+    at: Annotated[Text, Option(metavar="SITE", help="Print the wrench also at this site.")] = None,
+    gravity: Annotated[bool, Option(help="Whether the actuators also support the arm's weight.")] = False,
+    hold: Annotated[
+        Number, Option(callback=options.within(0.2, 1000.0), help="Simulate until it is still [s].")
+    ] = None,
+    length: options.Length = None,
+    as_json: options.AsJson = False,
+    quiet: options.Quiet = False,
 ) -> None:
-    """Compute actuator torques and link loads under a wrench, and wrenches that need no torque."""
-    from rmrc.analysis.statics.report import report
-    from rmrc.analysis.statics.statics import PERIOD
-    from rmrc.analysis.statics.statics import statics as ask
+    """Compute actuator torques and link loads under a wrench, and wrenches that need no torque.
 
-    acts = wrench_of(wrench)
-    arm, positions = configuration(read_arm(model, site, body, package), q, keyframe)
-    with (
-        interruption("interrupted" if hold is None else "interrupted while holding"),
-        progress("hold", round((hold or 0.0) / PERIOD) + 1, as_json or hold is None) as on_ticks,
-    ):
+    With --hold, simulates the arm until it is still, for at most this time, and reads its actuators. Another
+    site of --at must be of the same body. Exit code 1: the wrench was not held; 3: the simulation diverged.
+    """
+    with working("holding" if hold else "reading the model"):
+        from rmrc.analysis.statics.report import report
+        from rmrc.analysis.statics.statics import statics as ask
+
+        acts, arm = (
+            options.values("--wrench", wrench, float, 1e100),
+            options.read_arm(model, site, body, package),
+        )
         found = ask(
-            arm, acts, positions, frame=frame.value, at=at, gravity=gravity, hold=hold, length=length,
-            on_ticks=on_ticks,
+            arm, acts or (), options.values("--q", q), keyframe=keyframe, frame=frame, at=at, gravity=gravity,
+            hold=hold, length=length,
         )  # fmt: skip
     diverged = found.held is not None and found.held["run"].divergence
-    show(report(found), as_json, missed=EXIT_DIVERGED if diverged else EXIT_MISSED)
+    show(report(found), as_json, quiet, missed=EXIT_DIVERGED if diverged else EXIT_MISSED)

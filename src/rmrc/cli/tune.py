@@ -1,115 +1,49 @@
 """The verb `tune`: find an inverse and a damping for a scenario."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-import typer
+from typer import Option
 
-from rmrc.cli.console import (
-    EXIT_INTERRUPTED,
-    EXIT_MISSED,
-    complain,
-    interruption,
-    output,
-    print_line,
-    progress,
-)
-from rmrc.cli.options import Out, Quiet, Threads, drawable, pictured
-from rmrc.cli.scenarios import Overrides, ScenarioFile
+from rmrc.cli import options
+from rmrc.cli.console import InterruptedVerb, progress, show
+from rmrc.cli.options import Number, Text, Texts
 from rmrc.support.errors import ScenarioError
 
-if TYPE_CHECKING:
-    from rmrc.tuning.tune import Tuned, Tuning
 
-Only = Annotated[
-    list[str] | None,
-    typer.Option(metavar="KEY=V1,V2,...", help="Restrict a tunable key to these values; repeatable."),
-]
-Perturbed = Annotated[int, typer.Option(help="Number of perturbed scenarios; 0: none.")]
-Start = Annotated[
-    str,
-    typer.Option(help="Largest start offset of a joint in a perturbed scenario; slides: times task.length."),
-]
-Offset = Annotated[
-    float, typer.Option(help="Largest target offset in a perturbed scenario along each axis [m].")
-]
-Payload = Annotated[
-    float | None,
-    typer.Option(
-        help="Largest additional payload of a perturbed scenario [kg]; 0: none.",
-        show_default="5 % of the mass that the joints move",
-    ),
-]
-Friction = Annotated[
-    float | None,
-    typer.Option(
-        help="Largest additional dry friction of each joint in a perturbed scenario [N·m or N]; 0: none.",
-        show_default="what accelerates the joint by 1 rad/s²",
-    ),
-]
-Delay = Annotated[
-    str | None,
-    typer.Option(metavar="RANGE", help="Dead time of the robot [s], such as 8ms or 6ms..12ms."),
-]
-Lag = Annotated[
-    str | None, typer.Option(metavar="RANGE", help="Time constant of its actuators [s], such as 0..10ms.")
-]
-Noise = Annotated[
-    str | None,
-    typer.Option(
-        metavar="RANGE", help="Noise of its encoders [rad], such as 1e-5; slides: times task.length."
-    ),
-]
-Calibration = Annotated[
-    float | None, typer.Option(help="Calibration error of its link lengths [relative] and joint zeros [rad].")
-]
-Ideal = Annotated[bool, typer.Option("--ideal", help="Use the loop of the scenario, and assume no robot.")]
-GainMargin = Annotated[
-    float | None,
-    typer.Option(
-        metavar="FACTOR",
-        help="Gain margin that a recommended loop must have on the slowest robot; 1: any.",
-        show_default="2; with --ideal: 1",
-    ),
-]
-Slower = Annotated[float, typer.Option(help="Largest allowed duration, relative to the scenario as written.")]
-Runs = Annotated[int, typer.Option(help="Largest number of runs, without the final checks.")]
-Seed = Annotated[int, typer.Option(help="Seed of the perturbed scenarios and of the search.")]
-Picture = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="File of the picture: .png, .svg or .pdf.",
-        show_default="NAME.tune.png in --out",
-    ),
-]
-
-
-@pictured
 def tune(
-    scenario: ScenarioFile,
-    only: Only = None,
-    perturbed: Perturbed = 4,
-    start: Start = "1 deg",
-    offset: Offset = 0.002,
-    payload: Payload = None,
-    friction: Friction = None,
-    delay: Delay = None,
-    lag: Lag = None,
-    noise: Noise = None,
-    calibration: Calibration = None,
-    ideal: Ideal = False,
-    gain_margin: GainMargin = None,
-    slower: Slower = 1.1,
-    runs: Runs = 340,
-    seed: Seed = 0,
-    set_: Overrides = None,
-    out: Out = Path("recordings"),
-    picture: Picture = None,
-    threads: Threads = None,
-    quiet: Quiet = False,
+    scenario: options.Scenario,
+    only: Annotated[Texts, Option(metavar="KEY=V1,V2,...", help="Restrict a key; repeatable.")] = None,
+    perturbed: Annotated[int, Option(help="Number of perturbed scenarios; 0: none.")] = 4,
+    start: Annotated[
+        str, Option(help="Largest offset of joints in them; slides: times task.length.")
+    ] = "1 deg",
+    offset: Annotated[
+        float, Option(help="Largest offset of the target in them along each axis [m].")
+    ] = 0.002,
+    payload: Annotated[Number, Option(help="Largest payload in them [kg]; default: 5 % of the arm.")] = None,
+    friction: Annotated[
+        Number, Option(help="Largest dry friction in them [N·m or N]; default: for 1 rad/s² of the joint.")
+    ] = None,
+    delay: Annotated[Text, Option(metavar="RANGE", help="Delay of the robot: 8ms or 6ms..12ms.")] = None,
+    lag: Annotated[Text, Option(metavar="RANGE", help="Lag of its actuators: 0..10ms.")] = None,
+    noise: Annotated[Text, Option(metavar="RANGE", help="Noise of its encoders [rad]: 1e-5.")] = None,
+    calibration: Annotated[Number, Option(help="Errors of its link lengths and joint zeros [rad].")] = None,
+    ideal: Annotated[bool, Option("--ideal", help="Assume no robot: use the scenario's loop.")] = False,
+    gain_margin: Annotated[Number, Option(help="Required gain margin; default: 2, or 1 if ideal.")] = None,
+    slower: Annotated[float, Option(help="Largest duration, relative to the scenario's own.")] = 1.1,
+    runs: Annotated[int, Option(help="Largest number of runs, without the final checks.")] = 340,
+    seed: Annotated[int, Option(help="Seed of the perturbed scenarios and of the search.")] = 0,
+    set_: options.Overrides = None,
+    out: options.Out = Path("recordings"),
+    output: options.Picture = None,
+    width: options.Width = None,
+    font: options.Font = None,
+    threads: options.Threads = None,
+    as_json: options.AsJson = False,
+    quiet: options.Quiet = False,
 ) -> None:
-    """Search inverse, damping, feedback and at_singularity for the least tracking error within the limits.
+    """Search the inverse and damping of least error within limits.
 
     Rates each setting by its worst result on the scenario and its perturbed scenarios, over all robots that
     --delay, --lag, --noise and --calibration or the scenario describe; without them, on an assumed modest
@@ -118,47 +52,37 @@ def tune(
     """
     from rmrc.results.leaving import refuse_unwritable
     from rmrc.scenario import angle
+    from rmrc.show.asked import sized
+    from rmrc.show.report import Report, plain
+    from rmrc.show.sheets import Sheet
+    from rmrc.tuning.answer import about, rows_of, sheets
     from rmrc.tuning.tune import Tuning
-    from rmrc.tuning.verb import files
+    from rmrc.tuning.verb import files, write
 
-    drawable(picture)
     try:
         off = angle(start)
     except ValueError as error:
         raise ScenarioError.about("--start", str(error)) from None
-    with interruption("interrupted before the first result"):
-        work = Tuning(
-            scenario, set_ or (), only=only or (), perturbed=perturbed, start=off, offset=offset,
-            payload=payload, friction=friction, delay=delay, lag=lag, noise=noise, calibration=calibration,
-            ideal=ideal, gain_margin=gain_margin, slower=slower, runs=runs, seed=seed, threads=threads,
-        )  # fmt: skip
-        work.compile()
-        refuse_unwritable(files(work, out, picture))
-        with progress(f"{work.scenario.name}: {runs} runs", runs, quiet, unit="runs") as on_runs:
-            tuned = work.run(on_runs)
-    if tuned.interrupted:  # printed first: the picture takes longer than a user waits after Ctrl-C
-        complain(f"interrupted after {tuned.runs} of {runs} runs")
-    _show(work, tuned, (out, picture), quiet)
+    work = Tuning(
+        scenario, set_ or (), only=only or (), perturbed=perturbed, start=off, offset=offset,
+        payload=payload, friction=friction, delay=delay, lag=lag, noise=noise, calibration=calibration,
+        ideal=ideal, gain_margin=gain_margin, slower=slower, runs=runs, seed=seed, threads=threads,
+    )  # fmt: skip
+    work.compile()
+    refuse_unwritable(files(work, out, output))
+    with progress(f"{work.scenario.name}: {runs} runs", runs, quiet or as_json) as on_runs:
+        tuned = work.run(on_runs)
+    with sized(width, font):
+        left = write(work, tuned, out, output)
+    facts, rows = about(work, tuned), rows_of(tuned)
+    lines = facts["lines"] if tuned.feasible else []
+    answer = Report(
+        [*sheets(facts, rows), Sheet("", notes=tuple(lines))],
+        plain({**facts, "rows": rows}),
+        met=bool(tuned.feasible) or tuned.interrupted,
+        problem="" if tuned.feasible else facts["lines"][0],
+        block=facts["block"] if tuned.feasible else "",
+    )
+    show(answer, as_json, quiet, left)
     if tuned.interrupted:
-        raise typer.Exit(EXIT_INTERRUPTED)
-    raise typer.Exit(0 if tuned.feasible else EXIT_MISSED)
-
-
-def _show(work: "Tuning", tuned: "Tuned", places: tuple[Path, Path | None], quiet: bool) -> None:
-    from rmrc.show.terminal import render
-    from rmrc.tuning.answer import about, rows_of, sheets
-    from rmrc.tuning.verb import write
-
-    console, facts = output(quiet), about(work, tuned)
-    first = int(tuned.is_worse)  # a bad recommendation says so before anything else
-    for line in facts["lines"][:first]:
-        console.print(line, highlight=False)
-    console.print(render(sheets(facts, rows_of(tuned))))
-    if tuned.feasible:
-        for line in facts["lines"][first:]:
-            console.print(line, highlight=False)
-        console.print(f"\n{facts['block']}", highlight=False, soft_wrap=True)
-    for path in write(work, tuned, *places):
-        print_line(console, f"wrote {path}")
-    if not tuned.feasible:
-        complain(facts["lines"][0])
+        raise InterruptedVerb(f"interrupted after {tuned.runs} of {runs} runs")

@@ -1,7 +1,6 @@
 """Actuator torques, link loads, free wrenches, and the result of the physics: JSON, and tables of it."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -70,7 +69,6 @@ def report(found: Statics) -> Report:
     site = _vector(arm.pose(balance.q)[:3])
     sheets = [_place(values, site), *_elsewhere(values), _actuators(values), *_links(values), _costs(values)]
     sheets += [_held(values)] if held else []
-    sheets[-1] = replace(sheets[-1], is_spaced=False)
     problem = f"error: {held['run'].divergence}" if held and held["run"].divergence else ""
     return Report(sheets, plain(values), met=held is None or held["agrees"], problem=problem)
 
