@@ -21,28 +21,12 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, TypeAlias
 
 import typer
 
 import rmrc
-from rmrc.cli import (
-    catalog,
-    check,
-    console,
-    identify,
-    ik,
-    inspect,
-    margins,
-    new,
-    pictures,
-    replay,
-    run,
-    statics,
-    sweep,
-    tune,
-    workspace,
-)
+from rmrc.cli import arms, catalog, console, models, pictures, run, search
 from rmrc.cli.console import complain
 from rmrc.support.errors import RmrcError, ScenarioError
 from rmrc.support.interruption import signal_that_came, stops_like_ctrl_c
@@ -54,17 +38,11 @@ from rmrc.support.notices import heard_by
 UsageError: Any = typer.BadParameter.__mro__[1]
 
 # The verbs that most people need first, and the others by what they are about.
-FIRST: tuple[Callable[..., None], ...] = (
-    run.run,
-    run.compare,
-    tune.tune,
-    check.check,
-    new.new,
-    replay.replay,
-)
-OTHERS: dict[str, tuple[Callable[..., None], ...]] = {
-    "runs": (sweep.sweep, margins.margins, pictures.plot, pictures.report, pictures.render),
-    "arms": (inspect.inspect, ik.ik, statics.statics, workspace.workspace, identify.identify),
+Verbs: TypeAlias = tuple[Callable[..., None], ...]
+FIRST: Verbs = (run.run, run.compare, search.tune, models.check, models.new, pictures.replay)
+OTHERS: dict[str, Verbs] = {
+    "runs": (search.sweep, search.margins, pictures.plot, pictures.report, pictures.render),
+    "arms": (arms.inspect, arms.ik, arms.statics, arms.workspace, models.identify),
     "files": (catalog.examples, catalog.schema),
 }
 MORE = "\n".join(f"  {about:7}{', '.join(verb.__name__ for verb in some)}" for about, some in OTHERS.items())

@@ -33,7 +33,7 @@ def show(
     report: "Report",
     as_json: bool,
     quiet: bool = False,
-    files: Sequence[Path] = (),
+    files: Sequence[Path | None] = (),
     hint: str = "",
     missed: int = EXIT_MISSED,
 ) -> None:
@@ -43,7 +43,7 @@ def show(
         report: The answer.
         as_json: Whether to print JSON instead of tables.
         quiet: Whether to print no tables.
-        files: Written files to list; none: no list.
+        files: Written files to list, without those that were not asked for.
         hint: The next command.
         missed: Exit code if the answer's condition is not met.
 
@@ -52,14 +52,15 @@ def show(
     """
     from rmrc.show.terminal import render
 
+    paths = [str(file) for file in files if file is not None]
     if as_json:
-        print_json(report.json | {"files": list(map(str, files))} if files else report.json)
+        print_json(report.json | {"files": paths} if paths else report.json)
     elif not quiet:
         is_known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()
         screen = Console(width=None if is_known else PIPE_WIDTH)
         screen.width = max(screen.width, LEAST_WIDTH)
         screen.print(render(report.sheets))
-        texts = (f"\n{report.block}" if report.block else "", *(f"wrote {path}" for path in files), hint)
+        texts = (f"\n{report.block}" if report.block else "", *(f"wrote {path}" for path in paths), hint)
         print(*(visible(text, keep="\n") for text in texts if text), sep="\n", end="\n" * any(texts))
     if report.problem:
         complain(report.problem)

@@ -22,7 +22,7 @@ KINDS = {
 SHIPPED: dict[str, Folder] = {"a scenario": "scenarios", "a model": "models"}
 # Files of `run` and `compare`, and of `sweep` and `tune`.
 OF_RUNS, OF_SEARCHES = (".npz", ".rrd", ".json"), (".parquet",)
-PICTURES = (".png", ".svg", ".pdf")
+PICTURES = (".pdf", ".png", ".svg")
 
 
 def expect(path: Path, *kinds: str) -> Path:

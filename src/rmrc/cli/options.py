@@ -124,11 +124,6 @@ Junit = Annotated[File, Option(metavar="FILE", help="Write JUnit XML for CI: .xm
 Summary = Annotated[File, Option(metavar="FILE", help="Write Markdown for CI: .md, $GITHUB_STEP_SUMMARY.")]
 
 
-def written(*files: Path | None) -> list[Path]:
-    """Return the files that were asked for."""
-    return [file for file in files if file is not None]
-
-
 def draw(report: "Report", file: File, width: Number = None, font: Number = None) -> list[Path]:
     """Draw the picture of an answer, if it has one and a file is given; return the files written."""
     from rmrc.show.asked import sized

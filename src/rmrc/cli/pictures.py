@@ -1,15 +1,16 @@
-"""The verbs `plot`, `report` and `render`: a figure, a page, and a picture or film of a run or of several."""
+"""The verbs that show results: `plot`, `report`, `render` and `replay`."""
 
 import re
 from pathlib import Path
 from typing import Annotated
 
-from typer import Option
+import typer
+from typer import Argument, Option
 
 from rmrc.cli import options
 from rmrc.cli.console import progress
-from rmrc.cli.files import PICTURES, result_of, target
-from rmrc.cli.options import Number, Text
+from rmrc.cli.files import PICTURES, expect, result_of, target
+from rmrc.cli.options import Count, Number, Text, within
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.legible import quoted
 
@@ -41,7 +42,7 @@ def plot(
         if name not in known or names.count(name) > 1:
             choice = f"choose from {', '.join(known)}, each once{did_you_mean(name, known)}"
             raise QuestionError(f"--panels: {quoted(name)} is not a panel, or is given twice; {choice}")
-    file = target(source, output, (".pdf", *PICTURES))
+    file = target(source, output, PICTURES)
     with result_of(source, set_ or (), vary or (), quiet) as result:
         pictures.plot(result, file, names, width or 7.16, font or 8.0)
     _tell(file, quiet)
@@ -111,3 +112,26 @@ def render(
 def _tell(file: Path, quiet: bool) -> None:
     if not quiet:
         print(f"wrote {file}")
+
+
+def replay(
+    recording: Annotated[
+        Path,
+        Argument(
+            help="NAME.rrd or NAME.npz of a run, or a folder: then its newest recording.",
+            callback=lambda path: path if path.is_dir() else expect(path, "a recording", "a result"),
+        ),
+    ],
+    web: Annotated[bool, Option("--web", help="Serve the viewer to a web browser instead.")] = False,
+    at: Annotated[
+        Number, Option(callback=within(0.0, 1e9), help="Time to pause at [s]; default: play.")
+    ] = None,
+    port: Annotated[Count, Option(min=1, max=65535, help="Port of 127.0.0.1; default: a free one.")] = None,
+) -> None:
+    """Open a recording, in a window or with --web in a browser.
+
+    The rerun viewer runs on this machine only, and without telemetry.
+    """
+    from rmrc.recording import viewer
+
+    raise typer.Exit(viewer.replay(recording, web, at, port))

@@ -60,7 +60,7 @@ def run(
         Report(sheets, job.facts()),
         as_json,
         quiet,
-        [*job.files, *options.written(junit, summary)],
+        [*job.files, junit, summary],
         _hint(job),
     )
     for line in warnings(first.scorecard, first.prepared.scenario.expect):
@@ -108,7 +108,7 @@ def compare(
             ci.suite(f"{job.name} {label}", each.run, each.outcomes, job.interrupted, job.failures)
             for label, each in zip(job.labels, job.results, strict=True)
         ]
-    files = [*job.files, *options.written(junit, summary)]
+    files = [*job.files, junit, summary]
     show(Report(job.tables(), job.facts()), as_json, quiet, files, _hint(job))
     for label, each in zip(job.labels, job.results, strict=True):
         for line in warnings(each.scorecard, each.prepared.scenario.expect):
