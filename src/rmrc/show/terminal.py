@@ -22,9 +22,9 @@ def render(sheets: Sequence[Sheet]) -> RenderableType:
     parts: list[RenderableType] = []
     for sheet in sheets:
         parts += [Text()] * bool(parts)
-        parts += [_text(sheet.title, "bold")] * bool(sheet.title)
+        parts += [Text(visible(sheet.title), "bold")] * bool(sheet.title)
         parts += [_Columns(sheet)] * bool(sheet.headings)
-        parts += map(_text, sheet.notes)
+        parts += [Text(visible(note)) for note in sheet.notes]
     return Group(*parts)
 
 
