@@ -59,14 +59,14 @@ def test_a_picture_is_as_wide_as_asked_with_letters_that_can_be_read(tmp_path, d
 def test_verbs_take_the_options(rmrc, tmp_path, verb):
     more = ["--cells", "30", "--out", str(tmp_path)] if verb == "workspace" else []
     path = tmp_path / "x.svg"
-    code, _, err = rmrc(verb, "planar_2link", *more, "--picture", str(path), "--width", "88mm", "--font", "8")
+    code, _, err = rmrc(verb, "planar_2link", *more, "-o", str(path), "--width", "88mm", "--font", "8")
     assert (code, err.count("error")) == (0, 0)
     width, letters = sizes(path)
     assert width == pytest.approx(88 / 25.4, abs=0.001)
     assert letters <= {7.0, 8.0, 5.6}
-    code, _, err = rmrc(verb, "planar_2link", *more, "--picture", str(path), "--width", "88")
+    code, _, err = rmrc(verb, "planar_2link", *more, "-o", str(path), "--width", "88")
     assert code == 2
-    assert "--width must be a length such as 3.5in" in err
+    assert "must be a length between 2in and 40in, such as 3.5in" in err
 
 
 def test_methods_that_do_the_same_are_told_apart(monkeypatch, tmp_path):

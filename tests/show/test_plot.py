@@ -195,17 +195,16 @@ def test_the_verb_draws_a_comparison(rmrc, compared):
 
 
 WRONG = {
-    "another kind": (["{folder}/x.yaml"], "… scenario, …; … `rmrc run {folder}/x.yaml`"),
     "no columns": (["{folder}/alone.json"], "alone.npz … missing …; `rmrc run SCENARIO` …"),
     "damaged": (["{folder}/torn.npz"], "… columns of a run, … damaged: …"),
     "panel": (
         ["{folder}/blow_up.npz", "--panels", "rate"],
         '--panels: … rate … path, rates, … did you mean "rates"?',
     ),
-    "twice": (["{folder}/blow_up.npz", "--panels", "rates,rates"], "--panels: … rates … twice"),
-    "width": (["{folder}/blow_up.npz", "--width", "3"], "--width … 3.5in, … 3…"),
-    "narrow": (["{folder}/blow_up.npz", "--width", "1mm"], "--width … 2in … 40in, … 1mm…"),
-    "kind of picture": (["{folder}/blow_up.npz", "-o", "x.gif"], "--out x.gif: … .png, .svg … .pdf"),
+    "twice": (["{folder}/blow_up.npz", "--panels", "rates,rates"], "--panels: … rates … twice…"),
+    "width": (["{folder}/blow_up.npz", "--width", "3"], "…--width … 2in … 3.5in … 3…"),
+    "narrow": (["{folder}/blow_up.npz", "--width", "1mm"], "…--width… 2in … 40in … 1mm…"),
+    "kind of picture": (["{folder}/blow_up.npz", "-o", "x.gif"], "--output x.gif: … .pdf … .png … .svg"),
 }
 
 

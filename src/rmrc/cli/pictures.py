@@ -40,7 +40,7 @@ def plot(
     names = [name.strip() for name in panels.split(",")] if panels else []
     for name in names:
         if name not in known or names.count(name) > 1:
-            choice = f"choose from {', '.join(known)}, each once{did_you_mean(name, known)}"
+            choice = f"choose each once from {', '.join(known)}{did_you_mean(name, known)}"
             raise QuestionError(f"--panels: {quoted(name)} is not a panel, or is given twice; {choice}")
     file = target(source, output, PICTURES)
     with result_of(source, set_ or (), vary or (), quiet) as result:

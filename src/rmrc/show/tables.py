@@ -137,7 +137,7 @@ def _beside(baseline: "Scorecard | None", name: str) -> tuple[str, ...]:
 
 def _over(baseline: "Scorecard | None", what: str = "") -> tuple[str, ...]:
     """Return the heading of that cell."""
-    return () if baseline is None else (f"baseline {what}".strip(),)
+    return () if baseline is None else (f"baseline\n{what}".strip(),)
 
 
 def _text(card: "Scorecard", name: str) -> str:
