@@ -278,7 +278,7 @@ def test_assumed_masses_are_told_where_torques_are(rmrc, tmp_path):
     line = "masses that the file lacks are assumed, 5 kg in all: l1 5 kg"
     code, out, err = rmrc("statics", "two.urdf", "--wrench", "0,0,0", "--gravity", "--json")
     assert code == 0 and line in err
-    weight = json.loads(out)["torque"]["gravity"]
+    weight = json.loads(out)["gravity"]
     assert_allclose(weight, [-9.81 * (5 * 0.25 + 2 * 0.5), 0.0], atol=1e-12)
     assert line in rmrc("new", "two.urdf")[2]
     assert line in " ".join((tmp_path / "two.yaml").read_text().replace("\n#", "").split())

@@ -99,11 +99,7 @@ def test_a_parallelogram_carries_its_bar_without_turning_it_or_does_not_close(tm
 
 
 def test_an_arm_without_loops_is_no_mechanism():
-    for name in (
-        "planar_2link",
-        "helical",
-        "fr3",
-    ):  # couplings of joints, and the fingers of a hand, are none
+    for name in ("planar_2link", "helical", "fr3"):  # couplings of joints, and fingers of a hand, are none
         found = arms.load(ROOT / f"models/{name}.xml")
         assert find_mechanism(found, found.configuration("home")[found.wiring.qpos]) is None
 

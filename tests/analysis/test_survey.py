@@ -115,11 +115,3 @@ def test_rounding_of_a_file_gives_no_rows(tmp_path, turn, size):
     assert choose(arms.load(path)).axes == ("rx", "rz")
     path.write_text(WRIST.format(turn=1.55, size=size))  # what is more is meant
     assert choose(arms.load(path)).axes == ("rx", "ry")
-
-
-def test_axes_can_be_chosen():
-    arm = arms.load(ROOT / "models/planar_3link.xml")
-    task = choose(arm, ["rz", "x"], length=0.5)
-    assert task.axes == ("x", "rz")
-    q = np.array([0.1, 0.2, 0.3])
-    assert_allclose(task.matrix(arm.jacobian(q)), arm.jacobian(q)[[0, 5]] * [[2.0], [1.0]])

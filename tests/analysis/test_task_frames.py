@@ -64,20 +64,6 @@ def test_what_is_lost_is_told_along_the_axes_of_the_site_and_kept_along_the_worl
     assert np.abs(np.kron(np.eye(2), R.T) @ lost.twist - lost.twist).max() > 0.1  # and another of the site
 
 
-def test_a_determinant_is_that_of_the_rows(puma):
-    q = np.array([0.3, -0.9, 3.4, 0.4, 0.8, 0.2])
-    whole = rmrc.inspect(puma, q, task_frame="site")
-    assert abs(whole.determinant - np.linalg.det(puma.jacobian(q))) < ROUNDING  # of a rotation: 1
-    planar = load(ROOT / "models/planar_2link.xml")
-    q = np.array([0.4, 1.1])
-    found = rmrc.inspect(planar, q, axes=["x", "y"], task_frame="site")
-    # along the last link and across it: l1 sin, l1 cos + l2 of the first joint, 0 and l2 of the second
-    assert abs(found.determinant - np.sin(q[1])) < ROUNDING
-    np.testing.assert_allclose(
-        found.jacobian[:2], [[np.sin(q[1]), 0.0], [np.cos(q[1]) + 1.0, 1.0]], atol=ROUNDING
-    )
-
-
 def test_a_map_over_joints_takes_rows_of_the_site():
     space = rmrc.workspace(
         "planar_2link", over=["shoulder", "elbow"], axes=["x"], task_frame="site", cells=12

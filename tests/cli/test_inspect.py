@@ -52,25 +52,22 @@ def test_json_has_the_attributes_of_the_answer_and_no_number_that_is_not_finite(
     assert printed["task"] == {"rows": ["x", "y", "z", "rx", "ry", "rz"], "frame": "world", "length": 0.5}
 
 
-def test_several_configurations_follow_one_another_and_are_one_picture(rmrc, tmp_path):
-    code, out, _ = rmrc("inspect", TWO, "--q", "0,0", "--q", "0,1", "--json", "--picture", "new/arm.svg")
-    one, other = json.loads(out)
-    assert code == 0 and (len(one["lost"]), len(other["lost"])) == (1, 0)
-    assert one["ellipsoids"][0]["force"][1] is None and one["tip_error"] is None
-    assert "2: $q$ = 0, 1.000" in (tmp_path / "new/arm.svg").read_text("utf-8")
+def test_the_picture_is_a_file(rmrc, tmp_path):
+    code, _, _ = rmrc("inspect", TWO, "--q", "0,1", "--picture", "new/arm.svg")
+    assert code == 0 and "= 0, 1.000" in (tmp_path / "new/arm.svg").read_text("utf-8")
 
 
 def test_one_joint_error_is_for_all_joints_of_one_kind(rmrc):
     one = rmrc("inspect", TWO, "--joint-error", "0.1 deg", "--json")
     assert one == rmrc("inspect", TWO, "--joint-error", "0.1 deg, 0.1 deg", "--json")
     assert json.loads(one[1])["tip_error"]["joints"] == [np.radians(0.1)] * 2
-    told = says("rmrc: error: --joint-error 0.1 deg: … theta_1, theta_2, d_3, theta_4, theta_5, theta_6\n")
+    told = says("rmrc: error: --joint-error … 6 … theta_1, theta_2, d_3, theta_4, theta_5, theta_6 … 1: …\n")
     assert rmrc("inspect", STANFORD, "--joint-error", "0.1 deg") == (2, "", told)
 
 
 def test_outside_of_limits_is_a_warning_and_no_error(rmrc):
     code, _, err = rmrc("inspect", TWO, "--q", "0,3")
-    assert (code, err) == (0, says("rmrc: warning: elbow = 3 … limits: … upper … 2.793\n"))
+    assert (code, err) == (0, says("rmrc: warning: elbow = 3 … limits [-2.793, 2.793]\n"))
 
 
 @pytest.mark.parametrize(

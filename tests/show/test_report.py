@@ -1,7 +1,6 @@
 """Answers that are ready to be shown: plain values for JSON, notes below tables, and what the verbs print of them."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -80,12 +79,3 @@ def test_what_is_not_met_says_so():
     assert beyond.problem == "not reached: 1 m and 0 rad are left at the nearest of 201 starts"
     # Negative control: without a goal beyond reach, and of another kind of answer, nothing is missed.
     assert of_ik(rmrc.ik(TWO, [1, 1])).met and of_statics(rmrc.statics(TWO, [1, 2, 3])).met
-
-
-def test_inspections_of_several_configurations_are_a_list_and_one_picture(tmp_path):
-    one, other = (rmrc.inspect(TWO, q) for q in ([0.0, 1.0], [0.5, 1.0]))
-    both = of_inspection(one, other)
-    assert both.json == [of_inspection(one).json, of_inspection(other).json]
-    assert len(both.sheets) == 2 * len(of_inspection(one).sheets)
-    both.draw(Path(tmp_path / "arms.svg"))
-    assert "= 0.5000, 1.000" in (tmp_path / "arms.svg").read_text("utf-8")

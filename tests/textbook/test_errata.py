@@ -227,6 +227,21 @@ def test_an_arm_is_singular_inside_its_workspace_without_aligned_axes():
     )
 
 
+def test_height_of_the_shoulder_lifts_the_tip_and_is_in_no_column_of_its_jacobian():
+    height, turn = 1.0, np.pi / 2
+    table = ((turn, 0.0, height, turn), (0.0, 0.8, 0.0, 0.0), (0.0, 0.6, 0.0, 0.0))  # A's, with d_1 = L_1
+    lifted = DHChain(table, ("revolute", "revolute", "revolute"), "standard")
+    low, tip = anthropomorphic_position([0.8, 0.6], Q), lifted.frames(Q)[3, :3, 3]
+    assert_allclose(tip - low, [0.0, 0.0, height], atol=ROUNDING)
+    # Central differences of functions of order 1: 1e-16 / 1e-6 of rounding, (1e-6)² of truncation.
+    step = 1e-6 * np.eye(3)
+    slope = (lifted.frames(Q + step) - lifted.frames(Q - step))[:, 3, :3, 3].T / 2e-6
+    assert_allclose(slope, anthropomorphic_jacobian([0.8, 0.6], Q)[:3], atol=1e-9)
+    # Only the velocity at the ground's origin has it, v − ω × p: no column that A means.
+    omega = lifted.jacobian(Q)[3:]
+    assert refuted(np.cross(omega, tip, axis=0), np.cross(omega, low, axis=0))
+
+
 def test_folded_links_of_equal_length_are_at_the_center_and_not_at_the_boundary():
     turns = np.linspace(0.0, 2.0 * np.pi, 9)
     around = 0.01 * np.stack([np.cos(turns), np.sin(turns)], axis=-1)

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.analysis.directions import listed
 from rmrc.law.task import Task
 
 Array: TypeAlias = NDArray[np.float64]
@@ -118,20 +119,20 @@ def _proposals(
 ) -> Iterator[tuple[Rule, ...]]:
     """Yield the factors of the known structures of arms with these rows."""
     turns, n = len({"rx", "ry", "rz"} & set(axes)), len(joints)
-    in_plane = f"the axes of {_listed(joints[-3:])} lie in one plane"
+    in_plane = f"the axes of {listed(joints[-3:])} lie in one plane"
     wrist = Rule("wrist", in_plane, lambda J: np.linalg.det(J[..., 3:, -3:]))
     if n == 6:
         # A wrist whose axes meet: det J = det J_v(wrist point) · z₄·(z₅ × z₆) [Khatib08].
         at_wrist = partial(_at_meeting, 3)
         for arm in _arm(J, joints, slides, "the wrist point", at_wrist):
             yield (*arm, wrist)
-        where = f"{_listed(joints[:3])} cannot move the wrist point at will"
+        where = f"{listed(joints[:3])} cannot move the wrist point at will"
         yield Rule("arm", where, lambda J: np.linalg.det(at_wrist(J)[..., :3, :3])), wrist
         # Parallel axes 2 to 4, as of a UR: joint 1 alone moves along them the point where axes 5 and 6 meet.
         meet = f"the axes of {joints[4]} and {joints[5]} meet along the axis of {joints[1]}"
         across = partial(_across, partial(_at_meeting, 4), 1, 0)
         shoulder = Rule("shoulder", f"{joints[0]} cannot move where {meet}", across)
-        in_line = f"{_listed(joints[1:4])} are in line"
+        in_line = f"{listed(joints[1:4])} are in line"
         yield shoulder, Rule("elbow", in_line, partial(_area, partial(_at_axis, 1, 3), 1, 1, 2)), wrist
     elif n == 3 and turns == 3:
         yield (wrist,)
@@ -217,7 +218,3 @@ def _moved(J: Array, point: Array) -> Array:
     """Return J of a point of the last link, (..., 3) from the site."""
     v = J[..., :3, :] + np.cross(J[..., 3:, :], point[..., None], axis=-2)
     return np.concatenate([v, J[..., 3:, :]], axis=-2)
-
-
-def _listed(names: Sequence[str]) -> str:
-    return f"{', '.join(names[:-1])} and {names[-1]}"

@@ -26,40 +26,25 @@ DIFFERENCE_STEP = 1e-5
 def jacobians(arm: Arm, q: Sequence[float] | Array) -> dict[str, Array]:
     """Return J by each route, rows [v; ω] of the site along world axes, (6, n) each.
 
+    By screws: the product of exponentials of the joint screws at q = 0 [Selig92, §6.6] [Lynch17, §5.1.1]. By
+    differences: central differences of the pose, to about 1e-10 of the arm's size.
+
     Args:
         arm: The arm.
         q: Joint positions, (n,) [rad or m].
     """
-    by_propagation = arm.chain.gathered(jacobian_by_propagation(*link_transforms(arm, q)), arm.n)
+    q = np.asarray(q, dtype=np.float64)
+    points, at_zero = _at_zero(arm)
+    screws, moved = joint_screw(arm.chain.axis, points, arm.chain.pitch), arm.chain.positions(q)
+    tip = product_of_exponentials(screws, moved, at_zero)[:3, 3]
+    steps = DIFFERENCE_STEP * np.eye(arm.n)
+    columns = [pose_error(arm.pose(q + step), arm.pose(q - step)) for step in steps]
     return {
         "mujoco": arm.jacobian(q),
-        "screws": jacobian_by_screws(arm, q),
-        "propagation": by_propagation,
-        "differences": jacobian_by_differences(arm, q),
+        "screws": arm.chain.gathered(geometric_from_screws(space_jacobian(screws, moved), tip), arm.n),
+        "propagation": arm.chain.gathered(jacobian_by_propagation(*link_transforms(arm, q)), arm.n),
+        "differences": np.array(columns).T / (2.0 * DIFFERENCE_STEP),
     }
-
-
-def disagreement(arm: Arm, q: Sequence[float] | Array) -> dict[str, float]:
-    """Return the largest entry of the difference from MuJoCo's J by each other route [m or 1]."""
-    mujoco, *others = jacobians(arm, q).items()
-    return {name: float(np.abs(J - mujoco[1]).max()) for name, J in others}
-
-
-def jacobian_by_screws(arm: Arm, q: Sequence[float] | Array) -> Array:
-    """Return J by the product of exponentials of the joint screws at q = 0 [Selig92, §6.6] [Lynch17, §5.1.1].
-
-    Args:
-        arm: The arm.
-        q: Joint positions, (n,) [rad or m].
-
-    Returns:
-        Rows [v; ω] of the site along world axes, (6, n).
-    """
-    points, at_zero = _at_zero(arm)
-    screws = joint_screw(arm.chain.axis, points, arm.chain.pitch)
-    moved = arm.chain.positions(q)
-    tip = product_of_exponentials(screws, moved, at_zero)[:3, 3]
-    return arm.chain.gathered(geometric_from_screws(space_jacobian(screws, moved), tip), arm.n)
 
 
 def link_transforms(arm: Arm, q: Sequence[float] | Array) -> tuple[Array, Array, Array]:
@@ -81,26 +66,9 @@ def link_transforms(arm: Arm, q: Sequence[float] | Array) -> tuple[Array, Array,
     still[1:-1, :3, :3] = np.stack([x, np.cross(z, x), z], axis=-1)
     still[1:-1, :3, 3], still[-1] = _at_zero(arm)
     steps = np.linalg.inv(still[:-1]) @ still[1:]
-    slides = np.isinf(pitch)
+    slides, none = np.isinf(pitch), np.zeros(len(q))
     advance = np.where(slides, 1.0, np.where(slides, 0.0, pitch)) * q
-    none = np.zeros(len(q))
     return steps[:-1] @ modified_dh_transform(none, none, advance, np.where(slides, 0.0, q)), pitch, steps[-1]
-
-
-def jacobian_by_differences(arm: Arm, q: Sequence[float] | Array) -> Array:
-    """Return J by central differences of the pose, to about 1e-10 of the arm's size.
-
-    Args:
-        arm: The arm.
-        q: Joint positions, (n,) [rad or m].
-
-    Returns:
-        Rows [v; ω] of the site along world axes, (6, n).
-    """
-    q = np.asarray(q, dtype=np.float64)
-    steps = DIFFERENCE_STEP * np.eye(arm.n)
-    columns = [pose_error(arm.pose(q + step), arm.pose(q - step)) for step in steps]
-    return np.array(columns).T / (2.0 * DIFFERENCE_STEP)
 
 
 def _at_zero(arm: Arm) -> tuple[Array, Array]:

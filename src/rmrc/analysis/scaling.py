@@ -142,9 +142,9 @@ def nearest_singularity(scales: Scales, start: Array) -> Nearest:
     best = int(np.argmin(np.where(singular | ~singular.any(), order, np.inf)))
     u = np.linalg.svd(task.matrix(task.arm.jacobian(q[best])))[0][:, min(len(task.rows), task.arm.n) - 1]
     u = u * np.sign(u[np.argmax(np.abs(u) > 0.9 * np.abs(u).max())])
-    twist, wrench = np.zeros(6), np.zeros(6)
-    twist[task.rows], wrench[task.rows] = u / task.row_scale, u * task.row_scale
-    return Nearest(q[best], bool(singular[best]), twist, wrench)
+    whole = np.zeros((2, 6))
+    whole[:, task.rows] = u / task.row_scale, u * task.row_scale
+    return Nearest(q[best], bool(singular[best]), *whole)
 
 
 def clear_of_singularities(scales: Scales, start: Array) -> Array:
@@ -172,10 +172,9 @@ def _descend(scales: Scales, q: Array) -> Array:
         slope = _slope(task, at, np.clip(SHARE * least, FINEST, SHORTEST))
         # a joint at its limit that would move beyond it stays
         slope[((at <= scales.lower) & (slope > 0.0)) | ((at >= scales.upper) & (slope < 0.0))] = 0.0
-        steep = np.sum(slope**2, axis=1)
-        step = -least[:, None] * slope / np.maximum(steep, 1e-300)[:, None]
-        size = np.linalg.norm(step, axis=1)
-        step *= (np.minimum(1.0, LONGEST / np.maximum(size, 1e-300)) * (steep > 0.0))[:, None]
+        steep = np.linalg.norm(slope, axis=1, keepdims=True)
+        far = np.minimum(LONGEST, least[:, None] / np.maximum(steep, 1e-300)) * (steep > 0.0)
+        step = -far * slope / np.maximum(steep, 1e-300)
         q[others] = np.clip(at + step * task.joint_scale, scales.lower, scales.upper)
     return q
 
@@ -194,14 +193,15 @@ def _valleys(scales: Scales, start: Array) -> Array:
     task, n = scales.task, len(start)
     lower = np.where(np.isfinite(scales.lower), scales.lower, start - np.pi * task.joint_scale)
     upper = np.where(np.isfinite(scales.upper), scales.upper, start + np.pi * task.joint_scale)
-    alone = np.repeat(start[None], SCANNED * n, axis=0)
-    for j in range(n):
-        alone[SCANNED * j : SCANNED * (j + 1), j] = np.linspace(lower[j], upper[j], SCANNED)
-    least = survey(task, alone).sigma[:, -1].reshape(n, SCANNED)
+    alone, joints = np.tile(start, (n, SCANNED, 1)), np.arange(n)
+    alone[joints, :, joints] = np.linspace(lower, upper, SCANNED, axis=1)
+    alone = alone.reshape(-1, n)
     # both neighbors are higher, or missing
-    edge = np.full((n, 1), np.inf)
-    low = (least <= np.hstack([edge, least[:, :-1]])) & (least <= np.hstack([least[:, 1:], edge]))
-    return alone[low.ravel()]
+    least = np.pad(
+        survey(task, alone).sigma[:, -1].reshape(n, SCANNED), ((0, 0), (1, 1)), constant_values=np.inf
+    )
+    low = (least[:, 1:-1] <= least[:, :-2]) & (least[:, 1:-1] <= least[:, 2:])
+    return np.asarray(alone[low.ravel()])
 
 
 def _around(scales: Scales, start: Array) -> Array:

@@ -17,7 +17,7 @@ from rmrc.scenario import Frame, Scenario
 from rmrc.support import shipped
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.legible import shortened
-from rmrc.support.spatial import AXES
+from rmrc.support.spatial import AXES, ORIGIN, quat_to_matrix
 
 Model: TypeAlias = Arm | Scenario | str | os.PathLike[str]
 """An arm, an MJCF file, the name of a shipped one, or a scenario, which also has start, axes and length."""
@@ -95,16 +95,21 @@ def subject(
     arm = read_arm(model, site, body, packages)
     start: str | Sequence[float] = "home"
     if isinstance(model, Scenario):
-        task, start = model.task, model.arm.start
+        start = model.arm.start
         if axes is None:
-            axes, task_frame = task.axes, task_frame or task.frame
-        length = task.length if length is None else length
+            axes, task_frame = model.task.axes, task_frame or model.task.frame
+        length = model.task.length if length is None else length
     qpos = arm.configuration(start if keyframe is None else keyframe)
     if q is None or isinstance(model, Scenario):
         arm = arm.at(qpos)
     positions = qpos[arm.wiring.qpos] if q is None else numbers("q", q, arm.joints)
-    _check(axes, length)
-    return Subject(arm, positions, axes, length, frame_named("task frame", task_frame or FRAMES[0]))
+    if axes is not None and not (len(axes) and {*axes} <= {*AXES}):
+        wrong = [axis for axis in axes if axis not in AXES]
+        problem = f'no row "{wrong[0]}"' if wrong else "not one row"
+        raise QuestionError(f"axes: {problem}; choose from {' '.join(AXES)}")
+    if length is not None and not (np.isfinite(length) and length > 0.0):
+        raise QuestionError(f"length must be > 0 and finite, got {length:g}")
+    return Subject(arm, positions, axes, length, frame_named("task frame", task_frame or "world"))
 
 
 def read_arm(
@@ -135,15 +140,13 @@ def read_arm(
     arm = model if isinstance(model, Arm) else arms.load_asked(model.arm)
     if isinstance(model, Scenario) and model.arm.stretch:
         arm = arm.stretched(model.arm.stretch)
-    key, value = arm.frame or ("site", arm.site)
-    settings = {
-        "site": (site, arm.site), "body": (body, value if key == "body" else None),
-        "joints": (joints and tuple(joints), arm.joints), "packages": (folders, dict(arm.packages)),
-    }  # fmt: skip
-    for name, (wanted, has) in settings.items():
-        if wanted and wanted != has:
-            asked, known = (f'"{text}"' if isinstance(text, str) else text for text in (wanted, has))
-            raise QuestionError(f"the arm has {name} {known}, got {asked}; load it with these settings")
+    of_body = arm.frame[1] if arm.frame and arm.frame[0] == "body" else None
+    wanted = {"site": site, "body": body, "joints": joints and tuple(joints), "packages": folders}
+    has = {"site": arm.site, "body": of_body, "joints": arm.joints, "packages": dict(arm.packages)}
+    for name, value in wanted.items():
+        if value and value != has[name]:
+            known, text = (f'"{one}"' if isinstance(one, str) else one for one in (has[name], value))
+            raise QuestionError(f"the arm has {name} {known}, got {text}; load it with these settings")
     return arm
 
 
@@ -167,20 +170,19 @@ def numbers(what: str, values: ArrayLike, names: Sequence[str]) -> Array:
     return array
 
 
-def _check(axes: Sequence[str] | None, length: float | None) -> None:
-    """Raise a problem of rows or of a length."""
-    unknown = [axis for axis in axes or () if axis not in AXES]
-    if unknown or (axes is not None and not len(axes)):
-        problem = f'no row "{unknown[0]}"' if unknown else "not one row"
-        raise QuestionError(f"axes: {problem}; choose from {' '.join(AXES)}")
-    if length is not None and not (np.isfinite(length) and length > 0.0):
-        raise QuestionError(f"length must be > 0 and finite, got {length:g}")
-
-
 def frame_named(what: str, name: str) -> Frame:
     """Return the frame of a name; raise a problem if there is none."""
-    for frame in FRAMES:
-        if name == frame:
-            return frame
-    hint = did_you_mean(name, FRAMES)
-    raise QuestionError(f'{what}: no frame "{name}"{hint}; choose from {" ".join(FRAMES)}')
+    if name not in FRAMES:
+        hint = did_you_mean(name, FRAMES)
+        raise QuestionError(f'{what}: no frame "{name}"{hint}; choose from {" ".join(FRAMES)}')
+    return FRAMES[FRAMES.index(name)]
+
+
+def axes_of(arm: Arm, q: Array, frame: str) -> Array:
+    """Return the axes of a frame in the world as columns, (3, 3); base is the body that carries the arm.
+
+    Raises:
+        QuestionError: There is no such frame.
+    """
+    poses = {"world": ORIGIN, "base": arm.base_at(q), "site": arm.pose(q)}
+    return quat_to_matrix(poses[frame_named("frame", frame)][3:])

@@ -45,8 +45,7 @@ class Survey:
     @property
     def manipulability(self) -> Array:
         """Manipulability w = ∏ σ, (N,) [Yoshikawa85]."""
-        w: Array = np.prod(self.sigma, axis=1)
-        return w
+        return np.asarray(np.prod(self.sigma, axis=1))
 
     @property
     def condition(self) -> Array:
@@ -127,11 +126,7 @@ def locate(worlds: Record, q: Array, pose: Array, J: Array) -> None:
     for i in range(len(q)):
         follow_chain(world, q[i])
         geometric_jacobian(world)
-        for c in range(7):
-            pose[i, c] = world.state.pose[c]
-        for r in range(6):
-            for j in range(world.n):
-                J[i, r, j] = world.state.J[r, j]
+        pose[i], J[i] = world.state.pose, world.state.J[:6, : world.n]
 
 
 @compiled

@@ -1,6 +1,5 @@
 """The verbs about an arm: `inspect`, `ik`, `statics` and `workspace`."""
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
@@ -8,7 +7,7 @@ from typer import Option
 
 from rmrc.cli import options
 from rmrc.cli.console import EXIT_DIVERGED, EXIT_MISSED, complain, progress, show, working
-from rmrc.cli.options import Number, Text, Texts
+from rmrc.cli.options import Number, Text
 from rmrc.support.errors import QuestionError
 
 
@@ -17,8 +16,8 @@ def inspect(
     site: options.Site = None,
     body: options.Body = None,
     package: options.Packages = None,
-    q: Annotated[Texts, Option(metavar="Q1,Q2,...", help='Joint positions: "60 deg,0"; repeatable.')] = None,
-    keyframe: Annotated[Texts, Option(help="Joint positions by name; repeatable; default: home.")] = None,
+    q: options.Positions = None,
+    keyframe: options.Keyframe = None,
     axes: options.TaskAxes = None,
     task_frame: options.TaskFrame = None,
     length: options.Length = None,
@@ -35,31 +34,21 @@ def inspect(
     With --joint-error, such as "0.1 deg", prints the resulting errors of the site. With -o FILE, draws the
     arm with its velocity and force ellipses.
     """
-    if q and keyframe:
-        raise QuestionError("give --q or --keyframe, not both")
     with working("reading the model"):
         from rmrc.analysis.inspect.inspection import inspect as ask
         from rmrc.analysis.inspect.report import report
 
         arm = options.read_arm(model, site, body, package)
     errors = options.values("--joint-error", joint_error)
-    if errors is not None and len(errors) == 1 and arm.is_slide.all() == arm.is_slide.any():
+    if errors is not None and len(errors) == 1 == len(set(arm.units)):
         errors *= arm.n  # all joints turn, or all slide
-    at = partial(
-        ask,
-        arm,
-        axes=options.rows(axes),
-        task_frame=task_frame,
-        length=length,
-        frame=frame,
-        joint_error=errors,
-    )
-    found = [at(options.values("--q", text)) for text in q or ()]
-    found += [at(keyframe=name) for name in keyframe or ()]
-    found = found or [at()]
-    for warning in dict.fromkeys(warning for each in found for warning in each.warnings):
+    found = ask(
+        arm, options.values("--q", q), keyframe=keyframe, axes=options.rows(axes), task_frame=task_frame,
+        length=length, frame=frame, joint_error=errors,
+    )  # fmt: skip
+    for warning in found.warnings:
         complain(f"warning: {warning}")
-    answer = report(*found)
+    answer = report(found)
     files = options.draw(answer, output, width, font)
     show(answer, as_json, quiet, files)
 
@@ -121,13 +110,12 @@ def statics(
     site: options.Site = None,
     body: options.Body = None,
     package: options.Packages = None,
-    frame: Annotated[Literal["world", "site"], Option(help="Frame of the axes of the wrench.")] = "world",
+    frame: Annotated[Literal["world", "base", "site"], Option(help="Frame of the wrench.")] = "world",
     at: Annotated[Text, Option(metavar="SITE", help="Print the wrench also at this site.")] = None,
     gravity: Annotated[bool, Option(help="Whether the actuators also support the arm's weight.")] = False,
     hold: Annotated[
         Number, Option(callback=options.within(0.2, 1000.0), help="Simulate until it is still [s].")
     ] = None,
-    length: options.Length = None,
     as_json: options.AsJson = False,
     quiet: options.Quiet = False,
 ) -> None:
@@ -146,7 +134,7 @@ def statics(
         )
         found = ask(
             arm, acts or (), options.values("--q", q), keyframe=keyframe, frame=frame, at=at, gravity=gravity,
-            hold=hold, length=length,
+            hold=hold,
         )  # fmt: skip
     diverged = found.held is not None and found.held["run"].divergence
     show(report(found), as_json, quiet, missed=EXIT_DIVERGED if diverged else EXIT_MISSED)

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rmrc.analysis.directions import LOST, Direction, direction, examine, rank_of
+from rmrc.analysis.directions import LOST, Direction, direction, examine
 from rmrc.analysis.factors import factors
-from rmrc.analysis.routes import disagreement
-from rmrc.analysis.subject import Model, Packages, frame_named, numbers, subject
+from rmrc.analysis.routes import jacobians
+from rmrc.analysis.subject import Model, Packages, axes_of, numbers, subject
 from rmrc.arm import Arm
 from rmrc.arm.inventory import Mechanism, find_mechanism
 from rmrc.law.task import Array, Task
 from rmrc.support.brief import brief
-from rmrc.support.spatial import AXES, ORIGIN, quat_to_matrix
+from rmrc.support.spatial import AXES, quat_to_matrix
 from rmrc.textbook.displacement import tip_covariance, tip_error
 from rmrc.textbook.ellipsoid import force_ellipsoid, velocity_ellipsoid
 from rmrc.textbook.euler import zyz_angles, zyz_is_singular, zyz_rate_matrix
@@ -45,7 +45,6 @@ class Inspection:
         angles: Its orientation as Z-Y-Z angles, (3,) [rad].
         angles_in_words: The rates of these angles that the site needs at most, or that they are singular.
         frame: `world`, `site` or `base`: the axes of `jacobian` and of the words.
-        R_world_frame: Its rotation, (3, 3).
         jacobian: J of the site's origin, rows [v; ω] along the axes of the frame, (6, n).
         disagreement: Largest entry of the difference from MuJoCo's J, by method [m or 1].
         determinant: Determinant of the task's rows of J along their axes; None if they are not square.
@@ -56,7 +55,6 @@ class Inspection:
         condition: κ = σ_1/σ_k, infinite where the rank is lost.
         manipulability: Manipulability w = ∏ σ [Yoshikawa85].
         lost: Task directions that cannot move.
-        nearly_lost: Task directions that nearly cannot: their κ is at least 100, the law's SINGULAR.
         self_motions: Joint motions that do not move the task: of a redundant arm, or at a singularity.
         ellipsoids: Of the translations of the task, and of its rotations: `rows`; `directions`, (m, 3);
             half axes along them, `velocity` for unit-norm joint rates [m/s or rad/s], descending, and
@@ -75,7 +73,6 @@ class Inspection:
     angles: Array
     angles_in_words: str
     frame: str
-    R_world_frame: Array
     jacobian: Array
     disagreement: Mapping[str, float]
     determinant: float | None
@@ -86,7 +83,6 @@ class Inspection:
     condition: float
     manipulability: float
     lost: tuple[Direction, ...]
-    nearly_lost: tuple[Direction, ...]
     self_motions: tuple[Direction, ...]
     ellipsoids: Sequence[Mapping[str, Any]]
     tip_error: Mapping[str, Array] | None
@@ -140,38 +136,27 @@ def inspect(
         >>> found.self_motions[0].words
         'shoulder and elbow turn against each other, 1 : -2, and the site turns about -z'
     """
-    asked = subject(model, q, keyframe, site, axes, length, body, packages, task_frame)
-    arm, q, task = asked.arm, asked.q, asked.task
-    frame = frame_named("frame", task.frame if frame is None else frame)
-    pose, J = arm.pose(q), arm.jacobian(q)
-    J_task, R = task.turned(J, pose), _frame_rotation(arm, q, pose, frame)
-    A, angles = task.matrix(J_task), zyz_angles(quat_to_matrix(pose[3:]))
-    sigma, lost, nearly_lost, self_motions = examine(task, J, pose, R)
-    rank, errors = rank_of(sigma), None
+    question = subject(model, q, keyframe, site, axes, length, body, packages, task_frame)
+    arm, q, task = question.arm, question.q, question.task
+    frame, pose, J = frame or task.frame, arm.pose(q), arm.jacobian(q)
+    R, rows, errors = axes_of(arm, q, frame), task.turned(J, pose), None
+    A, angles = task.matrix(rows), zyz_angles(quat_to_matrix(pose[3:]))
+    sigma, rank, lost, self_motions = examine(task, J, pose, R)
+    mujoco, *others = jacobians(arm, q).items()
     if joint_error is not None:
         errors = _tip_error(J, numbers("joint error", joint_error, arm.joints))
-    is_square = A.shape[0] == A.shape[1]
     return Inspection(
-        arm, task, q, pose, angles, _angles_in_words(angles), frame, R, rotate_jacobian(J, R.T),
-        disagreement(arm, q), float(np.linalg.det(J_task[task.rows])) if is_square else None,
-        factors(task, J), sigma, rank, _rank_by_minors(A),
-        float(sigma[0] / sigma[-1]) if rank == len(sigma) else np.inf, float(np.prod(sigma)),
-        lost, nearly_lost, self_motions, _ellipsoids(task, J_task, pose), errors, find_mechanism(arm, q),
-        _warnings(arm, q),
+        arm=arm, task=task, q=q, pose=pose, angles=angles, angles_in_words=_angles_in_words(angles),
+        frame=frame, jacobian=rotate_jacobian(J, R.T),
+        disagreement={name: float(np.abs(other - mujoco[1]).max()) for name, other in others},
+        determinant=float(np.linalg.det(rows[task.rows])) if A.shape[0] == A.shape[1] else None,
+        factors=factors(task, J), sigma=sigma, rank=rank,
+        rank_by_minors=int(rank_by_minors(A, LOST)) if comb(sum(A.shape), len(A)) <= MOST_MINORS else None,
+        condition=float(sigma[0] / sigma[-1]) if rank == len(sigma) else np.inf,
+        manipulability=float(np.prod(sigma)), lost=lost, self_motions=self_motions,
+        ellipsoids=_ellipsoids(task, rows, pose), tip_error=errors, mechanism=find_mechanism(arm, q),
+        warnings=_warnings(arm, q),
     )  # fmt: skip
-
-
-def _frame_rotation(arm: Arm, q: Array, pose: Array, frame: str) -> Array:
-    """Return the rotation of a frame in the world, (3, 3)."""
-    poses, _ = arm.frames(arm.configuration(q)[None])
-    quats = {"world": ORIGIN[3:], "site": pose[3:], "base": poses[0, arm.wiring.base, 3:]}
-    return quat_to_matrix(quats[frame])
-
-
-def _rank_by_minors(A: Array) -> int | None:
-    m, n = A.shape
-    minors = sum(comb(m, r) * comb(n, r) for r in range(1, min(m, n) + 1))
-    return int(rank_by_minors(A, LOST)) if minors <= MOST_MINORS else None
 
 
 def _ellipsoids(task: Task, J: Array, pose: Array) -> list[dict[str, Any]]:
@@ -205,8 +190,7 @@ def _tip_error(J: Array, joints: Array) -> dict[str, Array]:
 
 def _warnings(arm: Arm, q: Array) -> tuple[str, ...]:
     return tuple(
-        f"{joint} = {position:.4g} is outside of its limits: the "
-        + (f"lower one is {lower:.4g}" if position < lower else f"upper one is {upper:.4g}")
+        f"{joint} = {position:.4g} is outside of its limits [{lower:.4g}, {upper:.4g}]"
         for joint, position, (lower, upper) in zip(arm.joints, q, arm.position_limit, strict=True)
         if not lower - AT_LIMIT <= position <= upper + AT_LIMIT
     )

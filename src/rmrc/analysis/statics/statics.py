@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rmrc.analysis.directions import Direction, examine
 from rmrc.analysis.new.text import identity
-from rmrc.analysis.statics.balance import Balance, balance, elsewhere, without_rounding, wrench_costs
-from rmrc.analysis.subject import Model, Packages, numbers, subject
-from rmrc.arm import Arm
-from rmrc.arm.inventory import contacts
+from rmrc.analysis.statics.balance import Balance, balance, elsewhere, without_rounding
+from rmrc.analysis.subject import Model, Packages, axes_of, numbers, subject
 from rmrc.law.task import Task
 from rmrc.results.run import Run
 from rmrc.scenario import Scenario
@@ -29,9 +28,8 @@ from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.brief import brief
 from rmrc.support.errors import DivergenceError, QuestionError
-from rmrc.support.spatial import AXES, pose_error, rotate
+from rmrc.support.spatial import AXES
 
-FRAMES = ("world", "site")
 WRENCH = ("fx", "fy", "fz", "nx", "ny", "nz")
 # Control period, which is also the time constant of a servo [s]. MuJoCo's step is a fraction of it: with a
 # step as long, such servos and the soft constraint of a screw excite each other.
@@ -48,8 +46,6 @@ CREEP = 1e-2
 # below what an actuator can measure. The constraint that makes a screw of a hinge and a slide is soft, and
 # yields by some hundredths of a millimeter under a load.
 SHARE, SHARE_OF_SCREWS = 1e-6, 1e-3
-# A joint this near to the end of its range is at the end [rad or m]: MuJoCo's limits are soft.
-NEAR = 1e-3
 
 
 @brief
@@ -59,9 +55,7 @@ class Statics:
 
     Attributes:
         balance: Actuator torques and link loads.
-        costs: Costs of wrenches, forces alone and moments alone for the actuators: see
-            `rmrc.analysis.statics.balance.wrench_costs`.
-        length: Characteristic length, which makes meters and radians comparable in `costs` [m].
+        free: Wrenches that need no torque here, which span all others: see `rmrc.analysis.directions`.
         elsewhere: The wrench at another site: see `rmrc.analysis.statics.balance.elsewhere`; None if no other
             was named.
         held: The result of holding the wrench in the physics: see `hold_wrench`; None if that was not
@@ -69,8 +63,7 @@ class Statics:
     """
 
     balance: Balance
-    costs: dict[str, dict[str, Any]]
-    length: float
+    free: tuple[Direction, ...]
     elsewhere: dict[str, Any] | None
     held: dict[str, Any] | None
 
@@ -88,7 +81,6 @@ def statics(
     at: str | None = None,
     gravity: bool = False,
     hold: float | None = None,
-    length: float | None = None,
     on_ticks: Callable[[int], None] | None = None,
 ) -> Statics:
     """Return actuator torques and link loads under a wrench on an arm; the function behind `rmrc statics`.
@@ -103,14 +95,12 @@ def statics(
             `rmrc.arm.frames`.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
-        frame: Frame of the wrench: `world` or `site`.
+        frame: Frame of the wrench: `world`, `base` or `site`.
         at: Another site of the same body, at which to report the wrench as well.
         gravity: Whether the actuators support the arm's weight, and links and bearings carry it; otherwise it
             is compensated.
         hold: Longest duration of holding the wrench in the physics, until all is at rest [s]; None: no
             holding.
-        length: Characteristic length, which makes meters and radians comparable [m]; None: that of a
-            scenario, or else of the arm.
         on_ticks: Called with the number of ticks of each block that was held.
 
     Raises:
@@ -122,23 +112,18 @@ def statics(
         >>> found = statics("models/planar_2link.xml", [0, -1, 0], [0, np.pi / 3])
         >>> found.balance.equilibrium.round(9).tolist(), found.balance.exceeded
         ([1.5, 0.5], ())
-        >>> found.costs["force"]["directions"][0]["costs"]  # a force along z
-        'nothing, anywhere'
+        >>> found.free[0].words
+        'cannot move along z; a force along z needs no torque'
     """
-    asked = subject(model, q, keyframe, site, length=length, body=body, packages=packages)
-    arm, q, length = asked.arm, asked.q, asked.length
+    question = subject(model, q, keyframe, site, body=body, packages=packages)
+    arm, q = question.arm, question.q
     arm.require_open()
-    force_alone = np.shape(wrench) == (3,)
-    acts = numbers("wrench", np.append(wrench, np.zeros(3)) if force_alone else wrench, WRENCH)
-    if frame not in FRAMES:
-        raise QuestionError(f'frame: no frame "{frame}"; choose from {" ".join(FRAMES)}')
-    if frame == "site":
-        acts = rotate(arm.pose(q)[3:], acts.reshape(2, 3)).ravel()
-    balanced = balance(arm, q, acts, gravity)
+    six = np.append(wrench, np.zeros(3)) if np.shape(wrench) == (3,) else wrench
+    acts = (numbers("wrench", six, WRENCH).reshape(2, 3) @ axes_of(arm, q, frame).T).ravel()
+    balanced, everything = balance(arm, q, acts, gravity), Task(arm, np.arange(6))
     return Statics(
         balance=balanced,
-        costs=wrench_costs(arm, q, length),
-        length=arm.proportions.length(range(6)) if length is None else length,
+        free=examine(everything, arm.jacobian(q), arm.pose(q))[2],
         elsewhere=None if at is None else elsewhere(arm, q, acts, at),
         held=None if hold is None else hold_wrench(balanced, hold, on_ticks),
     )
@@ -161,20 +146,17 @@ def hold_wrench(
         agrees: Whether the arm came to rest, with the torques of statics.
         still: Whether it came to rest.
         seconds: Time until then, or until the end [s].
-        statics: Expected torques at the wanted joint positions, (n,) [N·m or N].
-        where_it_rests: Expected torques at the joint positions of rest, (n,).
+        where_it_rests: Expected torques at the joint positions of rest, (n,) [N·m or N].
         measured: Measured torques, (n,).
         difference: Measured minus expected torques at rest, (n,).
         allowed: Its tolerance, (n,).
         at_limit: Joints whose actuator was at its limit at any time, (n,).
-        drift: From the wanted pose of the site to its pose at rest, [Δp; rotation vector], (6,) [m, rad].
         rate: Rate of the fastest joint in the last tenth of a second [rad/s or m/s].
-        verdict: The same in words, and what else carries a part of the load.
+        verdict: The same in words.
         run: The run.
 
     Raises:
-        QuestionError: A joint is beyond its limits or moves no inertia, or a run of this length does not fit
-            into memory.
+        QuestionError: A joint is beyond its limits, or a run of this length does not fit into memory.
         DivergenceError: The state was not finite after the first step.
 
     Example:
@@ -184,21 +166,16 @@ def hold_wrench(
         True
     """
     arm = wanted.arm
-    for name, q, (lower, upper), unit, inertia in zip(
-        arm.joints, wanted.q, arm.position_limit, arm.units, arm.inertia, strict=True
-    ):
-        if not lower <= q <= upper:
-            within = f"within its limits [{lower:.6g}, {upper:.6g}] {unit}, got {q:.6g}"
-            raise QuestionError(f'cannot hold: joint "{name}" must be {within}; choose other joint positions')
-        if not inertia > 0.0:  # on which the servos' gains depend
-            need = f'joint "{name}" must have an inertia > 0 at home, got {inertia:.6g}'
-            raise QuestionError(f"cannot hold: {need}; correct masses, inertias and armature of the model")
+    lower, upper = arm.position_limit.T
+    for j in np.flatnonzero((wanted.q < lower) | (wanted.q > upper)):
+        within = f"within its limits [{lower[j]:.6g}, {upper[j]:.6g}] {arm.units[j]}, got {wanted.q[j]:.6g}"
+        raise QuestionError(
+            f'cannot hold: joint "{arm.joints[j]}" must be {within}; choose other joint positions'
+        )
     prepared = prepare(hold_scenario(wanted, seconds), Cache(arm))
     if too_much := excess(footprint([prepared])):
-        ticks = prepared.reference.ticks
-        raise QuestionError(f"--hold: {ticks} ticks need {too_much}; hold for a shorter time")
-    simulation = Simulation([prepared])
-    kv = np.array(prepared.scenario.plant.kv)
+        raise QuestionError(f"--hold: {seconds:g} s need {too_much}; hold for a shorter time")
+    simulation, kv = Simulation([prepared]), np.array(prepared.scenario.plant.kv)
     friction = arm.model.dof_frictionloss @ np.abs(arm.motion)
     slow, share = np.maximum(STILL, CREEP * friction / kv), SHARE_OF_SCREWS if arm.followers else SHARE
 
@@ -213,9 +190,8 @@ def hold_wrench(
         difference, allowed = measured - ended.torque, share * ended.size + moving + friction
         return {
             "agrees": still and bool((np.abs(difference) <= allowed).all()), "still": still,
-            "statics": wanted.torque, "where_it_rests": ended.torque,
-            "measured": without_rounding(measured, ended.size), "difference": difference, "allowed": allowed,
-            "rate": float(rates.max()),
+            "where_it_rests": ended.torque, "measured": without_rounding(measured, ended.size),
+            "difference": difference, "allowed": allowed, "rate": float(rates.max()),
         }  # fmt: skip
 
     simulation.step(
@@ -226,36 +202,25 @@ def hold_wrench(
     if not len(run):
         raise DivergenceError(f"cannot hold: {run.divergence}")
     held = judged(run) | {
-        "seconds": len(run) * PERIOD, "drift": -pose_error(arm.pose(wanted.q), run["pose"][-1]),
-        "at_limit": (np.abs(run["tau"]) >= arm.torque_limit).any(axis=0), "run": run,
+        "seconds": len(run) * PERIOD, "run": run,
+        "at_limit": (np.abs(run["tau"]) >= arm.torque_limit).any(axis=0),
     }  # fmt: skip
-    return held | {"verdict": _verdict(arm, held)}
+    return held | {"verdict": _verdict(arm.joints, held)}
 
 
-def _verdict(arm: Arm, held: dict[str, Any]) -> str:
-    """Return how the holding went, what else carries a part of the load, and the way out."""
-    run = held["run"]
-    names = ", ".join(np.array(arm.joints)[held["at_limit"]])
+def _verdict(joints: tuple[str, ...], held: dict[str, Any]) -> str:
+    """Return how the holding went, and the way out."""
+    names = ", ".join(name for name, is_there in zip(joints, held["at_limit"], strict=True) if is_there)
     reached = f"{names or 'no actuator'} reached its torque limit"
-    if run.divergence:
-        return f"MISSED: {run.divergence}; {reached}."
     if held["agrees"]:
         return f"met: still, and the actuator torques agree with statics; {reached}."
+    if held["run"].divergence:
+        return f"MISSED: {held['run'].divergence}; {reached}."
     state = "still, but the actuator torques differ"
     if not held["still"]:
         state = f"not still, the fastest joint moves at {number(held['rate'])} rad/s or m/s"
-    q, (lower, upper) = run["q"][-1], arm.position_limit.T
-    near = NEAR + arm.model.jnt_margin[arm.wiring.joint]
-    ends = (q < lower + near) | (q > upper - near)
-    bears = [f"{name} is at the end of the range" for name in np.array(arm.joints)[ends]]
-    bears += [" touches ".join(each.bodies) for each in contacts(arm, run["qpos"][-1:]) if each.is_moved][:1]
-    way = "; found no other support: hold it for longer, or run `rmrc check` for details"
-    if bears:
-        remedy = "give other positions by --q or --keyframe"
-        way = f"; {' and '.join(bears)}, which carries part of the load: {remedy}"
-    elif names and not held["still"]:
-        way = ""
-    return f"MISSED: {state}; {reached}{way}."
+    support = "a contact or the end of a range may carry a part of the load: hold it for longer, or elsewhere"
+    return f"MISSED: {state}; {reached}{'' if names else f'; {support}'}."
 
 
 def hold_scenario(wanted: Balance, seconds: float) -> Scenario:
