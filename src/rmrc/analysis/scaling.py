@@ -46,7 +46,6 @@ class Scales:
         is_assumed: Which of them the model does not give, (n,).
         lower: Positions that are clear of the limits, (n,); -inf without one.
         upper: Likewise; inf without one.
-        is_length_given: Whether the caller gave the length.
     """
 
     task: Task
@@ -54,7 +53,6 @@ class Scales:
     is_assumed: NDArray[np.bool_]
     lower: Array
     upper: Array
-    is_length_given: bool = False
 
     @cached_property
     def below(self) -> float:
@@ -97,7 +95,7 @@ def scales(arm: Arm, length: float | None = None) -> Scales:
     lower, upper = arm.position_limit.T
     within = np.where(np.isfinite(upper - lower), MARGIN * (upper - lower), 0.0)
     suits = Scales(task, np.where(np.isfinite(own), own, assumed), ~np.isfinite(own),
-                   lower + within, upper - within, length is not None)  # fmt: skip
+                   lower + within, upper - within)  # fmt: skip
     if not suits.below > 0.0:
         raise QuestionError(
             f"{arm.path}: its joints do not move {quoted(arm.site)}; choose another with --site or --body"

@@ -1,4 +1,4 @@
-"""The parts of a model beside its arm: actuators and their targets, other joints, contacts, closed loops."""
+"""The parts of a model beside its arm: other joints, contacts, masses from shapes, closed loops."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.actuators import kind_word
 from rmrc.arm.adapting import is_behind
 from rmrc.arm.arm import Arm
 from rmrc.arm.equalities import active_equalities, equality_rows
@@ -26,40 +25,6 @@ _CLOSED = 1e-10
 
 
 @dataclass(frozen=True)
-class Actuator:
-    """An actuator of the model, as its author wrote it.
-
-    Attributes:
-        name: Its own, or its number.
-        kind: `position`, `velocity`, `intvelocity`, `motor`, `muscle` or `general`, by its computation.
-        drives: `joint`, `tendon`, `site` or `body`, and its name.
-        is_replaced: Whether it acts on the arm alone, so that a plant replaces it.
-    """
-
-    name: str
-    kind: str
-    drives: str
-    is_replaced: bool
-
-
-@dataclass(frozen=True)
-class OtherJoint:
-    """A joint of the model that is not actuated.
-
-    Attributes:
-        name: Its own, or its number.
-        kind: `hinge`, `slide`, `ball` or `free`.
-        body: The body that it moves.
-        moves_site: Whether it is between the world and the site.
-    """
-
-    name: str
-    kind: str
-    body: str
-    moves_site: bool
-
-
-@dataclass(frozen=True)
 class Contact:
     """Two geoms that overlap.
 
@@ -76,28 +41,11 @@ class Contact:
     is_moved: bool
 
 
-def actuators(arm: Arm) -> tuple[Actuator, ...]:
-    """Return all actuators of the author's model, in its order."""
-    model, replaced = arm.model, arm.others.replaced
-    names = enumerate(model.actuator(i).name or f"actuator{i}" for i in range(model.nactuator))
-    return tuple(Actuator(name, kind_word(model, i), _target(model, i), i in replaced) for i, name in names)
-
-
-def _target(model: mujoco.MjModel, i: int) -> str:
-    word = mujoco.mjtTrn(int(model.actuator_trntype[i])).name.removeprefix("mjTRN_").lower()
-    word = {"jointinparent": "joint", "slidercrank": "site"}.get(word, word)
-    number = int(model.actuator_trnid[i, 0])
-    return f"{word} {getattr(model, word)(number).name or f'{word}{number}'}"
-
-
-def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
+def other_joints(arm: Arm) -> tuple[str, ...]:
     """Return the joints that are neither the arm's nor its followers, without those of a flex."""
-    model, idle, soft, others = arm.model, arm.idle(), soft_bodies(arm.model), []
-    for i in sorted(set(range(model.njnt)) - arm.others.own):
-        kind = mujoco.mjtJoint(int(model.jnt_type[i])).name.removeprefix("mjJNT_").lower()
-        name, body = joint_name(model, i), int(model.jnt_bodyid[i])
-        others += [OtherJoint(name, kind, arm.body_names[body], name in idle)] if body not in soft else []
-    return tuple(others)
+    model, soft = arm.model, soft_bodies(arm.model)
+    others = sorted(set(range(model.njnt)) - arm.others.own)
+    return tuple(joint_name(model, i) for i in others if int(model.jnt_bodyid[i]) not in soft)
 
 
 def contacts(arm: Arm, qpos: Array) -> tuple[Contact, ...]:

@@ -1,22 +1,18 @@
-"""Motions through the nearest singularity and back, tried on the ideal plant: the first without a fault."""
+"""Motions through the nearest singularity and back, and their faults on the ideal plant."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rmrc.analysis.scaling import CLEAR, Nearest, Scales, clear_of_singularities, nearest_singularity
+from rmrc.analysis.trial import touching
 from rmrc.arm.geometry import tidy
-from rmrc.arm.inventory import Contact, contacts
+from rmrc.arm.inventory import Contact
 from rmrc.law.task import Array
 from rmrc.results.run import Run
 from rmrc.support.spatial import exp_rotation, log_rotation, quat_conjugate, quat_multiply
 
-# Control period of a scenario [s].
-PERIOD = 0.001
-# Share of the rate limits for the path; the feedback has the rest.
-PATH_SHARE = 0.8
 # How far behind the singularity a motion through it turns back, as a share of the distance to it.
 BEYOND = 0.5
 # Distance at which the motion passes it [rad, or of the arm's size]: an exact crossing asks nothing of the
@@ -31,8 +27,8 @@ NOTHING = 1e-5
 # Preferred motions: largest share of time at rate limits; largest error, relative to the length or in rad;
 # and largest duration [s].
 LIMITED, ASTRAY, LONG = 0.05, 0.1, 40.0
-# Number of configurations of a run that are checked for contacts.
-LOOKS = 40
+# Faults that a scenario expects not to be.
+MET, WITHIN = "the arm touches something", "bodies penetrate each other at the start"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +42,10 @@ class Move:
         by: Displacement of the site on the way out, (3,) [m].
         turn: Rotation vector on the way out, (3,) [rad].
         epsilon: σ_min below which the law damps.
-        velocity: Largest speed [m/s].
-        angular_velocity: Largest angular speed [rad/s].
         nearest: The singularity.
-        faults: What was found wrong when it was tried, the worst first.
-        touching: Parts of the arm that touch each other or something else.
+        rank: Whether each possible fault applies, the worst first: the least motion is the best.
+        faults: Those that apply.
+        contacts: Parts of the arm that touch each other or something else.
     """
 
     start: Array
@@ -59,11 +54,10 @@ class Move:
     by: Array
     turn: Array
     epsilon: float
-    velocity: float
-    angular_velocity: float
     nearest: Nearest
+    rank: tuple[bool, ...] = ()
     faults: tuple[str, ...] = ()
-    touching: tuple[Contact, ...] = ()
+    contacts: tuple[Contact, ...] = ()
 
 
 def moves(scales: Scales) -> Iterator[Move]:
@@ -106,52 +100,38 @@ def begin(scales: Scales) -> tuple[Array, bool]:
 def _move(
     scales: Scales, nearest: Nearest, start: Array, is_home: bool, how: str, by: Array, turn: Array
 ) -> Move:
-    rows, length = set(scales.task.rows.tolist()), scales.task.length
+    rows = set(scales.task.rows.tolist())
     # a single rotational row is turned about alone; two of them do not commute, and use all three
     rows |= {3, 4, 5} if len(rows & {3, 4, 5}) > 1 else set()
     way = np.concatenate([by, turn])
     counts = np.abs(way) > NOTHING * np.repeat([scales.size, 1.0], 3)
     way = np.array([tidy(x, 4) if row in rows and counts[row] else 0.0 for row, x in enumerate(way)])
     epsilon = tidy(min(scales.below, scales.sigma_at(start) / CLEAR))
-    speed = PATH_SHARE * epsilon * scales.slowest
-    speed = speed / math.sqrt(2.0) if way[:3].any() and way[3:].any() else speed
-    return Move(start, is_home, how, way[:3], way[3:], epsilon, tidy(speed * length), tidy(speed), nearest)
-
-
-# Possible faults of a motion on the ideal plant, the worst first.
-FAULTS = (
-    "it cannot run", "a joint reaches its position limit", "the arm touches something",
-    "the arm stands still", "the error is large", "rates are limited for a while",
-    "sigma_min stays above half of `below`", "it meets no singularity", "it takes long",
-    "bodies penetrate each other at the start",
-)  # fmt: skip
-# Those that a scenario expects not to be.
-CONTACT = frozenset({"the arm touches something", "bodies penetrate each other at the start"})
+    return Move(start, is_home, how, way[:3], way[3:], epsilon, nearest)
 
 
 def judged(scales: Scales, move: Move, run: Run) -> Move:
     """Return a motion with its faults in a run on the ideal plant."""
     card, arm = run.scorecard, scales.task.arm
+    at_start = touching(arm, arm.configuration(move.start)[None])
+    known = {each.geoms for each in at_start}
+    later = [each for each in touching(arm, run["qpos"]) if each.geoms not in known]
 
     def value(name: str) -> float:
         return float(card[name].value) if name in card else 0.0
 
-    at_start = [each for each in contacts(arm, arm.configuration(move.start)[None]) if each.is_moved]
-    met = [each for each in contacts(arm, run["qpos"][:: max(1, len(run) // LOOKS)]) if each.is_moved]
-    known = {each.geoms for each in at_start}
-    later = [each for each in met if each.geoms not in known]
     astray = max(value("position_error.max") / scales.size, value("orientation_error.max"))
-    has = (
-        bool(run.divergence) or not run.is_complete, value("status_time.POSITION_LIMITED") > 0.0, bool(later),
-        value("status_time.STUCK") > 0.0, astray > ASTRAY,
-        value("status_time.RATE_LIMITED") > LIMITED * value("duration"),
-        move.how != "aside" and value("sigma.min") >= 0.5 * move.epsilon, move.how == "aside",
-        value("duration") > LONG, bool(at_start),
-    )  # fmt: skip
-    faults = tuple(fault for fault, applies in zip(FAULTS, has, strict=True) if applies)
-    return replace(move, faults=faults, touching=(*at_start, *later))
-
-
-def rank_of(move: Move) -> tuple[bool, ...]:
-    """Return the order of motions: the worst fault counts most."""
-    return tuple(fault in move.faults for fault in FAULTS)
+    faults = {
+        "a joint reaches its position limit": value("status_time.POSITION_LIMITED") > 0.0,
+        MET: bool(later),
+        "the arm stands still": value("status_time.STUCK") > 0.0,
+        "the error is large": astray > ASTRAY,
+        "rates are limited for a while": value("status_time.RATE_LIMITED") > LIMITED * value("duration"),
+        "sigma_min stays above half of `below`": move.how != "aside"
+        and value("sigma.min") >= 0.5 * move.epsilon,
+        "it meets no singularity": move.how == "aside",
+        "it takes long": value("duration") > LONG,
+        WITHIN: bool(at_start),
+    }
+    names = tuple(name for name, applies in faults.items() if applies)
+    return replace(move, rank=tuple(faults.values()), faults=names, contacts=(*at_start, *later))

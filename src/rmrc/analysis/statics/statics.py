@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rmrc.analysis.directions import Direction, examine
-from rmrc.analysis.new.text import identity
 from rmrc.analysis.statics.balance import Balance, balance, elsewhere, without_rounding
 from rmrc.analysis.subject import Model, Packages, axes_of, numbers, subject
+from rmrc.analysis.trial import identity
 from rmrc.law.task import Task
 from rmrc.results.run import Run
 from rmrc.scenario import Scenario
