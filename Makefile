@@ -5,11 +5,10 @@ PYTHON ?= .venv/bin/python
 
 .PHONY: figures films
 figures:
-	$(PYTHON) -m rmrc workspace models/planar_6_3.xml -o docs/figures/workspace_6_3.png --out build/figures --quiet
-	$(PYTHON) -m rmrc workspace models/planar_6_3.xml --map sigma_min -o docs/figures/sigma_min_6_3.png --out build/figures --quiet
-	$(PYTHON) -m rmrc workspace models/torus_3r.xml -o docs/figures/workspace_torus.png --out build/figures --quiet
-	$(PYTHON) -m rmrc workspace models/torus_3r_short.xml --map sigma_min -o docs/figures/sigma_min_torus.png --out build/figures --quiet
-	$(PYTHON) -m rmrc workspace models/stanford.xml --over theta_2,theta_5 --site wrist -o docs/figures/wrist_stanford.png --out build/figures --quiet
+	$(PYTHON) -m rmrc workspace models/planar_6_3.xml -o docs/figures/workspace_6_3.png --quiet
+	$(PYTHON) -m rmrc workspace models/planar_6_3.xml --map sigma_min -o docs/figures/sigma_min_6_3.png --quiet
+	$(PYTHON) -m rmrc workspace models/torus_3r.xml -o docs/figures/workspace_torus.png --quiet
+	$(PYTHON) -m rmrc workspace models/torus_3r_short.xml --map sigma_min -o docs/figures/sigma_min_torus.png --quiet
 	$(PYTHON) -m rmrc inspect models/planar_2link.xml --q "15 deg,-30 deg" -o docs/figures/ellipses_near_full_reach.png
 	$(PYTHON) -m rmrc inspect models/puma560.xml -o docs/figures/ellipses_puma.png
 	$(PYTHON) -c "from pathlib import Path; from rmrc.show.textbook_figures import small_displacements; small_displacements([Path('docs/figures/small_displacements.png')])"

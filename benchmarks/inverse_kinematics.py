@@ -24,7 +24,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rmrc import arm as arms
-from rmrc.analysis.ik.solve import RESTARTS, TOLERANCE, random_starts, solve_ik
+from rmrc.analysis.ik.ik import RESTARTS, TOLERANCE, solve_ik
+from rmrc.analysis.ik.postures import random_starts
 from rmrc.analysis.survey import survey
 from rmrc.law.task import Array, Task, choose
 from rmrc.support.spatial import pose_error
@@ -63,9 +64,12 @@ def scipy_bounded(task: Task, goal: Array, start: Array) -> Array | None:
     return found.x if size(task, goal, found.x) <= TOLERANCE else None
 
 
+def home(task: Task) -> Array:
+    return task.arm.configuration("home")[task.arm.wiring.qpos]
+
+
 def with_restarts(task: Task, goal: Array, method: Callable[[Task, Array, Array], Array | None]) -> bool:
-    home = task.arm.configuration("home")[task.arm.wiring.qpos]
-    starts = [home, *random_starts(task, RESTARTS, True)]
+    starts = [home(task), *random_starts(task, RESTARTS, True)]
     return any(method(task, goal, start) is not None for start in starts)
 
 
@@ -83,20 +87,21 @@ def quartiles(values: list[float] | Array) -> list[float]:
 def measure(name: str, goals: int, peer_goals: int, rounds: int) -> dict[str, object]:
     """All figures of one arm."""
     task = choose(arms.load(ROOT / f"models/{name}.xml"))
+    start = home(task)
     poses = survey(task, task.arm.sampled(goals, GOAL_SEED)).pose
-    solve_ik(task, poses[0])  # compiles, or loads
-    found = [solve_ik(task, goal) for goal in poses]
+    solve_ik(task, poses[0], start)  # compiles, or loads
+    found = [solve_ik(task, goal, start) for goal in poses]
     proven = [it.found and size(task, goal, it.q) <= TOLERANCE for goal, it in zip(poses, found, strict=True)]
     lower, upper = task.arm.position_limit.T
     within = all((it.q >= lower).all() and (it.q <= upper).all() for it in found)
-    each = [seconds(partial(solve_ik, task, goal)) for goal in poses]
+    each = [seconds(partial(solve_ik, task, goal, start)) for goal in poses]
     some = poses[:peer_goals]
     peers = {"numpy loop": newton_loop, "scipy least_squares": scipy_bounded}
     ratios: dict[str, list[float]] = {peer: [] for peer in peers}
     succeeded: dict[str, float] = {}
     for _ in range(rounds):
         for peer, method in peers.items():
-            ours = seconds(lambda: [solve_ik(task, goal) for goal in some])
+            ours = seconds(lambda: [solve_ik(task, goal, start) for goal in some])
             begun = time.perf_counter()
             ended = [with_restarts(task, goal, method) for goal in some]
             theirs = time.perf_counter() - begun

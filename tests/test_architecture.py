@@ -69,7 +69,7 @@ OWNERS = {
             "rmrc.analysis.workspace.report",
         ),
     ),
-    "contourpy": ("rmrc.analysis.workspace.slices",),  # comes with matplotlib
+    "contourpy": ("rmrc.analysis.workspace.workspace",),  # comes with matplotlib
     "rich": (
         "rmrc.cli",
         "rmrc.show.tables",

@@ -64,13 +64,6 @@ def test_what_is_lost_is_told_along_the_axes_of_the_site_and_kept_along_the_worl
     assert np.abs(np.kron(np.eye(2), R.T) @ lost.twist - lost.twist).max() > 0.1  # and another of the site
 
 
-def test_a_map_over_joints_takes_rows_of_the_site():
-    space = rmrc.workspace(
-        "planar_2link", over=["shoulder", "elbow"], axes=["x"], task_frame="site", cells=12
-    )
-    # along the last link only the shoulder moves the site: l1 |sin θ₂|
-    expected = np.abs(np.sin(space.limited.centers[1]))
-    np.testing.assert_allclose(space.limited.values["sigma_min"], np.tile(expected, (12, 1)), atol=ROUNDING)
 
 
 def test_a_goal_of_whole_positions_and_rotations_is_the_same_in_every_frame(puma):

@@ -8,7 +8,9 @@ from typer import Option
 from rmrc.cli import options
 from rmrc.cli.console import EXIT_DIVERGED, EXIT_MISSED, complain, progress, show, working
 from rmrc.cli.options import Number, Text
-from rmrc.support.errors import QuestionError
+
+Plane: TypeAlias = Literal["xy", "xz", "yz", "rz"]
+Quantity: TypeAlias = Literal["sigma_min", "manipulability"]
 
 
 def inspect(
@@ -69,7 +71,6 @@ def ik(
     method: Annotated[Literal["damped", "newton"], Option(help="Newton's has one start.")] = "damped",
     limits: Annotated[bool, Option(help="Respect the model's position limits.")] = True,
     every: Annotated[bool, Option("--all", help="Search for all solutions, from many starts.")] = False,
-    iterates: Annotated[bool, Option("--iterates", help="Print every step.")] = False,
     tolerance: Annotated[
         float, Option(callback=options.within(1e-12, 1.0), help="Largest error of a reached goal.")
     ] = 1e-9,
@@ -83,8 +84,6 @@ def ik(
     orientation in rad, and of the position divided by --length. Solutions of --all within 1e-4 rad (slides: m
     divided by --length) count as one. Exit code 1: the goal was not reached.
     """
-    if every and iterates:
-        raise QuestionError("give --all or --iterates, not both: --all searches from many starts")
     with working("searching"):
         from rmrc.analysis.ik.ik import ik as ask
         from rmrc.analysis.ik.report import report
@@ -96,7 +95,7 @@ def ik(
             task_frame=task_frame, length=length, method=method, limits=limits, every=every,
             tolerance=tolerance,
         )  # fmt: skip
-    show(report(found, iterates), as_json, quiet)
+    show(report(found), as_json, quiet)
 
 
 def statics(
@@ -140,18 +139,13 @@ def statics(
     show(report(found), as_json, quiet, missed=EXIT_DIVERGED if diverged else EXIT_MISSED)
 
 
-Quantity: TypeAlias = Literal["sigma_min", "manipulability", "condition"]
-
-
 def workspace(
     model: options.Model,
     site: options.Site = None,
     body: options.Body = None,
     package: options.Packages = None,
-    plane: Annotated[Text, Option(metavar="xy|xz|yz|rz", help="Slice; default: it fits the arm.")] = None,
+    plane: Annotated[Plane | None, Option(help="Slice; default: it fits the arm.")] = None,
     map_: Annotated[Quantity | None, Option("--map", help="Quantity to color.")] = None,
-    worst: Annotated[bool, Option(help="Keep the worst of the postures that reach a cell.")] = False,
-    over: Annotated[Text, Option(metavar="JOINT,JOINT", help="Map over these two joints instead.")] = None,
     q: options.Positions = None,
     keyframe: options.Keyframe = None,
     axes: options.TaskAxes = None,
@@ -170,32 +164,25 @@ def workspace(
     as_json: options.AsJson = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Map the reach and the singularities of an arm; write NAME.workspace.png and .npz.
+    """Map the reach and the singularities of an arm; write NAME.workspace.png.
 
     The plane rz has the distance from the first axis and the height; the others are seen along their third
-    axis. Its default is a planar arm's plane, rz or xz. With --over, the other joints are at --q or
-    --keyframe, and the default of --map is sigma_min. Of the postures that reach a cell, the best is kept,
-    unless --worst is given. Samples are taken with and without limits.
+    axis. The default is a planar arm's plane, or rz or xz, and the planes that some joint leaves alone, such
+    as xy of a SCARA. Of the postures that reach a cell, --map colors it by the best. Samples are taken of
+    each slice, with and without limits.
     """
     with working("reading the model"):
         from rmrc.analysis.workspace import workspace as mapping
-        from rmrc.analysis.workspace.report import report, save
+        from rmrc.analysis.workspace.report import report
         from rmrc.results.leaving import refuse_unwritable
 
         arm = options.read_arm(model, site, body, package)
-    name = f"{arm.path.stem}.{'joints' if over else 'workspace'}"
-    picture, arrays = output or out / f"{name}.png", out / f"{name}.npz"
-    refuse_unwritable([picture, arrays])
-    if over and (plane or worst):
-        raise QuestionError("--over has no slice: leave out --plane and --worst")
-    total = cells**2 if over else 2 * samples
-    with progress(f"{arm.path.stem}: {over or 'workspace'}", total, quiet or as_json) as on_samples:
+    file = output or out / f"{arm.path.stem}.workspace.png"
+    refuse_unwritable([file])
+    with progress(f"{arm.path.stem}: workspace", 2 * samples, quiet or as_json) as on_samples:
         space = mapping.workspace(
-            arm, plane, options.values("--q", q), keyframe=keyframe, over=over.split(",") if over else None,
-            axes=options.rows(axes), task_frame=task_frame, length=length, cells=cells, samples=samples,
-            worst=worst, on_samples=on_samples,
+            arm, plane, options.values("--q", q), keyframe=keyframe, axes=options.rows(axes),
+            task_frame=task_frame, length=length, cells=cells, samples=samples, on_samples=on_samples,
         )  # fmt: skip
     answer = report(space, map_)
-    files = options.draw(answer, picture, width, font)
-    save(space, arrays)
-    show(answer, as_json, quiet, [*files, arrays])
+    show(answer, as_json, quiet, options.draw(answer, file, width, font))

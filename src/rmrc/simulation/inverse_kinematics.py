@@ -54,7 +54,7 @@ def unwound(arm: Arm, limit: Array, q: Array, near: Array) -> Array:
 
 def search(
     task: Task, limit: Array, tolerance: float, most: int, goals: Array, first: Array, more: Array,
-    threads: int | None = None, trace: Array | None = None,
+    threads: int | None = None,
 ) -> tuple[Array, Array, NDArray[np.int64]]:  # fmt: skip
     """Find for each of N goals the first joint positions that reach it, or else the nearest ones.
 
@@ -70,7 +70,6 @@ def search(
         first: First start of each goal, (N, n).
         more: Further starts, (T, n).
         threads: None: one per core; the result does not depend on it.
-        trace: Takes q, |e| and λ of the last goal's first try, one row per step while rows last, (R, n + 2).
 
     Returns:
         q, (N, n); |e| there, (N,); and a tally, (N, 2): steps of all tries, and the index, from 0, of the try
@@ -80,7 +79,7 @@ def search(
     # Writable copies in order: for arrays of another type, all would be compiled again.
     goals, first, more = np.array(goals, order="C"), np.array(first, order="C"), np.array(more, order="C")
     q, error, tally = np.array(first), np.empty(len(goals)), np.zeros((len(goals), 2), np.int64)
-    trace = np.empty((0, task.arm.n + 2)) if trace is None else trace
+    no_trace = np.empty((0, task.arm.n + 2))
 
     def reach(part: slice) -> None:
         own = copied(worlds)
@@ -88,8 +87,9 @@ def search(
             for t, start in enumerate([first[i], *more, None]):  # the last try goes on from the best
                 end = np.array(q[i] if start is None else start)
                 patience = most if start is None or not len(more) else PATIENCE
-                path = trace if t == 0 else trace[:0]
-                squared, steps = descend(own, limit, tolerance, most, patience, goals[i], end, path, False)
+                squared, steps = descend(
+                    own, limit, tolerance, most, patience, goals[i], end, no_trace, False
+                )
                 tally[i, 0] += steps
                 if t == 0 or math.sqrt(squared) < error[i]:
                     q[i], error[i], tally[i, 1] = end, math.sqrt(squared), tally[i, 1] if start is None else t
@@ -114,7 +114,7 @@ def newton(
         most: Largest number of steps.
         goal: Pose, (7,).
         first: Joint positions at the start, (n,).
-        trace: As for `search`.
+        trace: Takes q, |e| and λ, one row per step while rows last, (R, n + 2).
     """
     nowhere, q = np.tile([-math.inf, math.inf], (task.arm.n, 1)), np.array(first)
     _, steps = descend(_worlds(task), nowhere, tolerance, most, most + 1, np.array(goal), q, trace, True)
