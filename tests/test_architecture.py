@@ -64,7 +64,7 @@ OWNERS = {
             "rmrc.film.strip",
         ),
         *(
-            "rmrc.analysis.identify.figure",
+            "rmrc.analysis.identify.report",
             "rmrc.analysis.inspect.figure",
             "rmrc.analysis.workspace.report",
         ),

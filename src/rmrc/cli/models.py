@@ -90,9 +90,6 @@ def identify(
         Texts, Option(metavar="KIND=NAME", help="Column of t, q or qdot_cmd; repeatable.")
     ] = None,
     degrees: Annotated[bool, Option("--degrees", help="Angles are in degrees; default: rad.")] = False,
-    longest: Annotated[
-        float, Option(callback=options.within(1e-3, 10.0), help="Largest delay and lag [s].")
-    ] = 0.5,
     out: options.Out = Path("recordings"),
     output: options.Picture = None,
     as_json: options.AsJson = False,
@@ -119,7 +116,7 @@ def identify(
 
         picture, block = output or out / f"{log.stem}.identify.png", out / f"{log.stem}.identify.yaml"
         refuse_unwritable([picture, block])
-        answer = report(ask(log, columns=pairs, degrees=degrees, longest=longest))
+        answer = report(ask(log, columns=pairs, degrees=degrees))
         files = options.draw(answer, picture)
         if answer.block:
             write_text(block, answer.block)

@@ -3,42 +3,41 @@
 The model of the positions y is y = b + r t + g x(t; d, L) + c exp(−(t − d)/L) + noise, with x of `response`.
 Where rows are missing the commands are unknown: positions that respond to those are left out, and behind them
 a new part begins, with its own b and c: the sum of all that was commanded before, and what is left of the
-rate. For given d and L the rest is linear, and is projected out [Golub73]. The best delay without a lag is
-found on a grid, and from there d and L by the method of Levenberg and Marquardt. An interval is where
-S(d, L) ≤ S + κ σ², along the best d for each L. κ is z², or, if that is larger, t² times the variance of the
-scores of 12 stretches of the log relative to that in white noise [Bester11]: unexplained residuals widen the
-intervals.
+rate. For given d and L the rest is linear, and is projected out [Golub73].
+
+The unknowns are d + L and L², because the residual is regular in both, even at L = 0, where d and L act
+alike. The best delay without a lag is found on a grid, and from there both by the method of Levenberg and
+Marquardt. Their errors are linear in the noise. Of a weight of it, the half-width of the interval is z σ, or,
+if that is larger, t times that of the sums over 12 stretches of the log [Bester11]: unexplained residuals
+widen the intervals.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
-from rmrc.analysis.identify.least import dot, least, solved, times, without
-from rmrc.analysis.identify.response import Array, Commands
+from rmrc.analysis.identify.response import Array, Samples
 
 # 95 % of a normal distribution are within this many standard deviations.
 Z = 1.959964
-# The sums of the scores of this many stretches of the log give the interval of a weight: with 95 % it is
-# within this many of their standard deviations, by Student's distribution.
+# With 95 % a value is within this many standard deviations, by Student's distribution, of this many batches.
 BATCHES, T = 12, 2.200985
-# The earliest apparent response: stamps of two clocks differ, or positions are read late [s].
-EARLIEST = 0.1
-# The first search uses this many positions, delays, lags, and stretches of the log that may drift.
-SCANNED, DELAYS, LAGS, LIMITS, STRETCHES, SLOPES = 2000, 300, 6, 5, 8, 60
+# The earliest apparent response: stamps of two clocks differ, or positions are read late; the latest [s].
+EARLIEST, LATEST = 0.1, 0.5
+# The search uses this many positions, delays, and stretches of the log that may drift.
+SCANNED, DELAYS, STRETCHES = 2000, 300, 8
 # Stamps of computers are no better than this [s].
 STAMP = 1e-4
-# A lag below this share of a period is none.
-NO_LAG = 0.02
 # Positions within this share of a period of an unknown command are left out as well.
 MARGIN = 0.15
 # Least number of rows for a fit, and for a part.
 LEAST_ROWS, LEAST_PART = 30, 4
-# A position that differs from its neighbors by this many standard deviations is an error of the log, if the
-# difference is this share of the motion as well: smaller ones do no harm, and may be unexplained motion.
-OUTLIER, HARM = 8.0, 5e-4
+# A lag without a delay explains the positions as well if its sum of squares is this multiple.
+NEAR = 1.1
+# Most steps of the search; its differences of d + L, in periods, and of other values, as a share of them. L²
+# changes by this many squared periods, at least: a smaller lag is hidden between the rows.
+STEPS, SMALL, SHARE, HIDDEN = 30, 1e-6, 1e-3, 0.25
 
 
 class Interval(NamedTuple):
@@ -54,346 +53,218 @@ class Interval(NamedTuple):
         return (self.high - self.low) / 2.0
 
 
-class Samples(NamedTuple):
-    """Positions of a joint, and the commands to which they respond.
-
-    Attributes:
-        commands: Commands of the joint.
-        time: Time of the positions, increasing, (N,) [s].
-        position: (N,) [rad or m].
-    """
-
-    commands: Commands
-    time: Array
-    position: Array
-
-
-class Cause(NamedTuple):
-    """What else may act, and is fitted beside delay and lag.
-
-    Attributes:
-        limit: Inverse of the largest acceleration [s²/rad or s²/m].
-        drift: Growth of the delay [s/s].
-        play: Width of a backlash [rad or m].
-    """
-
-    limit: float = 0.0
-    drift: float = 0.0
-    play: float = 0.0
-
-
 class Fitted(NamedTuple):
     """The fit of a joint.
 
     Attributes:
         samples: The fitted rows.
-        parts: Index of the part of each row, (N,).
         delay: d [s].
         lag: L [s].
         total: d + L, which is known better than each [s].
         gain: g: ratio of the joint's rate to the command.
-        drift: Additional drift of the positions [rad/s or m/s].
-        cause: What else was fitted.
-        play: Width of the backlash [rad or m].
+        size: Of the cause that was fitted as well; 0: none.
+        is_ahead: Whether the joint responds before its commands: a lag without a delay does not explain it.
         rate: Rate of the joint, (N,) [rad/s or m/s].
         residual: Residual of each position, (N,) [rad or m].
-        variance: Of the residual, for the degrees of freedom that are left.
+        rms: Standard deviation of the residual, for the degrees of freedom that are left [rad or m].
         explained: Share of the motion's variance that the fit explains.
-        outliers: Rows that were left out as errors.
     """
 
     samples: Samples
-    parts: NDArray[np.intp]
     delay: Interval
     lag: Interval
     total: Interval
     gain: Interval
-    drift: Interval
-    cause: Cause
-    play: float
+    size: float
+    is_ahead: bool
     rate: Array
     residual: Array
-    variance: float
+    rms: float
     explained: float
-    outliers: int
-
-    @property
-    def rms(self) -> float:
-        """Standard deviation of the residual."""
-        return float(np.sqrt(self.variance))
 
 
-def scan(samples: Samples, longest: float, slopes: int = 0) -> tuple[float, float]:
-    """Return the delay without a lag in the middle of the log, and its growth, that fit best [s], [s/s].
-
-    Args:
-        samples: Samples of a joint that moves, with commands that change.
-        longest: Largest delay of the search [s].
-        slopes: Number of slopes to either side; 0: the delay is constant.
-    """
-    sent, count = samples.commands, len(samples.time)
+def scan(samples: Samples, earliest: float) -> float:
+    """Return the delay without a lag that fits best, on a grid from this much before the commands [s]."""
+    sent = samples.commands
     travel = np.concatenate([[0.0], np.cumsum(np.diff(sent.time) * sent.rate[:-1])])
-    rows = np.linspace(0, count - 1, min(SCANNED, count)).astype(int)
-    first = np.linspace(0, len(rows), STRETCHES, endpoint=False).astype(int)
-    counts = np.diff(first, append=len(rows))
+    rows = np.linspace(0, len(samples.time) - 1, SCANNED).astype(int).reshape(STRETCHES, -1)
 
     def free(values: Array) -> Array:
-        return np.asarray(values - np.repeat(np.add.reduceat(values, first) / counts, counts))
+        return np.asarray(values - values.mean(axis=1, keepdims=True))
 
-    y, time = free(samples.position[rows]), samples.time[rows]
-    step = max(sent.period, longest / DELAYS)
-    delays = np.arange(-longest if slopes else -EARLIEST, longest + step, step)
-    x = [free(np.interp(time - delay, sent.time, travel)) for delay in delays]
-    both, square = (
-        np.array([np.add.reduceat(row * other, first) for row, other in pairs])
-        for pairs in (((row, y) for row in x), ((row, row) for row in x))
-    )
-    away = np.arange(-slopes, slopes + 1)[:, None] * np.linspace(-1.0, 1.0, STRETCHES)
-    place = np.arange(len(delays))[:, None, None] + np.round(away).astype(int)
-    inside = ((place >= 0) & (place < len(delays))).all(axis=2)
-    place = np.clip(place, 0, len(delays) - 1), np.arange(STRETCHES)
-    explained = both[place].sum(axis=2) ** 2 / np.maximum(square[place].sum(axis=2), 1e-300) * inside
-    middle, slope = np.unravel_index(np.argmax(explained), explained.shape)
-    ends = time[first[-1] + counts[-1] // 2] - time[counts[0] // 2]
-    return float(delays[middle]), float(2.0 * (slope - slopes) * step / ends)
+    step, y = max(sent.period, LATEST / DELAYS), free(samples.position[rows])
+    delays, explained = np.arange(-earliest, LATEST + step, step), []
+    for delay in delays:
+        x = free(np.interp(samples.time[rows] - delay, sent.time, travel))
+        explained.append(np.sum(x * y) ** 2 / max(np.sum(x * x), 1e-300))
+    return float(delays[np.argmax(explained)])
 
 
 def fit(
-    samples: Samples,
-    longest: float,
-    resolution: float,
-    cause: Cause | None = None,
-    start: tuple[float, float] | None = None,
+    samples: Samples, cause: str = "", sizes: Sequence[float] = (), earliest: float = EARLIEST
 ) -> Fitted | None:
     """Fit delay, lag, gain, drift and offset; None where too few rows respond to known commands.
 
     Args:
         samples: Samples of a joint that moves, with commands that change.
-        longest: Largest delay and lag of the search [s].
-        resolution: Resolution of the positions; 0: none is visible.
-        cause: What else to fit, with a first guess of it; None: nothing.
-        start: A first guess of delay and lag [s]; None: they are searched.
+        cause: What to fit as well: `"limit"`, a largest acceleration; `"backlash"`; `"drift"`, a growth
+            of the delay; or "".
+        sizes: First guesses of its size: the inverse of the acceleration [s²/rad or s²/m]; the width [rad or
+            m]; the growth [s/s].
+        earliest: The search begins this much before the commands [s].
     """
-    cause, outliers = cause or Cause(), 0
-    if start is None:
-        delay, drift = scan(samples, longest, SLOPES if cause.drift else 0)
-        start, cause = (delay, 0.0), cause._replace(drift=drift or cause.drift)
-    delay, lag = start
+    delay, period = scan(samples, earliest), samples.commands.period
+    unit = np.array([period, period**2, *sizes[:1]])
+    totals, extra = (delay, 0.4 * delay), [[size] for size in sizes] or [[]]  # a cause delays as well
+    starts = [np.array([late, max(0.5 * late, period) ** 2, *size]) for late in totals for size in extra]
     for _ in range(4):
-        search, before = _Search(samples, delay, cause, longest), delay
+        search, before = _Search(samples, delay, cause, unit), delay
         if len(search.time) < LEAST_ROWS or not np.ptp(search.y):
             return None
-        delay, lag, cause, slopes = search.best(delay, lag, cause)
-        residual = search.residual(delay, lag, cause).values
-        wrong = search.rows[_spikes(residual, max(resolution, HARM / OUTLIER * float(np.ptp(search.y))))]
-        outliers += len(wrong)
-        samples = Samples(samples.commands, *(np.delete(values, wrong) for values in samples[1:]))
-        if not len(wrong) and abs(delay - before) <= 0.5 * MARGIN * search.period:
+        start = min(starts, key=lambda start: float(np.sum(search.residual(start) ** 2)))
+        values, slopes = search.best(start)
+        starts, delay = [values], float(values[0] - np.sqrt(values[1]))
+        if abs(delay - before) <= 0.5 * MARGIN * period:
             break
-    return search.judged(delay, lag, cause, slopes, outliers)
-
-
-def fit_lag(fitted: Fitted, delay: float) -> tuple[float, float]:
-    """Return the best lag for a given delay, as all joints of an arm share one [s], and the variance left."""
-    search = _Search(fitted.samples, delay, fitted.cause, np.inf)
-
-    def residual(values: Array) -> Array:
-        return search.residual(delay, values[0] * search.period, fitted.cause).values
-
-    start = np.array([max(fitted.total.value - delay, 0.1 * search.period) / search.period])
-    values, end, _ = least(residual, start, np.zeros(1))
-    return float(values[0] * search.period), dot(end, end) / len(end)
-
-
-class _Residual(NamedTuple):
-    """What is left of the positions, and what explains them, without offsets and lagged starts of the parts.
-
-    Attributes:
-        values: The residual, (N,) [rad or m].
-        weights: Of the columns: the gain, the drift, and the width of a backlash.
-        columns: Travel, time and side of the backlash, (N, k).
-        free_rate: Rate of the joint, (N,) [rad/s or m/s].
-        rate: The same with all its parts.
-        position: (N,) [rad or m].
-    """
-
-    values: Array
-    weights: Array
-    columns: Array
-    free_rate: Array
-    rate: Array
-    position: Array
+    return search.judged(values, slopes)
 
 
 class _Search:
-    """Fits of the positions of one joint, for any delay and lag."""
+    """Fits of the positions of one joint, for any values of d + L, L², and the size of a cause."""
 
-    def __init__(self, samples: Samples, delay: float, cause: Cause, longest: float) -> None:
+    def __init__(self, samples: Samples, delay: float, cause: str, unit: Array) -> None:
         """Choose the positions that respond to known commands if the delay is about this."""
         sent = self.sent = samples.commands
-        self.period, self.longest = sent.period, longest
-        self.middle = float(np.mean(samples.time[[0, -1]]))
+        self.cause, self.unit, self.period = cause, unit, sent.period
         first = np.flatnonzero(np.concatenate([[True], sent.until[:-1] < sent.time[1:] - 1e-9]))
         begins, ends = sent.time[first], sent.until[np.append(first[1:], len(sent.time)) - 1]
-        asked = samples.time - delay - cause.drift * (samples.time - self.middle)
+        asked, margin = samples.time - delay, MARGIN * self.period
         part = np.searchsorted(begins, asked, "right") - 1
-        margin = MARGIN * self.period
         known = (part >= 0) & (asked >= begins[part] + margin) & (asked <= ends[part] - margin)
         known &= (np.bincount(part[known], minlength=len(begins)) >= LEAST_PART)[part]
-        self.rows = np.flatnonzero(known)
         self.time, self.y, self.begin = samples.time[known], samples.position[known], begins[part[known]]
         self.first = np.flatnonzero(np.diff(part[known], prepend=-1))
         self.counts = np.diff(self.first, append=len(self.time))
-        self.clock = self.time - self.middle
 
-    def spread(self, sums: Array) -> Array:
-        """Return a value of each part, (P, k), for each of its rows, (N, k)."""
-        return np.repeat(sums, self.counts, axis=0)
+    def sums(self, values: Array) -> Array:
+        """Return the sums over the part of each row, (N, k)."""
+        return np.repeat(np.add.reduceat(values, self.first), self.counts, axis=0)
 
-    def residual(self, delay: float, lag: float, cause: Cause) -> "_Residual":
-        """Return the residual and what it consists of."""
-        asked = self.time - delay - cause.drift * self.clock
-        travel, rate = self.sent.response(lag, 1.0 / cause.limit if cause.limit else np.inf).at(asked)
-        columns = [self.y, travel, self.clock, rate, *([_side(travel, cause.play)] if cause.play else [])]
-        free = np.column_stack(columns)
-        free -= self.spread(np.add.reduceat(free, self.first) / self.counts[:, None])
-        if lag > NO_LAG * self.period:
-            tail = np.exp(-np.maximum(asked - self.begin, 0.0) / lag)[:, None]
-            tail -= self.spread(np.add.reduceat(tail, self.first) / self.counts[:, None])
-            square = np.maximum(np.add.reduceat(tail * tail, self.first), 1e-12)
-            free -= tail * self.spread(np.add.reduceat(tail * free, self.first) / square)
-        others = free[:, [1, 2, *range(4, free.shape[1])]]
-        weights = solved(others, free[:, 0])
-        return _Residual(free[:, 0] - times(others, weights), weights, others, free[:, 3], rate, free[:, 0])
+    def free(self, values: Array) -> tuple[Array, Array]:
+        """Return positions, travel and time without the parts' offsets and starts, (N, 3), and the rate."""
+        total, square, *size = values.tolist()
+        asked = self.time - total + np.sqrt(square)
+        if self.cause == "drift":
+            asked -= size[0] * (self.time - np.mean(self.time))
+        lag = max(float(np.sqrt(square)), 1e-3 * self.period)
+        limit = 1.0 / size[0] if self.cause == "limit" and size[0] else np.inf
+        travel, rate = self.sent.answer(asked, lag, limit)
+        if self.cause == "backlash":
+            travel = _loose(travel, size[0])
+        tail = np.exp(-np.maximum(asked - self.begin, 0.0) / lag)
+        free = np.column_stack([self.y, travel, self.time, tail])
+        free -= self.sums(free) / np.repeat(self.counts, self.counts)[:, None]
+        free, tail = free[:, :3], free[:, 3:]
+        return free - tail * self.sums(tail * free) / np.maximum(self.sums(tail * tail), 1e-12), rate
 
-    def step(
-        self, delay: float, lag: float, cause: Cause, slopes: Array | None = None
-    ) -> tuple[float, float]:
-        """Return S and the delay, where they are best if the residual is linear in the delay.
+    def residual(self, values: Array) -> Array:
+        """Return what gain and drift leave of the positions, (N,)."""
+        free, _ = self.free(values)
+        return np.asarray(free[:, 0] - np.einsum("ij,j->i", free[:, 1:], _weights(free[:, 1:], free[:, 0])))
 
-        Args:
-            delay: A first guess.
-            lag: The lag.
-            cause: What is fitted as well.
-            slopes: Derivatives of the residual by the delay, and others that are free too, (N, k); None:
-                those by the delay here.
+    def best(self, start: Array) -> tuple[Array, Array]:
+        """Return the values with the least sum of squares, and the residual's derivatives by them, (N, p).
+
+        It is the method of Levenberg and Marquardt, with differences in place of derivatives.
         """
-        here = self.residual(delay, lag, cause)
-        if slopes is None:
-            slopes = here.weights[0] * without(here.free_rate, here.columns)[:, None]
-        steps = solved(slopes, here.values)
-        residual = here.values - times(slopes, steps)
-        return dot(residual, residual), delay - float(steps[0])
-
-    def best(self, delay: float, lag: float, cause: Cause) -> tuple[float, float, Cause, Array]:
-        """Return the best delay, lag and causes, and the residual's derivatives by them, (N, p).
-
-        Args:
-            delay: A first guess; that without a lag, if `lag` is 0.
-            lag: A first guess; 0: it is searched.
-            cause: First guesses of what is fitted as well.
-        """
-        if not lag:
-            trials = []
-            for guess in np.geomspace(0.25 * self.period, max(1.2 * delay, 2.0 * self.period), LAGS).tolist():
-                for limit in (cause.limit * np.geomspace(1.0, 30.0, LIMITS if cause.limit else 1)).tolist():
-                    changed = cause._replace(limit=limit)
-                    _, near = self.step(delay - guess, guess, changed)
-                    trials.append((*self.step(near, guess, changed), guess, changed))
-            _, delay, lag, cause = min(trials, key=lambda trial: trial[0])
-        moving = [name for name in ("limit", "drift") if getattr(cause, name)]
-        units = {"limit": cause.limit, "drift": self.period / float(np.ptp(self.time))}
-        unit = np.array([self.period, self.period, *(units[name] for name in moving)])
-        start = np.array([delay, lag, *(getattr(cause, name) for name in moving)]) / unit
-
-        def meaning(values: Array) -> tuple[float, float, Cause]:
-            delay, lag, *others = (values * unit).tolist()
-            changed = cause._replace(**dict(zip(moving, others, strict=True)))
-            return min(max(delay, -self.longest), self.longest), min(lag, self.longest), changed
-
-        lower = np.array([-np.inf, 0.0, *(0.01 if name == "limit" else -np.inf for name in moving)])
-        values, _, slopes = least(lambda values: self.residual(*meaning(values)).values, start, lower)
-        return *meaning(values), slopes / unit
-
-    def judged(self, delay: float, lag: float, cause: Cause, slopes: Array, outliers: int) -> Fitted:
-        """Return the fit with its intervals."""
-        here = self.residual(delay, lag, cause)
-        count, others, parts = len(here.values), slopes.shape[1] + len(here.weights), len(self.first)
-        freedom = max(count - others - parts * (2 if lag > NO_LAG * self.period else 1), 1)
-        scores = here.values * np.sqrt(count / freedom)
-        columns = np.column_stack([slopes, here.columns])
-        alone = [without(columns[:, i], np.delete(columns, i, axis=1)) for i in range(others)]
-        halves = [_spread(scores, column) for column in alone]
-        cost, excess = (
-            dot(here.values, here.values),
-            max(halves[i] ** 2 * dot(alone[i], alone[i]) for i in (0, 1)),
-        )
-        free = np.delete(slopes, 1, axis=1)
-        fixed = without(free[:, 0], free[:, 1:])  # of the delay with this lag
-        half = float(np.hypot(STAMP, np.sqrt(excess / max(dot(fixed, fixed), 1e-300))))
-        ends = [(delay, lag)]
-        for side in (-1.0, 1.0):
-            far = min(max(halves[1], 0.05 * self.period), self.longest)
-            for _ in range(8):
-                end = min(max(lag + side * far, 0.0), self.longest)
-                _, near = self.step(delay + lag - end, end, cause, free)
-                over, near = self.step(near, end, cause, free)
-                ratio = float(np.sqrt(excess / max(over - cost, excess / 16.0, 1e-300)))
-                if abs(ratio - 1.0) < 0.02 or (ratio > 1.0 and end in (0.0, self.longest)):
+        least = -np.inf if self.cause == "drift" else 0.0
+        values, lower, damping = start / self.unit, np.array([-np.inf, 0.0, least])[: len(start)], 1e-4
+        here = self.residual(start)
+        for _ in range(STEPS):
+            changes = np.array([SMALL, max(HIDDEN, SHARE * values[1]), SHARE])[: len(start)]
+            beside = [self.residual((values + change) * self.unit) for change in np.diag(changes)]
+            slopes = (np.column_stack(beside) - here[:, None]) / changes
+            gram, gradient, before = _gram(slopes), np.einsum("ij,i->j", slopes, here), np.sum(here**2)
+            free, step = (values > lower) | (gradient < 0.0), np.zeros(len(start))
+            while damping < 1e6:
+                damped = gram + damping * np.diag(np.diag(gram))
+                step[free] = -_inverse(damped[np.ix_(free, free)]) @ gradient[free]
+                trial = np.maximum(values + step, lower)
+                there = self.residual(trial * self.unit)
+                if np.sum(there**2) < before:
                     break
-                far = abs(end - lag) * ratio
-            ends.append((near, end))
-        delays, lags = np.array(ends).T
-        totals = delays + lags
-        gain, drift, *play = [
-            Interval(weight, weight - far, weight + far)
-            for weight, far in zip(here.weights.tolist(), halves[slopes.shape[1] :], strict=True)
-        ]
+                damping *= 10.0
+            else:
+                break
+            values, here, damping = trial, there, 0.1 * damping
+            if np.sum(here**2) > (1.0 - 1e-9) * before:
+                break
+        return values * self.unit, slopes / self.unit
+
+    def judged(self, values: Array, slopes: Array) -> Fitted:
+        """Return the fit with its intervals."""
+        (free, rate), residual, (total, square, *size) = (
+            self.free(values),
+            self.residual(values),
+            values.tolist(),
+        )
+        columns, count, cost = np.column_stack([slopes, free[:, 1:]]), len(self.y), float(np.sum(residual**2))
+        freedom = max(count - columns.shape[1] - 2 * len(self.first), 1)
+        inverse = _inverse(_gram(columns))
+        turn = inverse[0, 1] / max(inverse[1, 1], 1e-300)  # how the best d + L changes with L²
+        influence = np.einsum("ij,jk->ik", columns, inverse)
+        influence[:, 0] -= turn * influence[:, 1]
+        halves = _halves(residual * np.sqrt(count / freedom), influence)
+        squares = np.maximum(square + halves[1] * np.array([0.0, -1.0, 1.0]), 0.0)
+        totals, lags, half = total + turn * (squares - square), np.sqrt(squares), np.hypot(STAMP, halves[0])
+        delay, gain = _around(totals - lags, half), float(_weights(free[:, 1:], free[:, 0])[0])
+        without = self.residual(np.array([total, max(total, 0.0) ** 2, *size]))
         return Fitted(
-            Samples(self.sent, self.time, self.y), np.repeat(np.arange(parts), self.counts),
-            _around(delays, half), Interval(lag, float(lags.min()), float(lags.max())), _around(totals, half),
-            gain, drift, cause, play[0].value if play else 0.0, here.rate, here.values,
-            cost / freedom, 1.0 - cost / max(dot(here.position, here.position), 1e-300), outliers,
+            Samples(self.sent, self.time, self.y), delay, Interval(*lags.tolist()), _around(totals, half),
+            Interval(gain, gain - halves[-2], gain + halves[-2]), size[0] if size else 0.0,
+            bool(delay.high < 0.0 and np.sum(without**2) > NEAR * cost), rate, residual,
+            float(np.sqrt(cost / freedom)), 1.0 - cost / max(float(np.sum(free[:, 0] ** 2)), 1e-300),
         )  # fmt: skip
 
 
 def _around(values: Array, half: float) -> Interval:
-    """Return the interval of a value with others on its profile, and half the width without those."""
-    value, low, high = float(values[0]), float(values.min()), float(values.max())
-    return Interval(
-        value, value - float(np.hypot(half, value - low)), value + float(np.hypot(half, high - value))
-    )
+    """Return the interval of the first value, given half its width for known L², and values at L²'s ends."""
+    away = values - values[0]
+    low, high = np.hypot(half, away.min()), np.hypot(half, away.max())
+    return Interval(float(values[0]), float(values[0] - low), float(values[0] + high))
 
 
-def _side(travel: Array, width: float) -> Array:
-    """Return where in a backlash a joint is, from -1/2 to 1/2 of its width, (N,)."""
-    place, places = 0.0, []
-    for step in np.diff(travel / width, prepend=travel[0] / width).tolist():
-        place = min(max(place + step, -0.5), 0.5)
+def _loose(travel: Array, width: float) -> Array:
+    """Return the travel behind a backlash, (N,)."""
+    place, places = float(travel[0]), []
+    for driven in travel.tolist():
+        place = min(max(place, driven - 0.5 * width), driven + 0.5 * width)
         places.append(place)
     return np.array(places)
 
 
-def _spread(residual: Array, column: Array) -> float:
-    """Return half the width of the interval of a column's weight, whatever the residual's autocorrelation."""
-    square = float(dot(column, column))
-    if not square > 0.0:
-        return 0.0
-    sums = np.array([part.sum() for part in np.array_split(residual * column, BATCHES)])
-    plain = Z * float(np.sqrt(dot(residual, residual) / len(residual) * square))
-    return max(plain, T * float(np.sqrt(sums @ sums * BATCHES / (BATCHES - 1)))) / square
+def _halves(residual: Array, influence: Array) -> Array:
+    """Return half the widths of the intervals of weighted sums, (k,), for any autocorrelation."""
+    parts = np.array_split(residual[:, None] * influence, BATCHES)
+    sums = np.sum([part.sum(axis=0) ** 2 for part in parts], axis=0)
+    plain = Z * np.sqrt(np.mean(residual**2) * np.sum(influence**2, axis=0))
+    return np.asarray(np.maximum(plain, T * np.sqrt(sums * BATCHES / (BATCHES - 1))))
 
 
-def _spikes(residual: Array, least: float) -> NDArray[np.bool_]:
-    """Return which rows differ from their four neighbors as no arm can move.
+def _weights(columns: Array, y: Array) -> Array:
+    """Return the weights of columns that explain values best, (k,)."""
+    return np.asarray(_inverse(_gram(columns)) @ np.einsum("ij,i->j", columns, y))
 
-    Args:
-        residual: (N,).
-        least: Lower bound of their standard deviation.
-    """
-    near = sliding_window_view(np.pad(residual, 2, mode="edge"), 5)
-    off = np.abs(residual - np.median(near, axis=1))
-    size = 1.4826 * float(np.median(off))
+
+def _gram(columns: Array) -> Array:
+    """Return the products of columns, (k, k): without threads, which cost more than they save here."""
+    return np.asarray(np.einsum("ij,ik->jk", columns, columns))
+
+
+def _inverse(gram: Array) -> Array:
+    """Return the inverse of products of columns of any units, (k, k)."""
+    scale = np.sqrt(np.diag(gram))
+    scale = np.where(scale > 0.0, scale, 1.0)
     return np.asarray(
-        (off > OUTLIER * max(size, least)) & (off > 2.0 * np.ptp(near[:, [0, 1, 3, 4]], axis=1))
+        np.linalg.pinv(gram / scale / scale[:, None], 1e-13, hermitian=True) / scale / scale[:, None]
     )

@@ -1,17 +1,17 @@
 """A log of commands and positions: its columns, its clock, and the rows that it lacks."""
 
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
-from rmrc.analysis.identify.fit import LEAST_ROWS, Samples
-from rmrc.analysis.identify.response import Array, Commands
+from rmrc.analysis.identify.fit import LEAST_ROWS
+from rmrc.analysis.identify.response import Array, Commands, Samples
 from rmrc.logs.clock import in_order, seconds
 from rmrc.logs.columns import POSITION, Column, enumerated, joint_groups, mapped, scaled, time_columns
 from rmrc.logs.tables import Numbers, Table, columns_of, read_table
@@ -36,16 +36,17 @@ STEPS = 2e-4, 0.2
 LONG, MULTIPLE = 1.5, 0.8
 # Commands of a log without a period hold until the next, but not for this many steps, and this long [s].
 GAP, GAP_TIME = 10, 0.05
-# Columns with fewer commands than this share of the rows have rows of their own.
-DENSE = 0.5
 # If positions are read less often than logged, this share of them is repeated while the arm moves.
 STALE = 0.3
 # A longer log is thinned to about this many positions.
 MOST_ROWS = 20_000
-# A larger position is hardly in rad; larger numbers are no positions or rates in any unit.
-LARGEST_TURN, FARTHEST = 15.0, 1e9
+# Larger numbers are no positions or rates in any unit.
+FARTHEST = 1e9
 # A hinge whose position changes by a turn, to within this, from row to row was wrapped [rad].
 WRAPPED = 1.0
+# A position this many standard deviations off its neighbors, and this share of the motion, is an error of
+# the log: smaller ones do no harm.
+OUTLIER, HARM = 8.0, 5e-4
 
 
 class Clock(NamedTuple):
@@ -84,37 +85,23 @@ class Log:
     clock: Clock
     facts: Mapping[str, str]
 
-    @property
-    def period(self) -> float:
-        """Typical step of the commands [s]."""
-        return self.clock.period
-
-    @property
-    def duration(self) -> float:
-        """From the first row to the last [s]."""
-        return float(self.time[-1] - self.time[0])
-
-    def samples(self, joint: int, is_regular: bool = False) -> Samples | None:
-        """Return the positions and commands of a joint, by its index; None where there are too few.
+    def samples(self, joint: int, time: Array) -> Samples | None:
+        """Return the positions and commands of a joint; None where there are too few.
 
         Args:
             joint: Index of the joint.
-            is_regular: Whether the stamps jitter, and the loop does not.
+            time: Times of the rows, (R,) [s].
         """
-        time = self.time if self.clock.regular is None or not is_regular else self.clock.regular
-        sent, read = np.isfinite(self.rates[:, joint]), np.isfinite(self.q[:, joint])
-        if min(sent.sum(), read.sum()) < LEAST_ROWS:
+        sent, read = np.isfinite(self.rates[:, joint]), np.flatnonzero(np.isfinite(self.q[:, joint]))
+        if min(sent.sum(), len(read)) < LEAST_ROWS:
             return None
-        at, rows = time[sent], np.flatnonzero(read)
-        rows = rows[:: -(-len(rows) // MOST_ROWS)]
-        step, clock = np.diff(at), clock_of(at)
-        longest = (
-            LONG * clock.period
-            if clock.missing and sent.mean() >= DENSE
-            else max(GAP * clock.period, GAP_TIME)
+        at, read = time[sent], read[:: -(-len(read) // MOST_ROWS)]
+        clock = clock_of(at)
+        longest = LONG * clock.period if clock.missing else max(GAP * clock.period, GAP_TIME)
+        until = np.append(
+            np.where(np.diff(at) > longest, at[:-1] + clock.period, at[1:]), at[-1] + clock.period
         )
-        until = np.append(np.where(step > longest, at[:-1] + clock.period, at[1:]), at[-1] + clock.period)
-        return Samples(Commands(at, self.rates[sent, joint], until), time[rows], self.q[rows, joint])
+        return Samples(Commands(at, self.rates[sent, joint], until), time[read], self.q[read, joint])
 
 
 def clock_of(time: Array) -> Clock:
@@ -157,37 +144,29 @@ def read_log(source: Source, columns: Mapping[str, str], degrees: bool) -> Log:
 
 def _log(name: str, table: Table, mapping: Mapping[str, str], degrees: bool) -> Log:
     numbers, facts = table.numbers, dict[str, str]()
-    times, positions, commands, left_out = choose(numbers, mapping)
-    chosen = (*times, *positions.values(), *commands.values())
-    sizes = {len(numbers[column.name]) for column in chosen if column.name in numbers}
-    if len(sizes) > 1:
+    times, positions, commands = choose(numbers, mapping)
+    columns = (*times, *positions.values(), *commands.values())
+    if len(sizes := {len(numbers[column.name]) for column in columns if column.name in numbers}) > 1:
         raise QuestionError(f"its columns must have equally many rows, got {sorted(sizes)}")
     time, clock = seconds(numbers, times, STEPS)
     facts["time"] = " and ".join(map(str, clock))
     if clock != times:
         facts["time"] += f": the unit is taken from the steps of {1e3 * np.diff(time).mean():.4g} ms"
-    q, facts["positions"] = _in_si(table, tuple(positions.values()), degrees, "rad")
-    rates, facts["commands"] = _in_si(table, tuple(commands.values()), degrees, "rad/s")
-    if left_out:
-        facts["left out"] = f"{listed(left_out, 8)}: position or command is missing"
-    beliefs = [name for name in numbers if name.startswith("q_believed[")]
-    if any((numbers[name] != numbers[name.replace("q_believed", "q")]).any() for name in beliefs):
-        way = 'select the encoder readings by --columns "q=q_believed[*]"'
-        facts["truth"] = f"q of a simulation has neither noise nor resolution: {way}"
+    q, facts["positions"] = _in_si(table, positions, degrees)
+    rates, facts["commands"] = _in_si(table, commands, degrees)
     time, values, changed = in_order(time, np.hstack([q, rates]))
-    q, rates = values[:, : q.shape[1]], values[:, q.shape[1] :]
+    q, rates = np.hsplit(values, 2)
     if len(time) < LEAST_ROWS:
         raise QuestionError(f"it must have {LEAST_ROWS} rows or more, got {len(time)}; log 10 s or more")
     notes = [f"{table.skipped:,} with too few cells or too many ignored" if table.skipped else "", changed]
-    notes += [_unwrap(q), _forget_repeats(q, rates)]
+    notes += [_unwrap(q), _forget_spikes(q), _forget_repeats(q, rates)]
     known = clock_of(time)
-    lacking = int((~np.isfinite(rates)).sum()) if np.isfinite(rates).mean() >= DENSE else 0
-    if known.missing or lacking:
+    unsent = int(np.isnan(rates).any(axis=1).sum())  # unless most rows are: commands have rows of their own
+    if missing := known.missing + (unsent if unsent < 0.5 * len(time) else 0):
         total = len(time) + known.missing
-        empty = f" and {lacking:,} commands" if lacking else ""
         notes.append(
-            f"{known.missing:,} of {total:,} ({100.0 * known.missing / total:.2g} %){empty} are missing: "
-            "positions that depend on these are left out"
+            f"{missing:,} of {total:,} ({100.0 * missing / total:.2g} %) are missing: positions that depend "
+            "on their commands are left out"
         )
     if any(notes):
         facts["rows"] = "; ".join(filter(None, notes))
@@ -197,10 +176,8 @@ def _log(name: str, table: Table, mapping: Mapping[str, str], degrees: bool) -> 
 Joints: TypeAlias = dict[str, Column]
 
 
-def choose(
-    numbers: Numbers, mapping: Mapping[str, str]
-) -> tuple[tuple[Column, ...], Joints, Joints, list[str]]:
-    """Return the columns of the time, of positions and commands by their joints, and names of unpaired ones.
+def choose(numbers: Numbers, mapping: Mapping[str, str]) -> tuple[tuple[Column, ...], Joints, Joints]:
+    """Return the columns of the time, and of positions and commands by their joints.
 
     Args:
         numbers: All numeric columns.
@@ -219,19 +196,13 @@ def choose(
     groups = [columns["q"]] if "q" in columns else list(joint_groups(others, POSITION, JOINTS))
     for what, key, hits in (
         ("time", "t", time),
-        ("commanded rates", "qdot_cmd", rates),
+        ("commanded rates (commanded positions are not enough)", "qdot_cmd", rates),
         ("positions", "q", groups),
     ):
         if not hits:
-            targets = [
-                name for name in names if re.match(r"(q|pos\w*)_?(cmd|command|target)|target_q(_|\d)", name)
-            ]
-            way = (
-                "; commanded positions are not enough: log the rates" if key == "qdot_cmd" and targets else ""
-            )
             raise QuestionError(
                 f"there is no column of {what}; {enumerated(names)}; name it by --columns {key}=NAME, with * "
-                f"where a joint stands{way}"
+                "where a joint stands"
             )
     places = max(groups, key=lambda group: len(group.keys() & rates.keys()))
     if "," in mapping.get("q", "") + mapping.get("qdot_cmd", "") and len(places) == len(rates):
@@ -242,31 +213,17 @@ def choose(
             f"positions are of joints {listed(places, 8)}, commands of {listed(rates, 8)}: name matching "
             "columns, as by --columns q=A,B --columns qdot_cmd=C,D"
         )
-    unpaired = [group[joint].name for group in (places, rates) for joint in group if joint not in joints]
-    return (
-        time,
-        {joint: places[joint] for joint in joints},
-        {joint: rates[joint] for joint in joints},
-        unpaired,
-    )
+    return time, {joint: places[joint] for joint in joints}, {joint: rates[joint] for joint in joints}
 
 
-def _in_si(table: Table, columns: tuple[Column, ...], degrees: bool, unit: str) -> tuple[Array, str]:
-    """Return columns in rad or m, (R, n), and a note on their unit."""
-    values = scaled(table.numbers, columns, np.pi / 180.0 if degrees else 1.0)
-    wrong = np.abs(values) > FARTHEST
-    values[wrong | ~np.isfinite(values)] = np.nan
-    if all(column.unit for column in columns):
+def _in_si(table: Table, columns: Joints, degrees: bool) -> tuple[Array, str]:
+    """Return columns in rad or m, or these per second, (R, n), and a note on their unit."""
+    values = scaled(table.numbers, tuple(columns.values()), np.pi / 180.0 if degrees else 1.0)
+    values[~(np.abs(values) < FARTHEST)] = np.nan
+    note = "in degrees, as requested" if degrees else "taken to be of rad, or m of slides; --degrees if not"
+    if all(column.unit for column in columns.values()):
         note = "in their named units"
-    elif degrees:
-        note = f"in {unit.replace('rad', 'deg')}, as requested"
-    else:
-        note = f"taken to be in {unit}, or {unit.replace('rad', 'm')} of slides"
-        if unit == "rad" and np.nanmax(np.abs(values), initial=0.0) > LARGEST_TURN:
-            note += f"; they go to {np.nanmax(np.abs(values)):.4g}: if these are degrees, give --degrees"
-    if wrong.any():
-        note += f"; {wrong.sum():,} beyond {FARTHEST:g} are left out"
-    return values, f"{listed((column.name for column in columns), 8)}, {note}"
+    return values, f"{listed((column.name for column in columns.values()), 8)}, {note}"
 
 
 def _unwrap(q: Array) -> str:
@@ -281,10 +238,25 @@ def _unwrap(q: Array) -> str:
     return f"{count:,} jumps of a turn unwrapped" if count else ""
 
 
+def _forget_spikes(q: Array) -> str:
+    """Make positions, (R, n), NaN that differ from their four neighbors as no arm can move; return a note."""
+    count = 0
+    for column in q.T:
+        known = np.flatnonzero(np.isfinite(column))
+        if len(known) < LEAST_ROWS:
+            continue
+        near = sliding_window_view(np.pad(column[known], 2, mode="edge"), 5)
+        off = np.abs(column[known] - np.median(near, axis=1))
+        least = max(1.4826 * OUTLIER * float(np.median(off)), HARM * float(np.ptp(column[known])))
+        wrong = known[(off > least) & (off > 2.0 * np.ptp(near[:, [0, 1, 3, 4]], axis=1))]
+        column[wrong] = np.nan
+        count += len(wrong)
+    return f"{count:,} isolated outliers of positions left out" if count else ""
+
+
 def _forget_repeats(q: Array, rates: Array) -> str:
-    """Make repeated readings NaN, where positions are read less often than logged; return a note, or ""."""
-    top = np.nanmax(np.abs(rates), axis=0, initial=0.0)
-    driven = np.nanmax(np.abs(rates) / np.where(top > 0.0, top, 1.0), axis=1, initial=0.0)[1:] > 0.5
+    """Make repeated readings NaN, where positions are read less often than logged; return a note."""
+    driven = (np.abs(rates[1:]) > 0.5 * np.nanmax(np.abs(rates), axis=0, initial=0.0)).any(axis=1)
     steps = np.abs(np.diff(q, axis=0))
     repeats = ((steps == 0.0) | np.isnan(steps)).all(axis=1)
     # Coarse encoders repeat as well, but they move by single steps of their resolution.

@@ -1,22 +1,25 @@
 """The result of a log: a table, JSON, a picture, and the block of a scenario to paste."""
 
-from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from rmrc.analysis.identify.identify import Identified, Joint
+from rmrc.analysis.identify.identify import Identified
+from rmrc.scenario import block as as_yaml
+from rmrc.show import figures
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.support.legible import visible
 
-# Values of joints that differ by less than this share are written as one: the accuracy of logs of 10 s.
-ALIKE = 0.05
 # Lines of the block fit a terminal with this many columns.
 WIDTH = 60
 TIMES = ("delay", "lag", "total")
+# The picture shows this many times delay and lag, at least so many periods, and so many points of a residual.
+SPANS, PERIODS, POINTS = 8.0, 40.0, 4000
 
 
 def report(answer: Identified) -> Report:
@@ -25,11 +28,10 @@ def report(answer: Identified) -> Report:
     Args:
         answer: The result of `identify`.
     """
-    from rmrc.analysis.identify.figure import draw_fits
-
     log, values = answer.log, _values(answer)
-    notes = [f"{one.name}: {text}" for one in answer.joints for text in (one.trouble, *one.notes) if text]
-    problem = f"{log.name}: the log identifies no joint's delay; the table says what to log instead"
+    notes = [
+        f"{joint.name}: {text}" for joint in answer.joints for text in (joint.trouble, *joint.notes) if text
+    ]
     sheets = [
         Sheet(log.name, ("", ""), list(values["facts"].items()), frozenset({0, 1})),
         Sheet(
@@ -39,54 +41,45 @@ def report(answer: Identified) -> Report:
             notes=(*notes, *answer.notes),
         ),
     ]
+    problem = f"{log.name}: the log identifies no joint's delay; the table says what to log instead"
     draw = partial(draw_fits, answer) if any(joint.fit for joint in answer.joints) else None
-    return Report(
-        sheets, plain(values), draw, answer.is_told, "" if answer.is_told else problem, block(answer)
-    )
+    met = answer.delay is not None
+    return Report(sheets, plain(values), draw, met, "" if met else problem, block(answer))
 
 
 def _values(answer: Identified) -> dict[str, Any]:
-    """Return the result as JSON has it."""
-    log = answer.log
-    facts = {
-        "duration": f"{log.duration:.4g} s, {len(log.joints)} joints, a command every "
-        f"{1e3 * log.period:.4g} ms; if the loop is faster than the log, delays are up to "
-        f"{500.0 * log.period:.3g} ms longer than below"
-    }
+    """Return the result as JSON has it; delay, lag and gain only of joints that determine them."""
+    log, joints = answer.log, []
+    for joint in answer.joints:
+        fit, noise = joint.fit, joint.noise
+        values: dict[str, Any] = {"name": joint.name, "trouble": joint.trouble or None, "notes": joint.notes}
+        values["cause"] = joint.cause._asdict() if joint.cause.name else None
+        if fit and noise:
+            values |= {"noise": noise.value, "resolution": noise.resolution or None, "jitter": noise.jitter}
+        if fit and not joint.trouble:
+            names = TIMES if fit.delay.high >= 0.0 else ("total",)
+            values |= {name: getattr(fit, name)._asdict() for name in (*names, "gain")}
+        joints.append(values)
+    period, duration = log.clock.period, float(log.time[-1] - log.time[0])
+    head = (
+        f"{duration:.4g} s, {len(joints)} joints, a command every {1e3 * period:.4g} ms; if the loop is "
+        f"faster than the log, delays are up to {500.0 * period:.3g} ms longer than below"
+    )
     return {
-        "log": log.name, "duration": log.duration, "period": log.period, "facts": {**facts, **log.facts},
-        "told": answer.is_told, "delay": answer.delay and answer.delay._asdict(), "lag": answer.lag,
-        "joints": [_joint(joint) for joint in answer.joints], "notes": answer.notes,
-        "block": block(answer) or None,
+        "log": log.name, "duration": duration, "period": period, "facts": {"duration": head, **log.facts},
+        "delay": answer.delay and answer.delay._asdict(), "lag": answer.lag, "joints": joints,
+        "notes": answer.notes, "block": block(answer) or None,
     }  # fmt: skip
-
-
-def _joint(joint: Joint) -> dict[str, Any]:
-    """Return the values of a joint; without delay, lag and gain where these are not determined."""
-    values: dict[str, Any] = {"name": joint.name, "trouble": joint.trouble or None, "notes": joint.notes}
-    if joint.fit is None or joint.noise is None:
-        return values
-    values |= {
-        "noise": joint.noise.value._asdict(), "resolution": joint.noise.resolution or None,
-        "jitter": joint.noise.jitter, "explained": joint.fit.explained, "rows": len(joint.fit.residual),
-        "outliers": joint.fit.outliers,
-    }  # fmt: skip
-    if not joint.trouble:
-        names = TIMES if joint.fit.delay.high >= 0.0 else ("total",)
-        values |= {name: getattr(joint.fit, name)._asdict() for name in (*names, "gain", "drift")}
-    return values
 
 
 def _row(joint: dict[str, Any]) -> tuple[str, ...]:
     """Return the cells of a joint in the table."""
     cells = [joint["name"]]
-    for name in TIMES:
-        each = joint.get(name)
+    for each in (joint.get(name) for name in TIMES):
         half = each and 500.0 * (each["high"] - each["low"])
         cells += [f"{1e3 * each['value']:.3f}", f"{half:.3f}"] if each else [UNDEFINED] * 2
-    for each in (joint.get("gain"), joint.get("noise")):
-        cells.append(number(each["value"]) if each else UNDEFINED)
-    return (*cells, number(joint["resolution"]) if joint.get("resolution") else UNDEFINED)
+    values = joint.get("gain", {}).get("value"), joint.get("noise"), joint.get("resolution")
+    return (*cells, *(UNDEFINED if value is None else number(value) for value in values))
 
 
 def block(answer: Identified) -> str:
@@ -97,41 +90,62 @@ def block(answer: Identified) -> str:
     """
     if answer.delay is None:
         return ""
-    each = [None if one.trouble or not one.noise else (one.noise.value.value, one.noise.resolution)
-            for one in answer.joints]  # fmt: skip
-    middle = np.median([pair for pair in each if pair], axis=0)
-    noise, resolution = np.array([middle if pair is None else pair for pair in each]).T
+    sound = [None if joint.trouble else joint.noise for joint in answer.joints]
     lacking = [joint.name for joint in answer.joints if joint.trouble]
-    low, high = (_time(bound) for bound in answer.delay[1:])
+    values = np.array([(each.value, each.resolution) if each else (np.nan,) * 2 for each in sound])
+    encoder = np.where(np.isnan(values), np.nanmedian(values, axis=0), values).T
+    value, low, high = (round(bound, 6) for bound in answer.delay)
     texts = [f"From {answer.log.name} by rmrc identify, in SI units. Joints: {', '.join(answer.log.joints)}."]
     if lacking:
         texts.append(f"Not identified from the log, and taken from the others: {', '.join(lacking)}.")
     texts.append(
         "The delay is the sum of command and measurement delay: a log cannot separate them, and only "
-        f"their sum affects a loop. With 95 % it is from {low} to {high} s."
+        f"their sum affects a loop. With 95 % it is from {low:g} to {high:g} s."
     )
+    plant = {"delay": value} | ({"lag": [round(lag, 6) for lag in answer.lag]} if any(answer.lag) else {})
+    lists = {
+        key: [float(f"{each:.3g}") for each in values]
+        for key, values in zip(("noise", "resolution"), encoder.tolist(), strict=True)
+        if any(values)
+    }
     lines = [line for text in texts for line in wrap(f"# {visible(text)}", WIDTH, subsequent_indent="# ")]
-    lines += ["plant:", f"  delay: {_time(answer.delay.value)}", *_key("  lag", answer.lag, _time)]
-    encoder = [*_key("    noise", noise, _small), *_key("    resolution", resolution, _small)]
-    return "\n".join([*lines, *(["arm:", "  encoder:", *encoder] if encoder else [])]) + "\n"
+    content = {"plant": plant} | ({"arm": {"encoder": lists}} if lists else {})
+    return "\n".join(lines) + "\n" + as_yaml(content, WIDTH)
 
 
-def _key(name: str, values: Sequence[float], text: Callable[[float], str]) -> list[str]:
-    """Return the lines of a key: one value if the joints' are alike, no line if all are 0."""
-    each = sorted(map(float, values))
-    if not each[-1]:
-        return []
-    if each[-1] - each[0] <= ALIKE * each[-1]:
-        return [f"{name}: {text(each[len(each) // 2])}"]
-    indent = " " * (len(name) - len(name.lstrip()) + 2)
-    return wrap(f"{name}: [{', '.join(map(text, values))}]", WIDTH, subsequent_indent=indent)
+def draw_fits(answer: Identified, path: Path) -> None:
+    """Draw for each joint the positions and the fit where the command changes most, and the residual.
 
-
-def _time(value: float) -> str:
-    """Return seconds to a microsecond."""
-    return f"{max(round(value, 6), 0.0):.6f}".rstrip("0").removesuffix(".") or "0"
-
-
-def _small(value: float) -> str:
-    """Return three digits as a number in YAML: with a decimal point."""
-    return f"{value:.2e}" if value else "0.0"
+    Args:
+        answer: The result of `identify`.
+        path: File to write atomically, in the format of the suffix: `.png`, `.svg` or `.pdf`.
+    """
+    fits = [(joint, joint.fit) for joint in answer.joints if joint.fit]
+    picture = Figure(figsize=(12.0, 1.2 + 2.6 * len(fits)), layout="constrained")
+    panels = picture.subplots(len(fits), 2, squeeze=False)
+    for (left, right), (joint, fit) in zip(panels, fits, strict=True):
+        sent, time, position = fit.samples
+        wide = max(SPANS * abs(fit.total.value), PERIODS * sent.period)
+        change = np.abs(
+            np.interp(time + wide / SPANS, sent.time, sent.rate) - np.interp(time, sent.time, sent.rate)
+        )
+        begin = time[np.argmax(change)] - 0.25 * wide
+        rows = (time >= begin) & (time <= begin + wide)
+        shown, curve = time[rows], (position - fit.residual)[rows]
+        wanted = fit.gain.value * sent.answer(shown)[0]
+        left.plot(shown, wanted - wanted[0], "--", color="0.45", label="commanded rates, integrated")
+        left.plot(shown, curve - curve[0], color="#e06c00", label="the same with delay and lag")
+        left.plot(shown, position[rows] - curve[0], "o", color="#2f7fe8", markersize=3.2, label="positions")
+        times = f"delay {1e3 * fit.delay.value:.4g} ms, lag {1e3 * fit.lag.value:.4g} ms"
+        title = f"{joint.name}: {'not identified' if joint.trouble else times}"
+        left.set_title(figures.plain(title), loc="left", fontsize=10)
+        every = -(-len(time) // POINTS)
+        right.plot(time[::every], fit.residual[::every], ".", color="#2f7fe8", markersize=2.0)
+        right.set_title("residual of the fit", loc="left", fontsize=10)
+    for axes in panels.flat:
+        axes.set(xlabel="time [s]", ylabel="[rad or m]")
+        axes.grid(color="0.9", linewidth=0.8)
+    picture.legend(
+        *panels[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=3, frameon=False
+    )
+    figures.save(picture, [path])

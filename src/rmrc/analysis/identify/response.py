@@ -11,6 +11,7 @@ there by exp(−s/L).
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,16 +43,25 @@ class Commands:
         """The median step [s]."""
         return float(np.median(np.diff(self.time)))
 
-    def response(self, lag: float, limit: float = np.inf) -> "Response":
-        """Return the response with a lag [s] and a largest acceleration, steady where the commands begin."""
+    def answer(self, time: Array, lag: float = 0.0, limit: float = np.inf) -> tuple[Array, Array]:
+        """Return travel and rate of the joint at some times less the delay, (T,) each; it starts steady.
+
+        Args:
+            time: (T,) [s].
+            lag: L [s].
+            limit: a [rad/s² or m/s²].
+        """
         step, lag = np.diff(self.time), max(lag, LEAST_SHARE * self.period)
         if np.isinf(limit):
             decay = np.exp(-step / lag)
             start = _recursion(decay, (1.0 - decay) * self.rate[:-1], float(self.rate[0]))
         else:
             start = self._saturated(step, lag, limit)
-        travel = _advance(start[:-1], self.rate[:-1], step, lag, limit)[0]
-        return Response(self, lag, limit, start, np.concatenate([[0.0], np.cumsum(travel)]))
+        steps, _ = _advance(start[:-1], self.rate[:-1], step, lag, limit)
+        row = np.maximum(np.searchsorted(self.time, time, "right") - 1, 0)
+        since = np.maximum(time - self.time[row], 0.0)
+        further, rate = _advance(start[row], self.rate[row], since, lag, limit)
+        return np.concatenate([[0.0], np.cumsum(steps)])[row] + further, rate
 
     def _saturated(self, step: Array, lag: float, limit: float) -> Array:
         """Return the rate of the joint at each command."""
@@ -67,33 +77,18 @@ class Commands:
         return np.array(start)
 
 
-@dataclass(frozen=True, eq=False)
-class Response:
-    """Commands after a lag.
+class Samples(NamedTuple):
+    """Positions of a joint, and the commands to which they respond.
 
     Attributes:
-        commands: The commands before it.
-        lag: L [s].
-        limit: a [rad/s² or m/s²].
-        start: w at the time of each command, (K,) [rad/s or m/s].
-        travel: x there, (K,) [rad or m].
+        commands: Commands of the joint.
+        time: Time of the positions, increasing, (N,) [s].
+        position: (N,) [rad or m].
     """
 
     commands: Commands
-    lag: float
-    limit: float
-    start: Array
-    travel: Array
-
-    def at(self, time: Array) -> tuple[Array, Array]:
-        """Return travel and rate at some times less the delay, (T,) each; both are 0 before the commands."""
-        sent = self.commands
-        row = np.searchsorted(sent.time, time, "right") - 1
-        before = row < 0
-        row[before] = 0
-        since = np.where(before, 0.0, time - sent.time[row])
-        travel, rate = _advance(self.start[row], sent.rate[row], since, self.lag, self.limit)
-        return self.travel[row] + travel, np.where(before, 0.0, rate)
+    time: Array
+    position: Array
 
 
 def _advance(start: Array, sent: Array, since: Array, lag: float, limit: float) -> tuple[Array, Array]:
