@@ -64,8 +64,6 @@ def test_what_is_lost_is_told_along_the_axes_of_the_site_and_kept_along_the_worl
     assert np.abs(np.kron(np.eye(2), R.T) @ lost.twist - lost.twist).max() > 0.1  # and another of the site
 
 
-
-
 def test_a_goal_of_whole_positions_and_rotations_is_the_same_in_every_frame(puma):
     goal = [0.1, -0.9, 3.4, 0.2, 0.6, 0.3]
     along = {
