@@ -5,15 +5,15 @@ PYTHON ?= .venv/bin/python
 
 .PHONY: figures films
 figures:
-	$(PYTHON) -m rmrc workspace models/planar_6_3.xml --picture docs/figures/workspace_6_3.png --quiet
-	$(PYTHON) -m rmrc workspace models/planar_6_3.xml --map sigma_min --picture docs/figures/sigma_min_6_3.png --quiet
-	$(PYTHON) -m rmrc workspace models/torus_3r.xml --picture docs/figures/workspace_torus.png --quiet
-	$(PYTHON) -m rmrc workspace models/torus_3r_short.xml --map sigma_min --picture docs/figures/sigma_min_torus.png --quiet
-	$(PYTHON) -m rmrc inspect models/planar_2link.xml --q "15 deg,-30 deg" --picture docs/figures/ellipses_near_full_reach.png
-	$(PYTHON) -m rmrc inspect models/puma560.xml --picture docs/figures/ellipses_puma.png
+	$(PYTHON) -m rmrc workspace models/planar_6_3.xml -o docs/figures/workspace_6_3.png --quiet
+	$(PYTHON) -m rmrc workspace models/planar_6_3.xml --map sigma_min -o docs/figures/sigma_min_6_3.png --quiet
+	$(PYTHON) -m rmrc workspace models/torus_3r.xml -o docs/figures/workspace_torus.png --quiet
+	$(PYTHON) -m rmrc workspace models/torus_3r_short.xml --map sigma_min -o docs/figures/sigma_min_torus.png --quiet
+	$(PYTHON) -m rmrc inspect models/planar_2link.xml --q "15 deg,-30 deg" -o docs/figures/ellipses_near_full_reach.png
+	$(PYTHON) -m rmrc inspect models/puma560.xml -o docs/figures/ellipses_puma.png
 	$(PYTHON) tools/small_displacements.py docs/figures/small_displacements.png
-	$(PYTHON) -m rmrc identify scenarios/arm_log.csv --picture docs/figures/identify_arm_log.png --out build/figures --quiet
-	$(PYTHON) -m rmrc tune scenarios/approach_singularity.yaml --set "target.path[0].line.to=[1.995, 0]" --picture docs/figures/front_approach_singularity.png --out build/figures --quiet
+	$(PYTHON) -m rmrc identify scenarios/arm_log.csv -o docs/figures/identify_arm_log.png --out build/figures --quiet
+	$(PYTHON) -m rmrc tune scenarios/approach_singularity.yaml --set "target.path[0].line.to=[1.995, 0]" -o docs/figures/front_approach_singularity.png --out build/figures --quiet
 
 # Those that need OpenGL.
 films:

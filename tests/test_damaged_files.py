@@ -29,7 +29,7 @@ plant: {{kind: ideal}}
 READERS = {
     "u.npz": ["report", "u.npz"],
     "u.json": ["report", "u.json"],
-    "u.npz plotted": ["plot", "u.npz", "--out", "plot.png"],
+    "u.npz plotted": ["plot", "u.npz", "-o", "plot.png"],
     "u.sweep.parquet": ["report", "u.sweep.parquet"],
     "u.tune.parquet": ["report", "u.tune.parquet"],
     "log.parquet": ["identify", "log.parquet"],

@@ -153,7 +153,7 @@ def test_what_a_verb_that_is_interrupted_elsewhere_exits_with(rmrc, monkeypatch,
     monkeypatch.setattr("rmrc.study.run.Job.compile", interrupted)
     *ended, err = rmrc("run", "hard.yaml")
     # its period of a second is warned of before
-    assert (*ended, err.splitlines()[-1]) == (code, "", "rmrc: interrupted before the first tick")
+    assert (*ended, err.splitlines()[-1]) == (code, "", "rmrc: interrupted")
     monkeypatch.setattr("rmrc.study.run.draft_of", interrupted)
     assert rmrc("run", "hard.yaml") == (code, "", "rmrc: interrupted\n")
 

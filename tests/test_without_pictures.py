@@ -25,7 +25,7 @@ LINES = [
     f"margins {SCENARIO}",
     f"inspect {ARM}",
     f"check {ARM}",
-    f"new {ARM} --out ur5e.yaml",
+    f"new {ARM} -o ur5e.yaml",
     "schema",
 ]
 

@@ -110,12 +110,9 @@ def test_the_wrench_at_another_site_is_told_with_both_transforms(rmrc):
 
 
 MISTAKES = {
-    "a wrench of 2": (
-        [TWO, "--wrench", "1,2"],
-        "--wrench … 6 … fx,fy,fz [N] … nx,ny,nz [N·m] … 3 … 2: '1,2'",
-    ),
-    "an angle": ([TWO, "--wrench", "1,2,3,4,5,60 deg"], "--wrench, nz: … ±1e+100 … '60 deg'"),
-    "infinite": ([TWO, "--wrench", "1,2,inf"], "--wrench, fz: … ±1e+100 … 'inf'"),
+    "a wrench of 2": ([TWO, "--wrench", "1,2"], "wrench … 6 … fx, fy, fz, nx, ny, nz… (2,)"),
+    "an angle": ([TWO, "--wrench", "1,2,3,4,5,60 deg"], "--wrench: … '60 deg'"),
+    "infinite": ([TWO, "--wrench", "1,2,inf"], "--wrench: … ±1e+100… 'inf'"),
     "at a site of another body": (
         [STANFORD, "--wrench", "1,2,3", "--at", "wirst"],
         f'--at: "wirst" … site … {STANFORD} … "wrist"… "tool": wrist, tool',
@@ -145,4 +142,4 @@ def test_what_diverges_exits_3_and_ctrl_c_130(rmrc, monkeypatch):
 
     monkeypatch.setattr("rmrc.analysis.statics.statics.hold_wrench", interrupted)
     code, _, err = rmrc("statics", TWO, "--wrench", "0,1,0", "--hold", "1")
-    assert (code, err) == (130, "rmrc: interrupted while holding\n")
+    assert (code, err) == (130, "rmrc: interrupted\n")

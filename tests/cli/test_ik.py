@@ -131,24 +131,17 @@ def test_the_tolerance_is_the_users(rmrc):
     ("options", "line"),
     [
         ((), "… to… x, y… to_q"),
-        (("--to", "1"), "--to … 2 … x, y … 1: '1'"),
-        (("--to", "1,2,3"), "--to … 2 … x, y … 3: '1,2,3'"),
-        (("--to", "1,nan"), '--to, y: … "60 deg" … "nan"'),
-        (("--to", "1,1e999"), '--to, y: … "60 deg" … "1e999"'),
-        (("--to", "1,2e6"), "--to, y: … ±1e+06 … '2e6'"),
+        (("--to", "1"), "… 2 … x, y… 1…"),
+        (("--to", "1,nan"), '--to: … "60 deg" … "nan"'),
+        (("--to", "1,2e6"), "--to: … ±1e+06… '2e6'"),
         # whose values would be taken for those of x and y
-        (("--axes", "y,x", "--to", "1,2"), "--axes: … x y z rx ry rz … y,x; … x,y"),
-        (("--axes", "x,u", "--to", "1,2"), '--axes: … "u" … x y z rx ry rz'),
-        (("--to-q", "1"), "--to-q … 2 … shoulder, elbow … 1: '1'"),
-        (("--to", "1,1", "--to-q", "1,1"), "… to… x, y… to_q"),
+        (("--axes", "y,x", "--to", "1,2"), "--axes: … x y z rx ry rz… in this order… y,x"),
+        (("--to-q", "1"), "to_q … 2 … shoulder, elbow… (1,)"),
         (("--to", "1,1", "--quat", "0,0,0,0"), "quat … zero … 0, 0, 0, 0"),
-        (("--to", "1,1", "--quat", "1,0"), "--quat … 4 … w, x, y, z … 2: '1,0'"),
-        (("--quat", "1,0,0,0"), "to … x, y … (0,)"),
-        (("--to", "1,1", "--q", "1,1", "--keyframe", "home"), "… --q or --keyframe …"),
-        (("--to", "1,1", "--tolerance", "inf"), "--tolerance … 1e-12 and 1 … inf"),
-        (("--to", "1,1", "--length", "inf"), "--length … 1e-06 and 1e+06 … inf"),
+        (("--to", "1,1", "--q", "1,1", "--keyframe", "home"), "… q or keyframe…"),
+        (("--to", "1,1", "--tolerance", "inf"), "--tolerance … 1e-12 and 1… inf"),
         (("--to", "1,1", "--all", "--method", "newton"), '… all … "damped"… "newton"'),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_one_line(rmrc, options, line):
     assert rmrc("ik", TWO, *options) == (2, "", says(f"rmrc: error: {line}\n"))

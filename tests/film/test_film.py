@@ -189,7 +189,7 @@ def test_a_model_that_changed_since_or_is_gone_is_one_line(rmrc, left):
 
 
 WRONG = {
-    "kind of picture": (["there.npz", "-o", "x.jpg"], "--out x.jpg: … .gif, .png … .mp4"),
+    "kind of picture": (["there.npz", "-o", "x.jpg"], "--output x.jpg: … .gif … .png … .mp4"),
     "instant of a film": (["there.npz", "--at", "1"], "--at … --from … --to …"),
     "size": (["there.npz", "--size", "wide"], "--size … WIDTHxHEIGHT … wide…"),
     "small": (["there.npz", "--size", "20x20"], "--size … 200x200 … 4096x4096 … 20x20"),
@@ -201,7 +201,7 @@ WRONG = {
     "no scenario": (["bare.npz"], "bare.json: no such file…"),
     "damaged": (["torn.npz"], "torn.json: … damaged …"),
     "another run": (["other.npz"], "other.json: … another run …"),
-    "a model": (["planar_2link.xml"], "… a model, …"),
+    "a model": (["planar_2link.xml"], "… a model; …"),
 }
 
 

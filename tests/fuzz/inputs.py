@@ -115,8 +115,8 @@ VALUES = {
     "cells": ("10", "0", "x"), "accuracy": ("0.5", "0", "x"), "size": ("64x64", "0x0", "x", "-1x64"), "fps": ("5", "0", "x"),
     "columns": ("t=t", "q=q*", "="), "panels": ("rates", "status", ","), "speed": ("1", "0", "x"),
     "out": ("there", "a/b", "file", "file/below", "/dev/full", "/proc/nothing", "x" * 300, "\x1b[31m", "\udcff"),
-    "picture": ("a.png", "a.svg", "a.jpg", "", "none/a.png"), "junit": ("a.xml", "", "/dev/full"), "summary": ("a.md", "", "/dev/full"),
-    "folder": ("there", "a/b", "", "file", "/proc/nothing", "\x1b[31m"),
+    "output": ("a.png", "a.svg", "a.jpg", "", "none/a.png"), "junit": ("a.xml", "", "/dev/full"), "summary": ("a.md", "", "/dev/full"),
+    "copy": ("there", "a/b", "", "file", "/proc/nothing", "\x1b[31m"),
 }  # fmt: skip
 # Verbs and options that would open a viewer, a port, or other processes.
 CLOSED = ("replay", "cluster", "threads", "package")
@@ -326,7 +326,7 @@ def options(rng):
     for name, value in short.items():
         if name in names and f"--{name}" not in argv:
             argv += [f"--{name}", value]
-    argv += FAST if "set_" in names and verb != "render" else ()
+    argv += FAST if "set_" in names and verb not in ("plot", "report", "render") else ()
     if wrong and rng.random() < 0.3:
         odd = rng.choice(("--", "--help", "--nonsense", "", "--json", "--=", word(rng)))
         argv.insert(rng.randrange(len(argv) + 1), odd)
@@ -339,8 +339,6 @@ def options(rng):
 
 def _argument(rng, name):
     """Return the file or folder that a verb is about."""
-    if name == "folder":
-        return rng.choice(VALUES[name])
     if name == "log":
         return rng.choice(("log.csv", "log.csv", "none.csv", "file"))
     if name in ("model", "scenario"):

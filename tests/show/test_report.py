@@ -1,11 +1,9 @@
 """Answers that are ready to be shown: plain values for JSON, notes below tables, and what the verbs print of them."""
 
-import io
 import json
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 import rmrc
 from project import ROOT, mostly_long
@@ -16,8 +14,6 @@ from rmrc.analysis.inspect.report import report as of_inspection
 from rmrc.analysis.statics.report import report as of_statics
 from rmrc.analysis.workspace.report import report as of_workspace
 from rmrc.show.report import Report, plain
-from rmrc.show.sheets import Sheet, as_markdown
-from rmrc.show.terminal import render
 
 TWO = str(ROOT / "models/planar_2link.xml")
 
@@ -35,22 +31,6 @@ def test_plain_values_are_those_of_strict_json():
     assert json.loads(json.dumps(plain(value), allow_nan=False)) == expected
     assert all(type(one) is int for one in plain(np.arange(2)))
     assert type(plain(np.bool_(True))) is bool
-
-
-def drawn(*sheets):
-    console = Console(file=io.StringIO(), width=60)
-    console.print(render(sheets))
-    return console.file.getvalue().splitlines()
-
-
-def test_notes_stand_below_the_table_and_an_empty_line_follows_if_it_shall():
-    table = Sheet("Title", ("a", "b"), [("x", "1")], notes=("first", "second"))
-    alone = Sheet("", notes=("alone",), is_spaced=False)
-    lines = [line.rstrip() for line in drawn(table, alone)]
-    assert lines[0] == "Title" and lines[-4:] == ["first", "second", "", "alone"]
-    assert drawn(alone) == ["alone"]
-    assert as_markdown(table) == "## Title\n\n| a | b |\n| --- | ---: |\n| x | 1 |\n\nfirst\n\nsecond"
-    assert as_markdown(alone) == "alone"
 
 
 LOG = str(ROOT / "scenarios/arm_log.csv")

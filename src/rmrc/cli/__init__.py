@@ -13,65 +13,46 @@
 143  SIGTERM; the data up to there are kept
 """
 
+import io
+import itertools
+import os
+import re
+import signal
 import sys
 import traceback
-from importlib.metadata import PackageNotFoundError, metadata
-from typing import Annotated, NoReturn
+from collections.abc import Callable
+from typing import Annotated, Any, NoReturn, TypeAlias
 
 import typer
 
 import rmrc
-from rmrc.cli import (
-    check,
-    examples,
-    identify,
-    ik,
-    inspect,
-    margins,
-    new,
-    plot,
-    render,
-    report,
-    scenarios,
-    statics,
-    streams,
-    sweep,
-    tune,
-    workspace,
-)
-from rmrc.cli.console import (
-    EXIT_INPUT,
-    EXIT_INTERNAL,
-    EXIT_INTERRUPTED,
-    EXIT_MISSED,
-    EXIT_PIPE,
-    complain,
-    named_by_signal,
-    warnings_in_lines,
-)
-from rmrc.cli.mistakes import ENVIRONMENT, UsageError, usage
+from rmrc.cli import arms, catalog, console, models, pictures, run, search
+from rmrc.cli.console import complain
 from rmrc.support.errors import RmrcError, ScenarioError
 from rmrc.support.interruption import signal_that_came, stops_like_ctrl_c
 from rmrc.support.invocation import command
-from rmrc.support.legible import visible
+from rmrc.support.legible import shortened, visible
 from rmrc.support.notices import heard_by
 
-EPILOG = """docs/textbook.md lists the command for each section, example and exercise of a course.
+# The error of the command line's library for a wrong option or argument; it only exports this subclass of it.
+UsageError: Any = typer.BadParameter.__mro__[1]
+
+# The verbs that most people need first, and the others by what they are about.
+Verbs: TypeAlias = tuple[Callable[..., None], ...]
+FIRST: Verbs = (run.run, run.compare, search.tune, models.check, models.new, pictures.replay)
+OTHERS: dict[str, Verbs] = {
+    "runs": (search.sweep, search.margins, pictures.plot, pictures.report, pictures.render),
+    "arms": (arms.inspect, arms.ik, arms.statics, arms.workspace, models.identify),
+    "files": (catalog.examples, catalog.schema),
+}
+MORE = "\n".join(f"  {about:7}{', '.join(verb.__name__ for verb in some)}" for about, some in OTHERS.items())
+EPILOG = f"""\b
+More commands:
+{MORE}
 
 \b
-Exit codes:
-    0  all went well
-    1  a check failed: an expectation missed, a goal
-       not reached, a wrench not held, no setting within
-       the limits, an error in a model, an unstable loop,
-       or a log that identifies no delay
-    2  bad input, or output that cannot be written
-    3  a world diverged; the data up to there are kept
-   70  an internal error, with a traceback
-  129  SIGHUP; the data up to there are kept
-  130  Ctrl-C; the data up to there are kept
-  141  the reader closed the pipe
-  143  SIGTERM; the data up to there are kept"""
+Exit codes: 0 well, 1 a check failed, 2 bad input, 3 diverged, 130 Ctrl-C;
+docs/commands.md lists all of them, and all options."""
 
 app = typer.Typer(
     name="rmrc",
@@ -82,92 +63,64 @@ app = typer.Typer(
     pretty_exceptions_enable=False,  # a traceback is for developers, and only for bugs
     context_settings={"max_content_width": 100},
 )
-for verb in (
-    scenarios.run,
-    scenarios.compare,
-    sweep.sweep,
-    tune.tune,
-    margins.margins,
-    scenarios.replay,
-    plot.plot,
-    report.report,
-    render.render,
-    scenarios.schema,
-    check.check,
-    new.new,
-    identify.identify,
-    inspect.inspect,
-    statics.statics,
-    ik.ik,
-    workspace.workspace,
-    examples.examples,
-    examples.init,
-):
-    # The first paragraph, which the list of verbs would otherwise cut off.
-    app.command(short_help=" ".join((verb.__doc__ or "").split("\n\n")[0].split()))(verb)
+for _verb in (*FIRST, *itertools.chain(*OTHERS.values())):
+    app.command(short_help=(_verb.__doc__ or "").partition("\n")[0], hidden=_verb not in FIRST)(_verb)
 
 
 def main() -> NoReturn:
     """Run the command line; a user's mistake is one line for each problem, and exit code 2."""
-    with streams.patient() as output, heard_by(complain), warnings_in_lines():
-        with stops_like_ctrl_c():
-            code = named_by_signal(_run())
-        sys.stdout.flush()
-        if code in (0, EXIT_MISSED) and output.is_closed:
-            code = EXIT_PIPE
-        elif code in (0, EXIT_MISSED) and output.problem:
-            complain(f"error: stdout cannot be written: {output.problem}")
-            code = EXIT_INPUT
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # no encoding of a terminal is an error
+            stream.reconfigure(errors="backslashreplace")
+    with heard_by(complain), console.warnings_in_lines(), stops_like_ctrl_c():
+        try:
+            code = int(app(standalone_mode=False) or 0)
+            if code == console.EXIT_INTERRUPTED:  # of typer, after Ctrl-C
+                raise console.InterruptedVerb("interrupted")
+            sys.stdout.flush()
+        except SystemExit:  # of typer and rich, which end so when the reader closes the pipe
+            code = console.EXIT_PIPE
+        except Exception as error:
+            code = _code_of(error)
     sys.exit(code)
 
 
-def _run() -> int:
-    """Run the command line and return its exit code, whatever happens."""
-    try:
-        code = app(standalone_mode=False)
-        return code if isinstance(code, int) else 0
-    except UsageError as error:
-        complain(f"error: {usage(error)}")
-    except RmrcError as error:
-        for problem in error.problems if isinstance(error, ScenarioError) else [str(error)]:
-            complain(f"error: {problem}")
-    except MemoryError as error:
-        told = f" ({error})" if str(error) else ""
-        complain(f"error: not enough memory{told}; ask for less at a time, or add memory")
-    except OSError as error:
-        if error.filename is None and error.errno not in ENVIRONMENT:  # not about a file: a bug
-            return _internal()
-        place = "a file cannot be written" if error.filename is None else error.filename
-        complain(f"error: {place}: {(error.strerror or str(error)).lower()}")
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
-    except Exception as error:
-        # Bindings of C++ turn an interrupt that comes while they convert an argument into these errors.
-        if isinstance(error, TypeError | SystemError) and signal_that_came():
-            return EXIT_INTERRUPTED
-        return _internal()
-    return EXIT_INPUT
-
-
-def _internal() -> int:
-    """Print the traceback of an unforeseen error, and where to report it."""
+def _code_of(error: Exception) -> int:
+    """Report an error in one line for each problem, and return the exit code."""
+    if isinstance(error, console.InterruptedVerb) or signal_that_came():  # some libraries raise other errors
+        complain(str(error) if isinstance(error, console.InterruptedVerb) else "interrupted")
+        return 128 + (signal_that_came() or signal.SIGINT)
+    if isinstance(error, OSError) and not isinstance(error, RmrcError) and error.filename is None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what stdout holds is lost
+    if isinstance(error, BrokenPipeError):
+        return console.EXIT_PIPE
+    problems = _problems(error)
+    for problem in problems:
+        complain(f"error: {problem}")
+    if problems:
+        return console.EXIT_INPUT
     print(visible(traceback.format_exc(), keep="\n"), end="", file=sys.stderr)
     complain(f"internal error: this is a bug in rmrc {rmrc.__version__}, not in your input")
-    complain(
-        f"report it{_tracker()} with the lines above, the command, its files, and the output of "
-        f"{command('--version')}"
-    )
-    return EXIT_INTERNAL
+    complain("report it with the lines above, the command and its files")
+    return console.EXIT_INTERNAL
 
 
-def _tracker() -> str:
-    """Return where to report bugs, if the package's metadata says so."""
-    try:
-        urls = metadata("rmrc").get_all("Project-URL") or []
-    except PackageNotFoundError:
-        urls = []
-    named = dict(url.split(", ", 1) for url in urls)
-    return "".join(f" at {url}" for name, url in named.items() if name.lower() in ("issues", "bug tracker"))
+def _problems(error: Exception) -> list[str]:
+    """Return what a user or the machine did wrong, a line each; nothing for a bug."""
+    if isinstance(error, ScenarioError):
+        return list(map(str, error.problems))
+    if isinstance(error, RmrcError):
+        return [str(error)]
+    if isinstance(error, UsageError):
+        text = " ".join(error.format_message().split()).removesuffix(".").replace("Value error, ", "")
+        text = re.sub(r"'([^']*)'", lambda match: f"'{shortened(match[1])}'", text)
+        verbs = [error.ctx.info_name] if error.ctx is not None and error.ctx.parent is not None else []
+        return [f"{text}; see {command(*verbs, '--help')}"]
+    if isinstance(error, MemoryError):
+        return [f"not enough memory ({error}); ask for less at a time, or add memory"]
+    if isinstance(error, OSError):
+        return [f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}"]
+    return []
 
 
 def _print_version(wanted: bool) -> None:
@@ -186,4 +139,4 @@ def _root(
     """Resolved motion rate control in MuJoCo."""
     if context.invoked_subcommand is None:
         print(context.get_help(), file=sys.stderr)
-        raise typer.Exit(EXIT_INPUT)
+        raise typer.Exit(console.EXIT_INPUT)

@@ -1,96 +1,82 @@
-"""Exit codes and output to a terminal or a pipe, shared by the verbs."""
+"""What the verbs print: answers on stdout, one line for each problem on stderr; and the exit codes."""
 
 import json
 import os
-import signal
 import sys
-import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
-from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import (
-    BarColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.segment import Segment
-from rich.text import Text
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress
 
-from rmrc.support import legible
-from rmrc.support.interruption import signal_that_came
+from rmrc.support.legible import line, visible
+
+if TYPE_CHECKING:  # imports numpy, which a help text does not need
+    from rmrc.show.report import Report
 
 EXIT_MISSED, EXIT_INPUT, EXIT_DIVERGED, EXIT_INTERNAL, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 3, 70, 130, 141
-EXIT_TERMINATED, EXIT_HUNG_UP = 143, 129
 
-# The widest table needs this many columns; a pipe has no width.
-PIPE_WIDTH = 100
-# Below some 28 columns rich goes round in circles where a column is not wrapped, and a table is unreadable.
-LEAST_WIDTH = 40
+# Columns of a table in a pipe, which has no width; and the least of a terminal.
+PIPE_WIDTH, LEAST_WIDTH = 100, 40
 
 
-class _Screen(Console):
-    """A console that takes every text as it is: nothing in it is markup, an emoji or a control character."""
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__(markup=False, emoji=False, **options)
-
-    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        for segment in super().render(renderable, options):
-            if segment.control:  # a control code of the console itself
-                yield segment
-            else:
-                yield Segment(legible.visible(segment.text, keep="\n"), segment.style)
+class InterruptedVerb(Exception):  # noqa: N818 - not an error
+    """Ctrl-C, with how far the verb came."""
 
 
-def output(quiet: bool = False, pipe: int = PIPE_WIDTH) -> Console:
-    """Return the console of stdout: as wide as its terminal or COLUMNS, or else as the tables need.
+def show(
+    report: "Report",
+    as_json: bool,
+    quiet: bool = False,
+    files: Sequence[Path | None] = (),
+    hint: str = "",
+    missed: int = EXIT_MISSED,
+) -> None:
+    """Print an answer, and report its problem on stderr.
 
     Args:
-        quiet: Whether to print nothing.
-        pipe: Columns where there is no terminal.
+        report: The answer.
+        as_json: Whether to print JSON instead of tables.
+        quiet: Whether to print no tables.
+        files: Written files to list, without those that were not asked for.
+        hint: The next command.
+        missed: Exit code if the answer's condition is not met.
+
+    Raises:
+        typer.Exit: The condition is not met.
     """
-    is_known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()
-    screen = _Screen(quiet=quiet, width=None if is_known else pipe)
-    screen.width = max(screen.width, LEAST_WIDTH)
-    return screen
+    from rmrc.show.terminal import render
+
+    paths = [str(file) for file in files if file is not None]
+    if as_json:
+        print_json(report.json | {"files": paths} if paths else report.json)
+    elif not quiet:
+        is_known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()
+        screen = Console(width=None if is_known else PIPE_WIDTH)
+        screen.width = max(screen.width, LEAST_WIDTH)
+        screen.print(render(report.sheets))
+        texts = (f"\n{report.block}" if report.block else "", *(f"wrote {path}" for path in paths), hint)
+        print(*(visible(text, keep="\n") for text in texts if text), sep="\n", end="\n" * any(texts))
+    if report.problem:
+        complain(report.problem)
+    if not report.met:
+        raise typer.Exit(missed)
 
 
-def print_line(console: Console, text: str) -> None:
-    """Print a line that is not wrapped, so that a path or a command in it can be copied."""
-    console.print(legible.visible(text), highlight=False, soft_wrap=True)
-
-
-def print_json(facts: object, **options: Any) -> None:
-    """Print JSON: letters as they are if the encoding has all of them, or else with JSON's escapes."""
-    is_unicode = (sys.stdout.encoding or "utf-8").lower().startswith("utf")
-    text = json.dumps(facts, indent=2, ensure_ascii=False, **options)
-    if not (is_unicode and text.replace("\n", "").isprintable()):
-        text = json.dumps(facts, indent=2, **options)
-    print(text)
-
-
-_said: list[str] = []  # warnings of this verb
+def print_json(facts: Any) -> None:
+    """Print strict JSON: letters as they are if the encoding has all of them, or else with JSON's escapes."""
+    is_unicode = (sys.stdout.encoding or "").lower().startswith("utf")
+    print(json.dumps(facts, indent=2, ensure_ascii=not is_unicode, allow_nan=False))
 
 
 def complain(text: str) -> None:
-    """Print an error on stderr, in one line."""
-    _said.append(text)
-    print(f"rmrc: {legible.line(text)}", file=sys.stderr, flush=True)
-
-
-def warn(texts: Iterable[str]) -> None:
-    """Print on stderr, once each, warnings about valid requests that are probably mistakes."""
-    for text in dict.fromkeys(texts):
-        complain(f"warning: {text}")
+    """Print a problem on stderr, in one line."""
+    print(f"rmrc: {line(text)}", file=sys.stderr, flush=True)
 
 
 @contextmanager
@@ -98,70 +84,24 @@ def warnings_in_lines() -> Iterator[None]:
     """Show each Python warning once, as one line."""
     shown: set[str] = set()
 
-    def show(message: Warning | str, *_: Any, **__: Any) -> None:
+    def show_once(message: Warning | str, *_: Any, **__: Any) -> None:
         text = " ".join(str(message).split())
         if text not in shown:
             shown.add(text)
             complain(f"warning: {text}")
 
     with warnings.catch_warnings():
-        warnings.showwarning = show
+        warnings.showwarning = show_once
         yield
 
 
-def named_by_signal(code: int) -> int:
-    """Return the exit code of a verb; after an interruption, print a line and return the signal's code."""
-    is_said = any(text.startswith("interrupted") for text in _said)
-    _said.clear()
-    if code != EXIT_INTERRUPTED:
-        return code
-    if not is_said:
-        complain("interrupted")
-    codes = {signal.SIGTERM: EXIT_TERMINATED, getattr(signal, "SIGHUP", None): EXIT_HUNG_UP}
-    return codes.get(signal_that_came(), EXIT_INTERRUPTED)
+def working(text: str) -> AbstractContextManager[Any]:
+    """Show in a terminal that something is going on, such as `reading the model`."""
+    return Console(stderr=True).status(text)
 
 
 @contextmanager
-def interruption(told: str) -> Iterator[None]:
-    """Print a message on stderr when Ctrl-C arrives, and exit.
-
-    Raises:
-        typer.Exit: Ctrl-C arrived.
-    """
-    try:
-        yield
-    except KeyboardInterrupt:
-        complain(told)
-        raise typer.Exit(EXIT_INTERRUPTED) from None
-
-
-@contextmanager
-def notice(text: str) -> Iterator[None]:
-    """Print a notice if the body takes longer than a second."""
-    timer = threading.Timer(1.0, lambda: complain(text))
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-
-
-class _Rate(ProgressColumn):
-    """The number of steps per second."""
-
-    def __init__(self, unit: str) -> None:
-        super().__init__()
-        self.unit = unit
-
-    def render(self, task: Task) -> Text:
-        """Return the rate, or nothing before there is one."""
-        return Text(f"{task.speed:.3g} {self.unit}/s" if task.speed else "")
-
-
-@contextmanager
-def progress(
-    what: str, total: int, quiet: bool, done: int = 0, unit: str = ""
-) -> Iterator[Callable[[int], None]]:
+def progress(what: str, total: int, quiet: bool, done: int = 0) -> Iterator[Callable[[int], None]]:
     """Yield a function that advances a progress bar; the bar appears only in a terminal.
 
     Args:
@@ -169,14 +109,8 @@ def progress(
         total: Steps in all.
         quiet: Whether to show nothing.
         done: Steps done earlier.
-        unit: Unit of a step; if given, the bar also shows the rate and the remaining time.
     """
-    screen = _Screen(stderr=True)
-    more = [_Rate(unit), TimeRemainingColumn()] if unit else []
-    with Progress(
-        TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(),
-        TimeElapsedColumn(), *more,
-        console=screen, transient=True, disable=quiet or not screen.is_terminal,
-    ) as bars:  # fmt: skip
-        bar = bars.add_task(legible.visible(what), total=total, completed=done)
+    screen = Console(stderr=True)
+    with Progress(console=screen, transient=True, disable=quiet or not screen.is_terminal) as bars:
+        bar = bars.add_task(escape(visible(what)), total=total, completed=done)
         yield lambda steps: bars.update(bar, advance=steps)

@@ -1,115 +1,197 @@
-"""Options that several verbs share, each declared once."""
+"""Options and arguments that verbs share, each declared once."""
 
 import re
-from collections.abc import Callable
-from functools import wraps
-from inspect import Parameter, signature
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-import typer
+from typer import Argument, CallbackParam, Option
 
-from rmrc.cli.kinds import MODEL, expect
+from rmrc.cli.files import PICTURES, expect, suffixed
+from rmrc.scenario import angle
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import quoted
 from rmrc.support.notices import tell_assumed
+from rmrc.support.spatial import AXES
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
+    from rmrc.show.report import Report
 
-T = TypeVar("T")
+# Optional values
+Text: TypeAlias = str | None
+Texts: TypeAlias = list[str] | None
+Number: TypeAlias = float | None
+Count: TypeAlias = int | None
+File: TypeAlias = Path | None
 
-# Positions and angles up to this [m or rad] are kept to 1e-10.
+# Positions, angles and lengths up to this [m or rad] are kept to 1e-10.
 FARTHEST = 1e6
 
+# Units of the width of a picture; and its bounds [in].
+INCHES = {"in": 1.0, "cm": 1 / 2.54, "mm": 1 / 25.4, "pt": 1 / 72.27}
+NARROWEST, WIDEST = 2.0, 40.0
 
-def within(option: str, least: float, most: float) -> Callable[[float], float]:
+
+def inches(text: str) -> float:
+    """Return the number of `--width` in inches.
+
+    Raises:
+        QuestionError: It is no length, or no picture can be so wide.
+    """
+    match = re.fullmatch(rf"\s*([0-9]*\.?[0-9]+)\s*({'|'.join(INCHES)})\s*", text)
+    length = float(match[1]) * INCHES[match[2]] if match else 0.0
+    if not NARROWEST <= length <= WIDEST:
+        raise QuestionError(
+            f"must be a length between {NARROWEST:g}in and {WIDEST:g}in, such as 3.5in, 88mm or 18cm, "
+            f"got {quoted(text)}"
+        )
+    return length
+
+
+def within(least: float, most: float) -> Callable[[CallbackParam, Number], Number]:
     """Return a check of an option's number, which nan and inf do not pass."""
 
-    def check(value: float) -> float:
-        if not least <= value <= most:
-            raise QuestionError(f"{option} must be between {least:g} and {most:g}, got {value:g}")
+    def check(param: CallbackParam, value: Number) -> Number:
+        if value is not None and not least <= value <= most:
+            raise QuestionError(f"{param.opts[0]} must be between {least:g} and {most:g}, got {value:g}")
         return value
 
     return check
 
 
+# Of scenarios and results
+Scenario = Annotated[
+    Path,
+    Argument(
+        help="The scenario: a YAML file, or the name of a shipped one.",
+        callback=lambda path: expect(path, "a scenario"),
+    ),
+]
+Source = Annotated[
+    Path,
+    Argument(
+        help="NAME.npz, .rrd or .json of a run, NAME.parquet; or a scenario, which is run first.",
+        callback=lambda path: expect(path, "a scenario", "a result", "a recording"),
+    ),
+]
+Overrides = Annotated[Texts, Option("--set", metavar="KEY=VALUE", help="Override any key; repeatable.")]
+Vary = Annotated[Texts, Option(metavar="KEY=V1,V2,...", help="Values of a key; repeat it for a grid.")]
+Threads = Annotated[Count, Option(min=1, help="Number of threads; default: one per core.")]
+
+# Of arms
 Model = Annotated[
     Path,
-    typer.Argument(
+    Argument(
         help="The arm: an MJCF or URDF file, or the name of a shipped one.",
-        show_default=False,
-        callback=lambda path: expect(path, MODEL),
+        callback=lambda path: expect(path, "a model"),
     ),
 ]
-Site = Annotated[
-    str | None, typer.Option(help="End effector (TCP) site; default: a site or body of the hand.")
-]
-Body = Annotated[str | None, typer.Option(help="Body whose frame is the end effector, instead of a site.")]
-Packages = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--package",
-        metavar="NAME=FOLDER",
-        help="Folder of a package named in a URDF file, if not above that file; repeatable.",
-    ),
-]
-Positions = Annotated[
-    str | None,
-    typer.Option("--q", metavar="Q1,Q2,...", help='Joint positions: rad, m, or angles such as "60 deg".'),
-]
-Keyframe = Annotated[str | None, typer.Option(help="Joint positions by name; default: home.")]
+Site = Annotated[Text, Option(help="End effector (TCP) site; default: a site or body of the hand.")]
+Body = Annotated[Text, Option(help="Body whose frame is the end effector, instead of a site.")]
+Packages = Annotated[Texts, Option(metavar="NAME=FOLDER", help="Package of a URDF file; repeatable.")]
+Joints = Annotated[Text, Option(metavar="NAME,NAME,...", help="Actuated joints, outward; default: all.")]
+Positions = Annotated[Text, Option(metavar="Q1,Q2,...", help='Joint positions: rad, m, or "60 deg".')]
+Keyframe = Annotated[Text, Option(help="Joint positions by name; default: home.")]
 TaskAxes = Annotated[
-    str | None,
-    typer.Option(
-        "--axes",
-        metavar="x,y,...",
-        help="Task rows, of x y z rx ry rz; default: those that the arm can move independently.",
-    ),
+    Text, Option(metavar="x,y,...", help="Task rows, of x y z rx ry rz; default: the independent ones.")
 ]
-Joints = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME,NAME,...",
-        help="Actuated joints, from the base outward; default: all joints of the chain.",
-    ),
-]
-TaskFrame = Annotated[
-    str | None,
-    typer.Option(
-        "--task-frame",
-        metavar="world|base|site",
-        help="Frame of the task rows, as task.frame of a scenario.",
-        show_default="world",
-    ),
-]
-length_within = within("--length", 1e-6, FARTHEST)
+TaskFrame = Annotated[Text, Option(metavar="world|base|site", help="Frame of the task rows.")]
 Length = Annotated[
-    float | None,
-    typer.Option(
-        help="Characteristic length in m: makes meters and radians comparable in sigma, kappa and w.",
-        callback=lambda length: length if length is None else length_within(length),
-        show_default="that of the arm",
+    Number,
+    Option(callback=within(1e-6, FARTHEST), help="Length [m] that makes meters and radians comparable."),
+]
+
+# Of answers
+AsJson = Annotated[bool, Option("--json", help="Print JSON, for machines.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="Print errors and warnings only.")]
+Out = Annotated[Path, Option(metavar="FOLDER", help="Folder for the files.")]
+Output = Annotated[File, Option("--output", "-o", metavar="FILE", help="File to write.")]
+Picture = Annotated[
+    File,
+    Option(
+        *("--output", "-o"),
+        metavar="FILE",
+        help="File of the picture: .png, .svg or .pdf.",
+        callback=lambda path: suffixed("--output", path, PICTURES),
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
-Threads = Annotated[
-    int | None, typer.Option(min=1, help="Number of threads, one batch each.", show_default="one per core")
+Width = Annotated[
+    Number, Option(parser=inches, metavar="LENGTH", help="Width of the picture, such as 3.5in or 88mm.")
 ]
-Out = Annotated[Path, typer.Option(help="Folder for the files.")]
-Junit = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE", help="Write JUnit XML for CI: .xml, one test case per expectation or check."
-    ),
-]
-Summary = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE", help="Write a Markdown summary for CI: .md; appends to $GITHUB_STEP_SUMMARY."
-    ),
-]
+Font = Annotated[Number, Option(callback=within(4.0, 40.0), help="Font size of the picture [pt].")]
+Junit = Annotated[File, Option(metavar="FILE", help="Write JUnit XML for CI: .xml, a case per check.")]
+Summary = Annotated[File, Option(metavar="FILE", help="Write Markdown for CI: .md, $GITHUB_STEP_SUMMARY.")]
+
+
+def draw(report: "Report", file: File, width: Number = None, font: Number = None) -> list[Path]:
+    """Draw the picture of an answer, if it has one and a file is given; return the files written."""
+    from rmrc.show.asked import sized
+
+    if file is None or report.draw is None:
+        return []
+    with sized(width, font):
+        report.draw(file)
+    return [file]
+
+
+def values(
+    option: str, text: str | None, read: Callable[[str], float] = angle, most: float = FARTHEST
+) -> list[float] | None:
+    """Return the numbers of a text such as `0.5,60 deg`; None for None.
+
+    Args:
+        option: Its name, for messages.
+        text: Numbers with commas between them.
+        read: Reads one of them.
+        most: Largest size of one.
+
+    Raises:
+        QuestionError: One is no number, or too large to compute with.
+    """
+    if text is None:
+        return None
+    numbers = list[float]()
+    for part in text.strip().strip("[]").split(","):
+        try:
+            numbers.append(read(part))
+        except ValueError as error:
+            raise QuestionError(f"{option}: {error}") from None
+        if not abs(numbers[-1]) <= most:
+            raise QuestionError(f"{option}: must be numbers within ±{most:g}, got {quoted(part.strip())}")
+    return numbers
+
+
+def rows(text: str | None) -> list[str] | None:
+    """Return the rows of `--axes`; None for None, so that the question chooses.
+
+    Raises:
+        QuestionError: The order differs from that of the twist, so that --to would be misread.
+    """
+    if text is None:
+        return None
+    names = [part.strip() for part in text.strip().strip("[]").split(",")]
+    ordered = [axis for axis in AXES if axis in names]
+    if names != ordered:
+        raise QuestionError(f"--axes: must be of {' '.join(AXES)}, once each and in this order, got {text}")
+    return names
+
+
+def frame_of(site: str | None, body: str | None, packages: Iterable[str] | None) -> dict[str, Any]:
+    """Return the model options as arguments of the library's functions.
+
+    Raises:
+        QuestionError: Both a site and a body are given, or a package is invalid.
+    """
+    if site is not None and body is not None:
+        raise QuestionError("give --site or --body, not both")
+    folders = {}
+    for text in packages or ():
+        name, _, folder = text.partition("=")
+        if not (name and folder and Path(folder).is_dir()):
+            raise QuestionError(f"--package must be NAME=FOLDER with an existing folder, got {quoted(text)}")
+        folders[name] = Path(folder)
+    return {"site": site, "body": body, "packages": folders}
 
 
 def joints_of(text: str | None) -> list[str] | None:
@@ -128,92 +210,7 @@ def read_arm(
     """
     from rmrc.arm import load
 
-    arm = load(model, joints=joints_of(joints), **asked(site, body, packages))
+    arm = load(model, joints=joints_of(joints), **frame_of(site, body, packages))
     # the answer names the site
     tell_assumed(note for note in arm.notes if not getattr(note, "is_obvious", False))
     return arm
-
-
-def asked(site: str | None, body: str | None, packages: list[str] | None) -> dict[str, Any]:
-    """Return the model options as arguments of the library's functions.
-
-    Raises:
-        QuestionError: Both a site and a body are given, or a package is invalid.
-    """
-    if site is not None and body is not None:
-        raise QuestionError("give --site or --body, not both")
-    folders = {}
-    for text in packages or ():
-        name, _, folder = text.partition("=")
-        if not (name and folder and Path(folder).is_dir()):
-            raise QuestionError(f"--package must be NAME=FOLDER with an existing folder, got {quoted(text)}")
-        folders[name] = Path(folder)
-    return {"site": site, "body": body, "packages": folders}
-
-
-PICTURES = (".png", ".svg", ".pdf")
-
-
-def drawable(path: Path | None) -> Path | None:
-    """Return the file of a picture, unless its kind cannot be drawn.
-
-    Raises:
-        QuestionError: It has another suffix.
-    """
-    if path is not None and path.suffix not in PICTURES:
-        raise QuestionError(f"--picture {path}: must end in {', '.join(PICTURES[:-1])} or {PICTURES[-1]}")
-    return path
-
-
-# Units of the width of a picture; and its bounds [in].
-INCHES = {"in": 1.0, "cm": 1 / 2.54, "mm": 1 / 25.4, "pt": 1 / 72.27}
-NARROWEST, WIDEST = 2.0, 40.0
-
-
-def inches(text: str) -> float:
-    """Return the number of `--width` in inches.
-
-    Raises:
-        QuestionError: It is no length, or no picture can be so wide.
-    """
-    found = re.fullmatch(rf"\s*([0-9]*\.?[0-9]+)\s*({'|'.join(INCHES)})\s*", text)
-    if not found:
-        raise QuestionError(f"--width must be a length such as 3.5in, 88mm or 18cm, got {quoted(text)}")
-    length = float(found[1]) * INCHES[found[2]]
-    if not NARROWEST <= length <= WIDEST:
-        raise QuestionError(f"--width must be between {NARROWEST:g}in and {WIDEST:g}in, got {quoted(text)}")
-    return length
-
-
-_Width = Annotated[
-    str | None,
-    typer.Option("--width", help="Width of the picture in in, cm, mm or pt; a journal column is 3.5in wide."),
-]
-_Font = Annotated[
-    float | None,
-    typer.Option(
-        "--font",
-        help="Font size of the picture [pt].",
-        callback=lambda value: value if value is None else within("--font", 4.0, 40.0)(value),
-    ),
-]
-
-
-def pictured(verb: Callable[..., T]) -> Callable[..., T]:
-    """Give a verb that leaves a picture the options --width and --font, behind its own."""
-
-    @wraps(verb)
-    def call(*given: Any, width: str | None = None, font: float | None = None, **options: Any) -> T:
-        from rmrc.show.asked import sized
-
-        with sized(None if width is None else inches(width), font):
-            return verb(*given, **options)
-
-    more = {"width": _Width, "font": _Font}
-    own = signature(verb)
-    added = [
-        Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind) for name, kind in more.items()
-    ]
-    call.__signature__ = own.replace(parameters=[*own.parameters.values(), *added])  # type: ignore[attr-defined]
-    call.__annotations__ = {**verb.__annotations__, **more}
-    return call

@@ -1,7 +1,7 @@
 """The record of a run: columns over time, each with unit and meaning, and the facts about it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -105,6 +105,8 @@ class Divergence:
 class Recorded:
     """The columns of a run, and the facts about it.
 
+    What only metrics and pictures need, from `weights` on, is in neither `repr` nor `dir`.
+
     Attributes:
         name: Name of the scenario.
         joints: Names, n of them.
@@ -116,15 +118,15 @@ class Recorded:
         planned: Ticks of the path; a run has fewer if it was cut short, and more if it was slowed.
         divergence: Where it diverged, or None.
         wall_time: Seconds that the stepping of this world took.
-        weights: Task weights, one per axis; none: all 1.
+        rate_limit: Rate limit of each joint [rad/s or m/s], infinite without one; none: not known.
         torque_limit: Torque limit of each joint [N·m or N], infinite without one; none: no joint has one.
+        weights: Task weights, one per axis; none: all 1.
         view: The frame of the task axes.
         touching: The two bodies of the first contact; none: there was no contact.
         resting: Pairs of bodies that touch from the start, which is no contact while it lasts.
         chatter_floor: Acceleration of each joint above which a change of sign counts as chatter [rad/s² or
             m/s²]; none: `rmrc.results.events.CHATTER_FLOOR` for all.
         profile: The profile that the commands are checked against, or None.
-        rate_limit: Rate limit of each joint [rad/s or m/s], infinite without one; none: not known.
         damping_below: ε, below which damping begins, in the units of σ; 0 where damping depends on something
             else.
         screws: [ω; v at the world's origin] of each axis of the chain with all joints at 0, outward, per unit
@@ -146,18 +148,23 @@ class Recorded:
     planned: int
     divergence: Divergence | None = None
     wall_time: float = 0.0
-    weights: tuple[float, ...] = ()
-    torque_limit: tuple[float, ...] = ()
-    view: View = WORLD_VIEW
-    touching: tuple[str, ...] = ()
-    resting: tuple[tuple[str, ...], ...] = ()
-    chatter_floor: tuple[float, ...] = ()
-    profile: Profile | None = None
     rate_limit: tuple[float, ...] = ()
-    damping_below: float = 0.0
-    screws: tuple[tuple[float, ...], ...] = ()
-    leaders: tuple[int, ...] = ()
-    joint_scale: tuple[float, ...] = ()
+    torque_limit: tuple[float, ...] = ()
+    weights: tuple[float, ...] = field(default_factory=tuple, repr=False)
+    view: View = field(default_factory=lambda: WORLD_VIEW, repr=False)
+    touching: tuple[str, ...] = field(default_factory=tuple, repr=False)
+    resting: tuple[tuple[str, ...], ...] = field(default_factory=tuple, repr=False)
+    chatter_floor: tuple[float, ...] = field(default_factory=tuple, repr=False)
+    profile: Profile | None = field(default_factory=lambda: None, repr=False)
+    damping_below: float = field(default_factory=float, repr=False)
+    screws: tuple[tuple[float, ...], ...] = field(default_factory=tuple, repr=False)
+    leaders: tuple[int, ...] = field(default_factory=tuple, repr=False)
+    joint_scale: tuple[float, ...] = field(default_factory=tuple, repr=False)
+
+    def __dir__(self) -> list[str]:
+        """Return the names of what a user needs."""
+        hidden = {each.name for each in fields(self) if not each.repr}
+        return [name for name in super().__dir__() if name not in hidden]
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return a column by name.

@@ -26,11 +26,11 @@ def versions() -> dict[str, str]:
 
 
 def save(path: Path, facts: Mapping[str, Any]) -> None:
-    """Write facts and the versions of the libraries that determine them, atomically.
+    """Write facts atomically.
 
     Args:
         path: Path of the file; its folder is created if missing.
         facts: Strict JSON.
     """
-    text = json.dumps({**facts, "versions": versions()}, indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False)
     write_text(path, f"{text}\n")

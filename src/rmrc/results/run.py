@@ -29,6 +29,18 @@ class Run(Recorded):
     """The run of one world: `run["qdot_cmd"]` is a column, `run.scorecard["tau.peak"].value` a metric.
 
     Attributes:
+        name: Name of the scenario.
+        joints: Names, n of them.
+        is_slide: Which joints slide, (n,).
+        axes: Task axes that count.
+        length: Characteristic length L of the task [m].
+        period: Control period [s].
+        columns: All columns by name, time first: (T,) or (T, width).
+        planned: Ticks of the path; a run has fewer if it was cut short, and more if it was slowed.
+        divergence: Where it diverged, or None.
+        wall_time: Seconds that the stepping of this world took.
+        rate_limit: Rate limit of each joint [rad/s or m/s], infinite without one; none: not known.
+        torque_limit: Torque limit of each joint [N·m or N], infinite without one; none: no joint has one.
         baseline: The run of its scenario's baseline; None: it has none.
     """
 

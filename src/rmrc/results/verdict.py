@@ -107,7 +107,7 @@ def _other(run: Recorded, baseline: Recorded | None) -> str:
         (plain, text), (peak, _) = _peak(run, "qdot_plain"), _peak(run, "qdot_cmd")
         return f"; the plain inverse would ask for {text}" if plain > MORE * peak else ""
     is_plain = np.allclose(baseline["qdot_cmd"], baseline["qdot_plain"], rtol=1e-9, atol=1e-12)
-    name = "the plain inverse" if is_plain else "the baseline"
+    name = "its baseline, the plain inverse," if is_plain else "its baseline"
     return f"; {name} commanded {_peak(baseline, 'qdot_cmd')[1]}{_divergence(baseline)}"
 
 

@@ -1,9 +1,8 @@
-"""Tables without a form: texts and numbers in cells, to be shown in a terminal or as markdown."""
+"""Tables without a form: texts and numbers in cells, to be shown in a terminal or as Markdown."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
 
 from rmrc.support.legible import escaped
 
@@ -19,38 +18,28 @@ class Sheet:
         headings: One for each column; none if there are only notes.
         rows: A cell for each column.
         left: Columns of words; the first names the rows.
-        groups: Sizes of the groups of columns, after the first, that stay together if the width allows.
         notes: Lines below the table.
-        is_spaced: Whether an empty line follows.
     """
 
     title: str
     headings: tuple[str, ...] = ()
     rows: Sequence[tuple[str, ...]] = ()
     left: frozenset[int] = frozenset({0})
-    groups: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
-    is_spaced: bool = True
 
 
 def as_markdown(sheet: Sheet) -> str:
-    """Return a sheet as markdown, its title as a heading and its notes as paragraphs.
-
-    Each group of columns is a table of its own, because a page or a recording is narrow.
-    """
-    rules = tuple("---" if column in sheet.left else "---:" for column in range(len(sheet.headings)))
-    head, *body = (tuple(map(escaped, row)) for row in (sheet.headings, *sheet.rows))
-    ends = accumulate(sheet.groups or [len(sheet.headings) - 1], initial=1)
+    """Return a sheet as Markdown, its title as a heading and its notes as paragraphs."""
     parts = [f"## {sheet.title}"] if sheet.title else []
-    for first, last in pairwise(ends) if sheet.headings else ():
-        parts.append(
-            "\n".join(f"| {' | '.join((row[0], *row[first:last]))} |" for row in (head, rules, *body))
-        )
+    if sheet.headings:
+        rules = tuple("---" if column in sheet.left else "---:" for column in range(len(sheet.headings)))
+        head, *body = (tuple(map(escaped, row)) for row in (sheet.headings, *sheet.rows))
+        parts.append("\n".join(f"| {' | '.join(row)} |" for row in (head, rules, *body)))
     return "\n\n".join([*parts, *map(escaped, sheet.notes)])
 
 
 def number(value: float) -> str:
-    """Return three or four digits in at most seven characters and a sign, so that columns fit."""
+    """Return three to six digits in at most seven characters and a sign, so that columns fit."""
     size = abs(value)
     if math.isnan(value):
         return UNDEFINED
@@ -58,5 +47,7 @@ def number(value: float) -> str:
         return f"{value:g}"
     if 0.001 <= size < 9999.5:
         return f"{value:#.{4 if size >= 0.01 else 3}g}".rstrip(".")
+    if 9999.5 <= size < 999_999.5:  # whole, as in sentences
+        return f"{value:.0f}"
     mantissa, _, exponent = f"{value:.2e}".partition("e")
     return f"{mantissa}e{int(exponent)}"

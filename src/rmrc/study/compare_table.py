@@ -1,4 +1,4 @@
-"""Table of variants: one row per variant, for a terminal and as Markdown."""
+"""Tables of variants: one row per variant, for a terminal and as Markdown."""
 
 import math
 from collections.abc import Sequence
@@ -16,33 +16,36 @@ from rmrc.study.study import Result
 # beyond.
 FLIPPED = 0.5
 
-# Headings of the metrics in groups that stay together where a terminal is narrow.
-_FIGURES = (
-    {"joint_rate.peak": "rate\npeak", "joint_rate_cmd.peak": "command\npeak", "joint_rate.rms": "rate\nrms",
-     "joint_acceleration.peak": "accel.\npeak", "tau.share_of_limit": "torque\npeak"},
-    {"position_error_along.max": "pos.\nerror\nalong", "position_error_across.max": "pos.\nerror\nacross",
-     "orientation_error_along.max": "rot.\nerror\nalong",
-     "orientation_error_across.max": "rot.\nerror\nacross", "position_error.end": "pos.\nerror\nat end",
-     "orientation_error.end": "rot.\nerror\nat end"},
-    {f"status_time.{status.name}": f"time\n{status.name}" for status in IN_RUNS},
+# The metrics of each table.
+_RATES = (
+    "joint_rate.peak", "joint_rate_cmd.peak", "joint_rate.rms", "joint_acceleration.peak",
+    "tau.share_of_limit",
 )  # fmt: skip
+_ERRORS = (
+    "position_error_along.max", "position_error_across.max", "orientation_error_along.max",
+    "orientation_error_across.max", "position_error.end", "orientation_error.end",
+)  # fmt: skip
+_TIMES = tuple(f"status_time.{status.name}" for status in IN_RUNS)
 
 
-def table(name: str, labels: Sequence[str], results: Sequence[Result]) -> Sheet:
-    """Return the table.
+def tables(name: str, labels: Sequence[str], results: Sequence[Result]) -> list[Sheet]:
+    """Return the tables: rates, errors, times in each status, and how the variants ended.
 
     Args:
         name: Name of the scenario.
         labels: Label of each variant.
         results: Result of each.
     """
-    groups = [[_column(results, *figure) for figure in titles.items()] for titles in _FIGURES]
-    words = [("flipped", *(flipped(result.run) for result in results)), ("expect", *map(_expect, results))]
-    groups = [[*filter(None, group)] for group in (*groups, words) if any(group)]
     variants = ("variant", *map(_label, labels, results))
-    heading, *rows = zip(variants, *(column for group in groups for column in group), strict=True)
-    of_words = frozenset({0, len(heading) - 2, len(heading) - 1})
-    return Sheet(name, heading, rows, of_words, tuple(map(len, groups)))
+    sheets = []
+    for metrics in (_RATES, _ERRORS, _TIMES):
+        columns = [column for metric in metrics if (column := _column(results, metric))]
+        if columns:
+            heading, *rows = zip(variants, *columns, strict=True)
+            sheets.append(Sheet(name if metrics is _RATES else "", heading, rows))
+    ends = ("flipped", *(flipped(result.run) for result in results)), ("expect", *map(_expect, results))
+    heading, *rows = zip(variants, *ends, strict=True)
+    return [*sheets, Sheet("", heading, rows, frozenset({0, 1, 2}))]
 
 
 def flipped(run: Run) -> str:
@@ -61,15 +64,16 @@ def flipped(run: Run) -> str:
     return ", ".join(joint for joint, is_far in zip(run.joints, far, strict=True) if is_far) or "no"
 
 
-def _column(results: Sequence[Result], metric: str, title: str) -> tuple[str, ...]:
+def _column(results: Sequence[Result], metric: str) -> tuple[str, ...]:
     """Return the heading of a metric with its units, and its cells; nothing if no variant has it."""
     figures = [result.scorecard.get(metric) for result in results]
     units = dict.fromkeys(unit for figure in figures if figure for unit in figure.unit.split(" or "))
-    if not units or (title.startswith("time") and not any(figure and figure.value for figure in figures)):
+    if not units or (metric in _TIMES and not any(figure and figure.value for figure in figures)):
         return ()
-    heading = "\nor ".join("of limit" if unit == "1" else unit for unit in units)
+    group, _, last = metric.replace("error_", "error\n_").partition(".")
+    heading = "\nor ".join(unit for unit in units if unit != "1")
     cells = [number(float(figure.value)) if figure else UNDEFINED for figure in figures]
-    return f"{title}\n{heading}", *cells
+    return f"{group}\n{last}\n{heading}".strip(), *cells
 
 
 def _label(label: str, result: Result) -> str:

@@ -117,9 +117,9 @@ class Job:
             return False
         return True
 
-    def table(self) -> Sheet:
-        """Return the table of variants."""
-        return compare_table.table(self.name, self.labels, self.results)
+    def tables(self) -> list[Sheet]:
+        """Return the tables of the variants."""
+        return compare_table.tables(self.name, self.labels, self.results)
 
     def _recording(self) -> tuple[Any, Watcher]:
         """Return a new recording, and the function that writes a block of ticks to it."""
@@ -136,32 +136,36 @@ class Job:
     def _markdown(self) -> str:
         """Return the metrics that a recording shows."""
         if self.variants:
-            return as_markdown(replace(self.table(), title=""))
+            return "\n\n".join(map(as_markdown, self.tables()))
         result, *others = self.results
         return markdown(result.scorecard, result.outcomes, others[0].scorecard if others else None)
 
     def _save(self, path: Path) -> None:
         """Write the columns, or the facts."""
         if path.suffix == ".json":
-            facts.save(path, {"name": self.name, **self._facts()})
+            facts.save(path, self.facts())
         elif self.variants:
             save_runs(path, self.runs)
         else:
             self.results[0].run.save(path)
 
-    def _facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
+        """Return what NAME.json says, ready for strict JSON."""
         result, *others = self.results
         if self.variants:
             variants = [
                 {**result.facts(), "label": label, "overrides": list(map(str, changes))}
                 for (label, changes), result in zip(self.variants, self.results, strict=True)
             ]
-            return {"overrides": self._overrides, "variants": variants}
-        known = {**result.facts(), "verdict": result.run.verdict}
+            return {
+                "name": self.name, "overrides": self._overrides, "variants": variants,
+                "versions": facts.versions(),
+            }  # fmt: skip
+        known = {"name": self.name, **result.facts(), "verdict": result.run.verdict}
         for baseline in others:
             known["baseline"] = {**baseline.facts(), "changes": result.prepared.scenario.baseline}
             del known["baseline"]["expect"]
-        return known
+        return {**known, "versions": facts.versions()}
 
 
 @hinted

@@ -94,14 +94,9 @@ def identify(log: Source, *, columns: Mapping[str, str] | None = None, degrees: 
     jitters = [joint.noise.jitter for joint in joints if joint.noise and joint.noise.jitter]
     if is_regular:
         away = 1e3 * (read.time - time)
-        notes.append(
-            f"stamps jitter by {np.std(away):.2g} ms, {np.abs(away).max():.2g} at most; the arm does not"
-        )
+        notes.append(f"stamps jitter by {np.std(away):.2g} ms, {np.abs(away).max():.2g} ms at most")
     elif jitters:
-        jitter = 1e3 * np.median(jitters)
-        notes.append(
-            f"stamps jitter by {jitter:.2g} ms, as residuals grow with the rate; the noise excludes it"
-        )
+        notes.append(f"stamps jitter by {1e3 * np.median(jitters):.2g} ms; the encoders' noise is without it")
     if not sound:
         return Identified(read, joints, None, (), tuple(notes))
     is_lagged = any(each.lag.low > NO_LAG * read.clock.period for each in sound.values())
@@ -110,9 +105,8 @@ def identify(log: Source, *, columns: Mapping[str, str] | None = None, degrees: 
     delay = Interval(*(max(bound, 0.0) for bound in delay))
     lags = {name: max(each.total.value - delay.value, 0.0) * is_lagged for name, each in sound.items()}
     middle = float(np.median(list(lags.values())))
-    return Identified(
-        read, joints, delay, tuple(lags.get(name, middle) for name in read.joints), tuple(notes)
-    )
+    lag = tuple(lags.get(name, middle) for name in read.joints)
+    return Identified(read, joints, delay, lag, tuple(notes))
 
 
 def _is_regular(log: Log) -> bool:

@@ -38,7 +38,6 @@ def report(answer: Identified) -> Report:
             "Delay and lag in ms, with 95 %; noise and resolution in rad or m",
             ("joint", "delay", "±", "lag", "±", "both", "±", "gain", "noise", "resolution"),
             [_row(joint) for joint in values["joints"]],
-            groups=(2, 2, 2, 1, 2),
             notes=(*notes, *answer.notes),
         ),
     ]

@@ -1,7 +1,6 @@
 """Actuator torques, link loads, free wrenches, and the result of the physics: JSON, and tables of it."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -45,7 +44,6 @@ def report(found: Statics) -> Report:
     words = tuple(each.words for each in found.free)
     sheets += [Sheet("Wrenches that need no torque here", notes=words)] if words else []
     sheets += [_held(held, balance)] if held else []
-    sheets[-1] = replace(sheets[-1], is_spaced=False)
     problem = f"error: {held['run'].divergence}" if held and held["run"].divergence else ""
     return Report(sheets, plain(values), met=held is None or held["agrees"], problem=problem)
 

@@ -1,0 +1,124 @@
+"""The verbs before a first run: `check` a model, `new` scenario, `identify` a robot from its log."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from rmrc.cli import options
+from rmrc.cli.console import show, working
+from rmrc.cli.options import Texts
+from rmrc.support.errors import QuestionError
+from rmrc.support.invocation import command
+from rmrc.support.legible import quoted
+
+
+def check(
+    model: options.Model,
+    site: options.Site = None,
+    body: options.Body = None,
+    package: options.Packages = None,
+    joints: options.Joints = None,
+    junit: options.Junit = None,
+    summary: options.Summary = None,
+    as_json: options.AsJson = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Lint a model: report errors, missing data and assumptions.
+
+    Checks the frame, limits, home, size and contacts, and one second of motion on each plant, compared with
+    the ideal one. Exit code 1: the model has an error.
+    """
+    with working("checking the model"):
+        from rmrc.analysis.check.check import check as ask
+        from rmrc.analysis.check.check import report
+        from rmrc.results import ci
+        from rmrc.show.sheets import as_markdown
+
+        with ci.files(model.stem, junit, summary) as results:
+            frame = options.frame_of(site, body, package)
+            answer = report(ask(model, **frame, joints=options.joints_of(joints)))
+            results.suites = [ci.Suite(model.stem, answer.cases, verdict=answer.problem)]
+            results.figures = "\n\n".join(map(as_markdown, answer.sheets))
+    show(answer, as_json, quiet, [junit, summary])
+
+
+STDOUT = Path("-")
+
+
+def new(
+    model: options.Model,
+    output: options.Output = None,
+    site: options.Site = None,
+    body: options.Body = None,
+    package: options.Packages = None,
+    joints: options.Joints = None,
+    length: options.Length = None,
+    plant: Annotated[str, Option(help="Plant of the scenario: ideal, servo or torque.")] = "servo",
+    force: Annotated[bool, Option("--force", help="Overwrite the file.")] = False,
+    as_json: options.AsJson = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Write a first scenario for an arm, ready to run.
+
+    A path through its nearest singularity and back, scaled to the arm. Takes limits from the model, or
+    assumes them and says so. Derives length, damping and speed from the arm. Runs the scenario before writing
+    it, and sets its expectations from that run. Writes MODEL.yaml in this folder, or FILE; `-o -` prints it.
+    Exit code 1: bodies are within each other.
+    """
+    if output == STDOUT and as_json:
+        raise QuestionError("give -o - or --json, not both: stdout takes either the scenario or the report")
+    with working("trying moves"):
+        from rmrc.analysis.new.new import new as make
+        from rmrc.analysis.new.new import report
+
+        arm = options.read_arm(model, site, body, package, joints)
+        path = output or Path(f"{model.stem}.yaml")
+        made = make(arm, length=length, plant=plant, out=None if path == STDOUT else path, force=force)
+    if path == STDOUT:
+        print(made.text, end="")
+    hint = f"run it: {command('run', path)}"
+    show(report(made), as_json, quiet or path == STDOUT, [path], hint)
+
+
+def identify(
+    log: Annotated[
+        Path,
+        Argument(help="The log: CSV, Parquet or a run's .npz, with t, and q and qdot_cmd of each joint."),
+    ],
+    columns: Annotated[
+        Texts, Option(metavar="KIND=NAME", help="Column of t, q or qdot_cmd; repeatable.")
+    ] = None,
+    degrees: Annotated[bool, Option("--degrees", help="Angles are in degrees; default: rad.")] = False,
+    out: options.Out = Path("recordings"),
+    output: options.Picture = None,
+    as_json: options.AsJson = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Estimate delay, lag and noise of each joint from a log of commands and positions.
+
+    Prints a plant and arm.encoder block to paste into a scenario. Writes the block to NAME.identify.yaml, and
+    a plot of the fit and the data to .png. `--columns` names the column of t, or those of q or qdot_cmd:
+    A,B,C, or a pattern with * for the joint; a unit may follow, as in "t=stamp ms". Exit code 1: the log
+    identifies no joint's delay; a message says what to log instead.
+    """
+    pairs = dict[str, str]()
+    for text in columns or ():
+        kind, mark, name = (part.strip() for part in text.partition("="))
+        if not (mark and kind and name):
+            raise QuestionError(f"--columns must be KIND=NAME, such as t=stamp, got {quoted(text)}")
+        pairs[kind] = name
+    with working("identifying"):
+        from rmrc.analysis.identify.identify import identify as ask
+        from rmrc.analysis.identify.report import report
+        from rmrc.results.leaving import refuse_unwritable
+        from rmrc.support.files import write_text
+
+        picture, block = output or out / f"{log.stem}.identify.png", out / f"{log.stem}.identify.yaml"
+        refuse_unwritable([picture, block])
+        answer = report(ask(log, columns=pairs, degrees=degrees))
+        files = options.draw(answer, picture)
+        if answer.block:
+            write_text(block, answer.block)
+            files.append(block)
+    show(answer, as_json, quiet, files)

@@ -1,0 +1,137 @@
+"""The verbs that show results: `plot`, `report`, `render` and `replay`."""
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Argument, Option
+
+from rmrc.cli import options
+from rmrc.cli.console import progress
+from rmrc.cli.files import PICTURES, expect, result_of, target
+from rmrc.cli.options import Count, Number, Text, within
+from rmrc.support.errors import QuestionError, did_you_mean
+from rmrc.support.legible import quoted
+
+FILMS = (".gif", ".png", ".mp4")
+
+
+def plot(
+    source: options.Source,
+    output: options.Output = None,
+    vary: options.Vary = None,
+    set_: options.Overrides = None,
+    panels: Annotated[Text, Option(metavar="NAME,NAME,...", help="Panels; default: all with data.")] = None,
+    width: options.Width = None,
+    font: options.Font = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Plot a run, or variants side by side, for a paper: path, rates, singular values, errors, status.
+
+    Writes NAME.pdf, or FILE in .pdf, .svg or .png. Panels are path, rates, sigma, error, torque, pace, status
+    and g, drawn in this order from the top. Those of a sweep are distributions, of its metrics, and keys: the
+    first metric over each varied key. Default size: 7.16in, 8 pt.
+    """
+    from rmrc.show.figure import NAMES
+    from rmrc.study import pictures
+
+    known = pictures.PANELS if source.suffix == ".parquet" else NAMES
+    names = [name.strip() for name in panels.split(",")] if panels else []
+    for name in names:
+        if name not in known or names.count(name) > 1:
+            choice = f"choose each once from {', '.join(known)}{did_you_mean(name, known)}"
+            raise QuestionError(f"--panels: {quoted(name)} is not a panel, or is given twice; {choice}")
+    file = target(source, output, PICTURES)
+    with result_of(source, set_ or (), vary or (), quiet) as result:
+        pictures.plot(result, file, names, width or 7.16, font or 8.0)
+    _tell(file, quiet)
+
+
+def report(
+    source: options.Source,
+    output: options.Output = None,
+    vary: options.Vary = None,
+    set_: options.Overrides = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Write one HTML page to share: verdict, metrics, plots with readout, and blocks to copy.
+
+    Writes NAME.html, or FILE. The page is self-contained and loads nothing over the network.
+    """
+    from rmrc.tuning.page import page
+
+    file = target(source, output, (".html", ".htm"))
+    with result_of(source, set_ or (), vary or (), quiet) as result:
+        page(result).write(file)
+    _tell(file, quiet)
+
+
+def render(
+    source: options.Source,
+    output: options.Output = None,
+    vary: options.Vary = None,
+    set_: options.Overrides = None,
+    at: Annotated[Number, Option(help="Time of a picture [s]; default: nearest to a singularity.")] = None,
+    begin: Annotated[float, Option("--from", help="Start time of a film [s].")] = 0.0,
+    end: Annotated[Number, Option("--to", help="End time of a film [s]; default: that of the run.")] = None,
+    speed: Annotated[
+        float, Option(callback=options.within(1e-4, 1e4), help="Simulated seconds per second of film.")
+    ] = 1.0,
+    fps: Annotated[float, Option(callback=options.within(0.1, 120.0), help="Frames per second.")] = 20.0,
+    size: Annotated[
+        str | None,
+        Option(metavar="WIDTHxHEIGHT", help="Image size in pixels; default: 480x480 for each run."),
+    ] = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Draw a run, or variants side by side, as a picture or a film: the arm above its joint rates.
+
+    Writes NAME.gif, or FILE in .gif, .png or, with the extra `film`, .mp4. MuJoCo renders off screen through
+    EGL or OSMesa; without either the exit code is 2.
+    """
+    from rmrc.film.opengl import refuse_missing
+
+    refuse_missing()  # before MuJoCo is imported
+    from rmrc.film import film
+    from rmrc.study.pictures import worlds_of
+
+    file = target(source, output, FILMS)
+    if at is not None and file.suffix != ".png":
+        raise QuestionError("--at applies to a picture; for a film give --from and --to, or end FILE in .png")
+    pixels = re.fullmatch(r"\s*(\d{1,6})\s*[x×]\s*(\d{1,6})\s*", size or "")
+    if size and not pixels:
+        raise QuestionError(f"--size must be WIDTHxHEIGHT in pixels, such as 960x540, got {quoted(size)}")
+    cut = film.Cut(at, begin, end, speed, fps)
+    with result_of(source, set_ or (), vary or (), quiet) as result:
+        shape = (int(pixels[1]), int(pixels[2])) if pixels else None
+        film.render(worlds_of(result), file, cut, shape, lambda n: progress("drawing", n, quiet))
+    _tell(file, quiet)
+
+
+def _tell(file: Path, quiet: bool) -> None:
+    if not quiet:
+        print(f"wrote {file}")
+
+
+def replay(
+    recording: Annotated[
+        Path,
+        Argument(
+            help="NAME.rrd or NAME.npz of a run, or a folder: then its newest recording.",
+            callback=lambda path: path if path.is_dir() else expect(path, "a recording", "a result"),
+        ),
+    ],
+    web: Annotated[bool, Option("--web", help="Serve the viewer to a web browser instead.")] = False,
+    at: Annotated[
+        Number, Option(callback=within(0.0, 1e9), help="Time to pause at [s]; default: play.")
+    ] = None,
+    port: Annotated[Count, Option(min=1, max=65535, help="Port of 127.0.0.1; default: a free one.")] = None,
+) -> None:
+    """Open a recording, in a window or with --web in a browser.
+
+    The rerun viewer runs on this machine only, and without telemetry.
+    """
+    from rmrc.recording import viewer
+
+    raise typer.Exit(viewer.replay(recording, web, at, port))
