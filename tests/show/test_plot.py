@@ -151,7 +151,7 @@ def test_a_picture_has_the_width_asked_and_letters_that_can_be_read(compared, tm
 
 def test_verbs_take_a_width_and_a_font(rmrc, tmp_path):
     path = tmp_path / "x.svg"
-    options = ["--picture", str(path), "--font", "8", "--width"]
+    options = ["-o", str(path), "--font", "8", "--width"]
     assert rmrc("inspect", "planar_2link", *options, "88mm")[0] == 0
     width = float(re.search(r'<svg [^>]*?width="([0-9.]+)pt"', path.read_text("utf-8"))[1])
     assert width == pytest.approx(72 * 88 / 25.4, abs=0.1)
