@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from rmrc.scenario.keywords import hinted
 from rmrc.show.sheets import Sheet, as_markdown
 from rmrc.show.tables import markdown
 from rmrc.simulation.footprint import refuse_excess
-from rmrc.simulation.simulation import Watcher
 from rmrc.study import compare_table
 from rmrc.study.study import Result, Study, Values
 from rmrc.support.errors import RmrcError
@@ -79,31 +77,19 @@ class Job:
     def run(self, on_ticks: Callable[[int], None] = lambda _: None) -> None:
         """Run to the end, to divergence or to Ctrl-C, and write the files in each case.
 
-        A failing recording, as on a full disk, does not end the run; it is deleted, as the other files need
-        the space.
+        The recording comes last: one that fails, as on a full disk, costs the other files nothing.
 
         Args:
             on_ticks: Called after each block with its number of ticks.
         """
-        with interruptible() as stop, ExitStack() as stack:
-            recording: Any = None
-            if self._records:
-                recording, show = self._recording()
-                stack.enter_context(recording)
-
-            def watch(index: int, part: Run) -> None:
-                if recording and not self.failures and not self._attempt(show, index, part):
-                    recording.part_path.unlink(missing_ok=True)  # so that the columns have its room
-                on_ticks(len(part))
-
-            self.results = self._study.step(self.worlds, stop, watch)
+        with interruptible() as stop:
+            self.results = self._study.step(self.worlds, stop, lambda _, part: on_ticks(len(part)))
             self.interrupted = stop.is_set()
             if not self.variants and len(self.results) > 1:
                 run, baseline = (result.run for result in self.results)
                 self.results[0] = replace(self.results[0], run=replace(run, baseline=baseline))
-            is_recorded = not self.failures
             written = [path for path in self.files[-2:] if self._attempt(self._save, path)]
-            if recording and is_recorded and self._attempt(recording.finish, self._markdown()):
+            if self._records and self._attempt(self._record, self.files[0]):
                 written.insert(0, self.files[0])
             self.files = written
 
@@ -121,24 +107,19 @@ class Job:
         """Return the table of variants."""
         return compare_table.table(self.name, self.labels, self.results)
 
-    def _recording(self) -> tuple[Any, Watcher]:
-        """Return a new recording, and the function that writes a block of ticks to it."""
-        with unlogged():  # each imports rerun, a third of a second
-            from rmrc.recording.comparison import Overlay
-            from rmrc.recording.single import Recorder
+    def _record(self, path: Path) -> None:
+        """Write the recording of the runs that have ticks."""
+        with unlogged():  # rerun, which takes a third of a second
+            from rmrc.recording.recorder import write
 
+        ran = [(one.prepared, one.run) if len(one.run) else None for one in self.results]
         if self.variants:
-            overlay = Overlay(self.files[0], self.name, list(zip(self.labels, self.worlds, strict=True)))
-            return overlay, overlay.write
-        recorder = Recorder(self.files[0], *self.worlds)
-        return recorder, lambda index, part: (recorder.write, recorder.write_baseline)[index](part)
-
-    def _markdown(self) -> str:
-        """Return the metrics that a recording shows."""
-        if self.variants:
-            return as_markdown(replace(self.table(), title=""))
-        result, *others = self.results
-        return markdown(result.scorecard, result.outcomes, others[0].scorecard if others else None)
+            worlds = {label: world for label, world in zip(self.labels, ran, strict=True) if world}
+            write(path, worlds, None, {"Table": as_markdown(replace(self.table(), title=""))})
+        elif ran[0]:
+            result, *others = self.results
+            card = markdown(result.scorecard, result.outcomes, others[0].scorecard if others else None)
+            write(path, {self.name: ran[0]}, ran[1] if others else None, {"Scorecard": card})
 
     def _save(self, path: Path) -> None:
         """Write the columns, or the facts."""
