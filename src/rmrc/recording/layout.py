@@ -22,7 +22,7 @@ LEGEND = f"""\
 | **thin line**, **white ball** | path of the target, and the target now |
 | **trail**, **ball** | end effector (tip), past and now; **red** near a singularity |
 | **green ellipsoid** | velocities at unit-norm joint rates, {VELOCITY_SECONDS:g} s · σ_i; **flat**: lost |
-| **pink ellipsoid** | forces at unit-norm joint torques, c/σ_i |
+| **pink wires** | forces at unit-norm joint torques, c/σ_i |
 | **double arrow** | direction lost first (u_min), thin: its rotation; **red** as σ_min goes to 0 |
 | **pale arm** | the arm as the controller sees it; gray: the baseline; in one color: another run |
 

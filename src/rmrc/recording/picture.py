@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
+from rerun.components import FillMode as Fill
 
 from rmrc.arm import Arm
 from rmrc.recording.scene import Scene
@@ -74,8 +75,7 @@ class Picture:
         if self.prepared.hardware.is_misled:
             self._write_arm("believed", scene.believed, PALE, scene.believed_bodies(self.run, self.rows))
         path = scene.path[np.linspace(0, len(scene.path) - 1, PATH_POINTS).round().astype(int)]
-        shade = WHITE if self.is_alone else mix(self._color, WHITE, 0.5)
-        self.stream.log("target/path", rr.LineStrips3D([path], colors=shade, radii=0.7 * thin))
+        self.stream.log("target/path", rr.LineStrips3D([path], colors=WHITE, radii=0.7 * thin))
         now = rr.Points3D.from_fields(colors=self._color, radii=5.5 * thin)
         self._write("tip/now", rr.Points3D.columns(positions=frames.tip), now)
         strips = np.stack([np.vstack([frames.tip[:1], frames.tip[:-1]]), frames.tip], axis=1)
@@ -85,13 +85,10 @@ class Picture:
         if self.is_alone:
             target = rr.Points3D.from_fields(colors=WHITE, radii=4 * thin)
             self._write("target/now", rr.Points3D.columns(positions=frames.target), target)
-            self._write_ellipsoid("velocity", frames.velocity, GREEN)
-            self._write_ellipsoid("force", frames.force, PINK)
-            rows = self.prepared.task.rows
-            if (rows < 3).any():
-                self._write_lost("dying_move", frames.dying_move, YELLOW, 2.0)
-            if (rows > 2).any():
-                self._write_lost("dying_turn", frames.dying_turn, CYAN, 1.0)
+            self._write_ellipsoid("velocity", frames.velocity, GREEN, Fill.TransparentFillMajorWireframe)
+            self._write_ellipsoid("force", frames.force, PINK, Fill.MajorWireframe)
+            self._write_lost("dying_move", frames.dying_move, YELLOW, 2.0)
+            self._write_lost("dying_turn", frames.dying_turn, CYAN, 1.0)
 
     def write_spot(self, row: int) -> None:
         """Write a ball where the tip is at a tick, with the time."""
@@ -100,10 +97,14 @@ class Picture:
         self.stream.log("tip/look", ball)
 
     def _write_arm(self, root: str, arm: Arm, opacity: float, bodies: Array) -> None:
-        """Write geoms and the axes of joints, and the poses of their bodies, (F, nbody, 7)."""
+        """Write geoms and the axes of joints, and the poses of their bodies, (F, nbody, 7).
+
+        The fixed bodies of pale arms are where those of the others are.
+        """
         parts = defaultdict[int, dict[str, rr.AsComponents]](dict)
         for shape in shapes_of(arm):
-            parts[shape.body][shape.name] = geometry(self._painted(shape, opacity))
+            if opacity == 1.0 or not self.scene.is_fixed[shape.body]:
+                parts[shape.body][shape.name] = geometry(self._painted(shape, opacity))
         if self.is_alone and root == "arm":
             for j, (body, line) in enumerate(self.scene.joint_axes()):
                 parts[body][f"axis {j}"] = rr.LineStrips3D([line], colors=hue(j), radii=1.5 * self._thin)
@@ -123,10 +124,9 @@ class Picture:
             rgba[:3] = [(color >> shift & 255) / 255.0 for shift in (24, 16, 8)]
         return replace(shape, rgba=rgba)
 
-    def _write_ellipsoid(self, name: str, half: Array, color: int) -> None:
+    def _write_ellipsoid(self, name: str, half: Array, color: int, fill: Fill) -> None:
         """Write an ellipsoid at the tip, with half axes (F, 3)."""
-        fill, thin = rr.components.FillMode.TransparentFillMajorWireframe, 0.7 * self._thin
-        look = rr.Ellipsoids3D.from_fields(colors=color, line_radii=thin, fill_mode=fill)
+        look = rr.Ellipsoids3D.from_fields(colors=color, line_radii=0.7 * self._thin, fill_mode=fill)
         turn = xyzw(self.frames.axes)
         columns = rr.Ellipsoids3D.columns(centers=self.frames.tip, half_sizes=half, quaternions=turn)
         self._write(f"tip/{name}_ellipsoid", columns, look)
@@ -141,9 +141,7 @@ class Picture:
         look = rr.Arrows3D.from_fields(radii=width * self._thin)
         self._write(f"tip/{name}", arrows.partition(np.full(len(arrow), 2)), look)
 
-    def _write(
-        self, path: str, columns: Any, look: rr.AsComponents | None = None, count: int | None = None
-    ) -> None:
+    def _write(self, path: str, columns: Any, look: Any = None, count: int | None = None) -> None:
         """Write what changes, at the ticks that are shown or the first of them, and how it looks."""
         rows = self.rows[:count]
         self.stream.send(path, rows, self.run["time"][rows], columns)

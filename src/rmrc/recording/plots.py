@@ -6,6 +6,7 @@ the largest value of each pixel, so that a peak of one tick is drawn as high as 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +15,6 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
-from rmrc.recording.look import instants
 from rmrc.recording.stream import Stream
 from rmrc.results.columns import COLUMNS
 from rmrc.results.run import Run
@@ -23,17 +23,20 @@ from rmrc.show.panels import Curve, Panel
 
 Array = NDArray[np.float64]
 
-# Widths of curves by their roles, of limits, and of marks [points].
-WIDTHS = {"measured": 3.0, "commanded": 1.3, "plain": 1.5, "baseline": 1.5, "second": 1.5}
-LIMIT, MARK = 1.0, 7.0
+# Widths of curves by their roles, and size of marks [points].
+WIDTHS, MARK = {"measured": 3.0, "commanded": 1.3, "plain": 1.5, "baseline": 1.5, "second": 1.0}, 7.0
 # Length of the time axis over that of the runs: the legend is beside the curves.
 LONGER = 1.25
-# Distance of a peak's mark from the end of the axis, as a share of it.
-EDGE = 0.03
-
+# Where a peak beyond the axis has its mark, as a share of the end of the axis.
+EDGE = 0.97
+# Panels of the quantities to look at that have another name, and roles of the curves that count there.
+ERRORS, ROLES = ("error", "turn_error"), ("measured", "commanded")
+PANELS = {"rotation": ("turn_error",), "status": ("rates",), "error": ERRORS, "path": ERRORS}
 # Begins the entities of a baseline.
 BASELINE = "baseline/"
 SOURCE = ComponentSourceKind.SourceComponent
+
+Marker = Literal["up", "down", "diamond"]
 
 
 class Plot:
@@ -56,13 +59,14 @@ class Plot:
             look: Where the scenario asks to look.
         """
         self.panel, self._runs, self._prefixes = panel, runs, prefixes
-        self.instants = instants(look, panel, runs)
+        self.instants = _instants(look, panel, runs)
         self._end = max(float(run["time"][-1]) for run in runs.values())
-        self._curves = dict[tuple[str, str, str], list[Curve]]()
-        for curve in panel.curves:
-            self._curves.setdefault(self._source(curve), []).append(curve)
         # a color has one entry in the legend, with the name of its first curve
-        self._names = {curve.color: curve.label for curve in reversed(panel.curves)}
+        names = {curve.color: curve.label for curve in reversed(panel.curves)}
+        self._names, self._curves = names, dict[tuple[str, str, str], list[Curve]]()
+        for curve in panel.curves:
+            named = replace(curve, name=names[curve.color])
+            self._curves.setdefault(self._source(curve), []).append(named)
 
     def _source(self, curve: Curve) -> tuple[str, str, str]:
         """Return prefix, component and selector of the values of a curve."""
@@ -80,10 +84,10 @@ class Plot:
 
     def write(self, stream: Stream, period: float) -> None:
         """Write limits and marks; ticks have this period [s]."""
-        for path, times, values, _ in self._marks():
-            time, each = np.array(times), np.tile(values, (len(times), 1))
+        for path, curves, _ in self._marks():
+            time, values = curves[0].time, [self._scaled(curve.values) for curve in curves]
             ticks = np.rint(time / period).astype(np.int64)
-            stream.send(path, ticks, time, rr.Scalars.columns(scalars=each))
+            stream.send(path, ticks, time, rr.Scalars.columns(scalars=np.column_stack(values)))
 
     def view(self) -> rrb.TimeSeriesView:
         """Return it in the viewer's form, with everything beyond the axis in its title."""
@@ -92,10 +96,8 @@ class Plot:
             values = VisualizerComponentMapping(
                 "Scalars:scalars", SOURCE, source_component=component, selector=selector
             )
-            colors, widths = [curve.color for curve in curves], [WIDTHS[curve.role] for curve in curves]
-            look = _look([self._names[color] for color in colors], colors, widths, [values])
-            looks.setdefault(f"{prefix}columns", []).append(look)
-        looks |= {path: [look] for path, *_, look in self._marks()}
+            looks.setdefault(f"{prefix}columns", []).append(_look(curves, None, values))
+        looks |= {path: [_look(curves, marker)] for path, curves, marker in self._marks()}
         unit = "" if panel.unit == "1" else f" [{panel.unit}]"
         thin = ", commanded thin" * any(curve.role == "commanded" for curve in panel.curves)
         title = f"{panel.title}{unit}{', as log₁₀' * panel.is_logarithmic}{thin}"
@@ -113,27 +115,23 @@ class Plot:
         begin, end = (rrb.TimeRangeBoundary.absolute(seconds=time) for time in (0.0, LONGER * self._end))
         return rrb.TimeAxis(view_range=rr.TimeRange(start=begin, end=end))
 
-    def _marks(self) -> Iterator[tuple[str, list[float], Array, rrb.Visualizer]]:
-        """Yield limits and marks: entity, times [s], values at each of them, and look."""
-        panel, levels = self.panel, self.panel.levels
+    def _marks(self) -> Iterator[tuple[str, list[Curve], Marker | None]]:
+        """Yield limits and marks as curves over a few times: their entity, and the shape of points."""
+        panel, ends = self.panel, np.array([0.0, self._end])
+        levels = [
+            Curve(line.name.removeprefix("limit, "), ends, np.full(2, line.value), line.color, role="second")
+            for line in panel.levels
+        ]
         if levels:
-            names = [level.name.removeprefix("limit, ") for level in levels]
-            values = np.array([level.value for level in levels])
-            look = _look(names, [level.color for level in levels], [LIMIT] * len(levels))
-            yield f"levels/{panel.name}", [0.0, self._end], self._scaled(values), look
-        low, high = self._scaled(np.array(panel.range))
+            yield f"levels/{panel.name}", levels, None
         for i, peak in enumerate(panel.peaks):
-            name, edge = self._names[peak.color], EDGE * (high - low)
-            look = _look([name], [peak.color], [MARK], marker="up" if peak.is_up else "down")
-            value = np.array([high - edge if peak.is_up else low + edge])
-            yield f"peaks/{panel.name}/{i}", [peak.time], value, look
+            time, edge = np.array([peak.time]), np.array([EDGE * panel.range[int(peak.is_up)]])
+            mark = Curve(self._names[peak.color], time, edge, peak.color)
+            yield f"peaks/{panel.name}/{i}", [mark], "up" if peak.is_up else "down"
         for label, row in self.instants.items():
             curves = [curve for curve in panel.curves if curve.run == label and curve.role == "measured"]
-            colors, names = [curve.color for curve in curves], [self._names[curve.color] for curve in curves]
-            values = np.array([curve.values[row] for curve in curves])
-            look = _look(names, colors, [MARK] * len(curves), marker="diamond")
-            path, time = f"{self._prefixes[label]}look/{panel.name}", float(self._runs[label]["time"][row])
-            yield path, [time], self._scaled(values), look
+            marks = [replace(curve, time=curve.time[[row]], values=curve.values[[row]]) for curve in curves]
+            yield f"{self._prefixes[label]}look/{panel.name}", marks, "diamond"
 
     def _scaled(self, values: Array) -> Array:
         """Return values as they are drawn; on a logarithmic axis the smallest are at its lower end."""
@@ -143,14 +141,33 @@ class Plot:
 
 
 def _look(
-    names: Sequence[str], colors: Sequence[int], sizes: Sequence[float],
-    values: Sequence[VisualizerComponentMapping] = (), marker: Literal["up", "down", "diamond"] | None = None,
-) -> rrb.Visualizer:  # fmt: skip
-    """Return the look of lines, or of points."""
-    tints = np.array(colors, np.uint32)
+    curves: Sequence[Curve], marker: Marker | None, values: VisualizerComponentMapping | None = None
+) -> rrb.Visualizer:
+    """Return how the viewer draws curves from some values: as lines, or as points."""
+    names, colors = [curve.name for curve in curves], np.array([curve.color for curve in curves], np.uint32)
     if marker:
-        shapes = [marker] * len(names)
-        return rr.SeriesPoints(names=names, colors=tints, markers=shapes, marker_sizes=sizes).visualizer()
-    policy = rr.components.AggregationPolicy.MinMax
-    lines = rr.SeriesLines(names=names, colors=tints, widths=sizes, aggregation_policy=policy)
-    return lines.visualizer(mappings=list(values))
+        shapes, sizes = [marker] * len(curves), [MARK] * len(curves)
+        return rr.SeriesPoints(names=names, colors=colors, markers=shapes, marker_sizes=sizes).visualizer()
+    widths, policy = [WIDTHS[curve.role] for curve in curves], rr.components.AggregationPolicy.MinMax
+    lines = rr.SeriesLines(names=names, colors=colors, widths=widths, aggregation_policy=policy)
+    return lines.visualizer(mappings=[values] if values else None)
+
+
+def _instants(look: LookSection | None, panel: Panel, runs: Mapping[str, Run]) -> dict[str, int]:
+    """Return the tick of each run to look at in a panel: the one that is asked for, or the worst one.
+
+    A run that ended before it has none, and so has any other panel.
+    """
+    if look is None or panel.name not in PANELS.get(look.quantity, (look.quantity,)):
+        return {}
+    if look.at is not None:
+        lasting = {label: run for label, run in runs.items() if look.at <= run["time"][-1] + run.period}
+        return {label: int(np.abs(run["time"] - look.at).argmin()) for label, run in lasting.items()}
+    found = dict[str, int]()
+    for label, run in runs.items():
+        curves = [curve for curve in panel.curves if curve.run == label and curve.role in ROLES]
+        sizes = np.abs(np.nan_to_num([curve.values for curve in curves])).max(axis=0)
+        if look.quantity in ("sigma", "pace"):
+            sizes = -curves[0].values
+        found[label] = int((run["status"] != 0 if look.quantity == "status" else sizes).argmax())
+    return found

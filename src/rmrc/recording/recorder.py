@@ -122,11 +122,7 @@ def _write(
 def _write_columns(stream: Stream, run: Run, plots: Sequence[Plot]) -> None:
     """Write all columns of a run, and the curves that are only drawn."""
     curves = {name: values for plot in plots for name, values in plot.curves(stream.prefix).items()}
-    tables = {"columns": run.columns, "curves": curves}
     for begin in range(0, len(run), PIECE):
         part = slice(begin, begin + PIECE)
-        pieces = {
-            name: {key: values[part] for key, values in table.items()} for name, table in tables.items()
-        }
-        structs = {name: struct(piece) for name, piece in pieces.items() if piece}
+        structs = {"columns": struct(run.columns, part), "curves": struct(curves, part)}
         stream.send("columns", np.arange(len(run))[part], run["time"][part], rr.AnyValues.columns(**structs))

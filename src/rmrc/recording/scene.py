@@ -109,13 +109,11 @@ class Scene:
 
     def points(self, frames: Frames) -> Array:
         """Return points around the arm at some instants and around the path, (p, 3) [m]."""
-        few, some = (
-            np.linspace(0, count - 1, SHOWN).round().astype(int)
-            for count in (len(frames.tip), len(self.path))
-        )
-        inner = [frames.bodies[few][:, ~self.is_fixed, :3].reshape(-1, 3), frames.tip, self.path[some]]
+        few, some = (slice(None, None, 1 + len(of) // SHOWN) for of in (frames.tip, self.path))
+        moving = frames.bodies[few][:, ~self.is_fixed, :3].reshape(-1, 3)
+        inner = np.vstack([moving, frames.tip, self.path[some]])
         room = MARGIN * self.reach * np.vstack([np.eye(3), -np.eye(3)])
-        return (np.vstack(inner)[:, None] + room).reshape(-1, 3)
+        return (inner[:, None] + room).reshape(-1, 3)
 
     def believed_bodies(self, run: Run, rows: NDArray[np.int64]) -> Array:
         """Return the law's assumed poses of the bodies at some ticks of a run, (F, nbody, 7)."""

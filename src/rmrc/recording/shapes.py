@@ -70,8 +70,7 @@ def geometry(shape: Shape) -> rr.AsComponents:
         vertices = place + rotate(quat, shape.vertices)
         return rr.Mesh3D(vertex_positions=vertices, triangle_indices=shape.faces, albedo_factor=color)
     radius, half, _ = shape.size
-    solid = rr.components.FillMode.Solid
-    look: dict[str, Any] = {"quaternions": [xyzw(quat)], "colors": [color], "fill_mode": solid}
+    look: dict[str, Any] = {"quaternions": [xyzw(quat)], "colors": [color], "fill_mode": "solid"}
     if shape.kind == "capsule":  # rerun's begins at its origin, MuJoCo's is centered
         start = place - rotate(quat, np.array([0.0, 0.0, half]))
         return rr.Capsules3D(lengths=[2 * half], radii=[radius], translations=[start], **look)

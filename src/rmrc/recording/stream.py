@@ -39,14 +39,14 @@ class Stream:
         self.recording.send_columns(self.prefix + path, index, columns)
 
 
-def struct(columns: Mapping[str, NDArray[Any]]) -> Any:
-    """Return columns, (T,) or (T, width) each, as T structs, bit for bit.
+def struct(columns: Mapping[str, NDArray[Any]], part: slice) -> Any:
+    """Return some ticks of columns, (T,) or (T, width) each, as structs, bit for bit.
 
     No item may be null: the viewer draws nothing from a list that may hold nulls.
     """
     arrays, fields = [], []
     for name, values in columns.items():
-        array = pa.array(np.ascontiguousarray(values).reshape(-1))
+        array = pa.array(np.ascontiguousarray(values[part]).reshape(-1))
         if values.ndim > 1:
             items = pa.list_(pa.field("item", array.type, nullable=False), values.shape[1])
             array = pa.FixedSizeListArray.from_arrays(array, type=items)
