@@ -31,8 +31,8 @@ def write_strip(stream: Stream, path: str, run: Run) -> None:
         ticks, time = np.append(ticks, len(run)), np.append(time, run.divergence.time)
         states.append(str(run.divergence))
         colors[str(run.divergence)] = RED
-    tints = np.array(list(colors.values()), np.uint32)
-    stream.log(path, rr.StateConfiguration(values=list(colors), colors=tints))
+    names, tints = list(colors), np.array(list(colors.values()), np.uint32)
+    stream.log(path, rr.StateConfiguration(values=names, colors=tints))
     stream.send(path, ticks, time, rr.StateChange.columns(state=states))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
-from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
+from rerun.blueprint.encodings import VisualizerComponentMapping
 
 from rmrc.recording.stream import Stream
 from rmrc.results.columns import COLUMNS
@@ -34,7 +34,6 @@ ERRORS, ROLES = ("error", "turn_error"), ("measured", "commanded")
 PANELS = {"rotation": ("turn_error",), "status": ("rates",), "error": ERRORS, "path": ERRORS}
 # Begins the entities of a baseline.
 BASELINE = "baseline/"
-SOURCE = ComponentSourceKind.SourceComponent
 
 Marker = Literal["up", "down", "diamond"]
 
@@ -94,7 +93,7 @@ class Plot:
         panel, looks = self.panel, dict[Any, Any]()
         for (prefix, component, selector), curves in self._curves.items():
             values = VisualizerComponentMapping(
-                "Scalars:scalars", SOURCE, source_component=component, selector=selector
+                "Scalars:scalars", "SourceComponent", source_component=component, selector=selector
             )
             looks.setdefault(f"{prefix}columns", []).append(_look(curves, None, values))
         looks |= {path: [_look(curves, marker)] for path, curves, marker in self._marks()}

@@ -99,7 +99,8 @@ def _write(
     instants = next((plot.instants for plot in plots if plot.instants), {})
     yaml = [f"```yaml\n{picture.prepared.scenario.to_yaml()}```\n" for picture in pictures.values()]
     texts = {"Legend": LEGEND, **texts, "Scenario": "\n".join(yaml)}
-    recording.save(path, layout(every, plots, list(texts)))
+    recording.save(path)
+    recording.send_blueprint(layout(every, plots, list(texts)))
     recording.send_recording_name(scenario.name)
     root.log("", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     for heading, text in texts.items():

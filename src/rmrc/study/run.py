@@ -77,7 +77,8 @@ class Job:
     def run(self, on_ticks: Callable[[int], None] = lambda _: None) -> None:
         """Run to the end, to divergence or to Ctrl-C, and write the files in each case.
 
-        The recording comes last: one that fails, as on a full disk, costs the other files nothing.
+        The recording comes last: one that fails, as on a full disk, costs the other files nothing. Runs
+        without a tick have none.
 
         Args:
             on_ticks: Called after each block with its number of ticks.
@@ -89,7 +90,8 @@ class Job:
                 run, baseline = (result.run for result in self.results)
                 self.results[0] = replace(self.results[0], run=replace(run, baseline=baseline))
             written = [path for path in self.files[-2:] if self._attempt(self._save, path)]
-            if self._records and self._attempt(self._record, self.files[0]):
+            has_ticks = any(map(len, self.runs.values()))
+            if self._records and has_ticks and self._attempt(self._record, self.files[0]):
                 written.insert(0, self.files[0])
             self.files = written
 
@@ -112,14 +114,16 @@ class Job:
         with unlogged():  # rerun, which takes a third of a second
             from rmrc.recording.recorder import write
 
-        ran = [(one.prepared, one.run) if len(one.run) else None for one in self.results]
         if self.variants:
-            worlds = {label: world for label, world in zip(self.labels, ran, strict=True) if world}
+            results = zip(self.labels, self.results, strict=True)
+            worlds = {label: (one.prepared, one.run) for label, one in results if len(one.run)}
             write(path, worlds, None, {"Table": as_markdown(replace(self.table(), title=""))})
-        elif ran[0]:
-            result, *others = self.results
-            card = markdown(result.scorecard, result.outcomes, others[0].scorecard if others else None)
-            write(path, {self.name: ran[0]}, ran[1] if others else None, {"Scorecard": card})
+            return
+        result, *others = self.results
+        card = markdown(result.scorecard, result.outcomes, others[0].scorecard if others else None)
+        beside = [(one.prepared, one.run) for one in others if len(one.run)]
+        world = (result.prepared, result.run)
+        write(path, {self.name: world}, beside[0] if beside else None, {"Scorecard": card})
 
     def _save(self, path: Path) -> None:
         """Write the columns, or the facts."""
