@@ -116,6 +116,11 @@ def test_odd_bits_of_more_than_one_piece_stay(planar, tmp_path):
     assert_same_bits(rrd.table(one(tmp_path, (prepared, run))), run)
 
 
+def test_a_single_tick_is_recorded(planar, tmp_path):
+    prepared, run = planar[0], part(planar[1], 0, 1)
+    assert_same_bits(rrd.table(one(tmp_path, (prepared, run))), run)
+
+
 def test_a_baseline_and_variants_have_their_own_columns(planar, tmp_path):
     prepared, run = planar
     baseline = part(run, 0, 300)

@@ -59,7 +59,7 @@ class Plot:
         """
         self.panel, self._runs, self._prefixes = panel, runs, prefixes
         self.instants = _instants(look, panel, runs)
-        self._end = max(float(run["time"][-1]) for run in runs.values())
+        self._end = max(float(run["time"][-1]) for run in runs.values()) or 1.0  # of a single tick
         # a color has one entry in the legend, with the name of its first curve
         names = {curve.color: curve.label for curve in reversed(panel.curves)}
         self._names, self._curves = names, dict[tuple[str, str, str], list[Curve]]()
