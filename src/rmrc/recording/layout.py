@@ -58,8 +58,6 @@ def layout(pictures: Sequence[Picture], plots: Sequence[Plot], texts: Sequence[s
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="playing", loop_mode="all"),
-        auto_views=False,
-        auto_layout=False,
     )
 
 
