@@ -14,16 +14,16 @@ def prefix_of(label):
 
 def rows(path, entity, static=False):
     """What an entity got by component, each in the order of ticks; and their ticks."""
-    found, ticks = defaultdict(list), defaultdict(list)
+    values_of, ticks = defaultdict(list), defaultdict(list)
     for chunk in RrdReader(path).stream().filter(content=f"/{entity}", is_static=static):
         batch = chunk.to_record_batch()
         tick = [0] * len(batch) if static else batch.column("tick").to_pylist()
         for field, values in zip(batch.schema, batch.columns, strict=True):
             if str(field.type).startswith("list"):
-                found[field.name] += values.to_pylist()
+                values_of[field.name] += values.to_pylist()
                 ticks[field.name] += tick
     orders = {name: np.argsort(tick, kind="stable") for name, tick in ticks.items()}
-    sorted_ = {name: [found[name][i] for i in order] for name, order in orders.items()}
+    sorted_ = {name: [values_of[name][i] for i in order] for name, order in orders.items()}
     return sorted_, {name: np.array(ticks[name])[order] for name, order in orders.items()}
 
 
@@ -44,7 +44,7 @@ def table(path, prefix="", component="columns"):
                 is_wide = field.type.num_fields > 0
                 flat = np.asarray((values.flatten() if is_wide else values).to_numpy(zero_copy_only=False))
                 pieces[field.name].append((first, flat.reshape(len(batch), -1) if is_wide else flat))
-    return {name: np.concatenate([piece for _, piece in sorted(some, key=lambda one: one[0])])
+    return {name: np.concatenate([piece for _, piece in sorted(some, key=lambda piece: piece[0])])
             for name, some in pieces.items()}  # fmt: skip
 
 
@@ -67,7 +67,7 @@ def layout(path):
 
 def plots(path):
     """Each plot by its title: range, and (entity, component, selector, names) of each of its visualizers."""
-    tables, found = layout(path), {}
+    tables, values_of = layout(path), {}
     for entity, about in tables.items():
         if about.get("ViewBlueprint:class_identifier") != ["TimeSeries"]:
             continue
@@ -80,8 +80,8 @@ def plots(path):
         for below, other in tables.items():
             names = other.get("SeriesLines:names") or other.get("SeriesPoints:names")
             if below.startswith(f"{entity}/") and names:
-                (one,) = other.get("VisualizerInstruction:component_map") or [{}]
+                (source,) = other.get("VisualizerInstruction:component_map") or [{}]
                 place = below.split("overrides/")[1].split("/visualizer")[0]
-                curves.append((place, one.get("source_component"), one.get("selector"), tuple(names)))
-        found[about["ViewBlueprint:display_name"][0]] = (entity, tuple(range_), curves)
-    return found
+                curves.append((place, source.get("source_component"), source.get("selector"), tuple(names)))
+        values_of[about["ViewBlueprint:display_name"][0]] = (entity, tuple(range_), curves)
+    return values_of

@@ -70,7 +70,7 @@ def stanford():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Recordings of a planar arm, of a spatial one, of a run with its baseline, and of three variants."""
+    """The folder of the recordings of both arms."""
     return tmp_path_factory.mktemp("recordings")
 
 
@@ -82,16 +82,16 @@ def recorded(request, folder):
     return prepared, run, folder / "made" / f"{request.param}.rrd"
 
 
-def one(tmp_path, world, name="run"):
+def recorded_alone(tmp_path, world, name="run"):
     write(tmp_path / f"{name}.rrd", {name: world}, None, {})
     return tmp_path / f"{name}.rrd"
 
 
-def assert_same_bits(found, run):
-    assert list(found) == list(run.columns)
+def assert_same_bits(values_read, run):
+    assert list(values_read) == list(run.columns)
     for name, values in run.columns.items():
-        assert (found[name].dtype, found[name].shape) == (values.dtype, values.shape), name
-        assert found[name].tobytes() == values.tobytes(), name
+        assert (values_read[name].dtype, values_read[name].shape) == (values.dtype, values.shape), name
+        assert values_read[name].tobytes() == values.tobytes(), name
 
 
 # Columns ----------------------------------------------------------------------------------------------
@@ -113,12 +113,12 @@ def test_odd_bits_of_more_than_one_piece_stay(planar, tmp_path):
     # a NaN with a payload
     run.columns["tau"][4, 1] = np.frombuffer(np.uint64(0x7FF800000000BEEF).tobytes(), np.float64)[0]
     run.columns["time"][:] = np.nextafter(run["time"], np.inf)  # not whole nanoseconds
-    assert_same_bits(rrd.table(one(tmp_path, (prepared, run))), run)
+    assert_same_bits(rrd.table(recorded_alone(tmp_path, (prepared, run))), run)
 
 
 def test_a_single_tick_is_recorded(planar, tmp_path):
     prepared, run = planar[0], part(planar[1], 0, 1)
-    assert_same_bits(rrd.table(one(tmp_path, (prepared, run))), run)
+    assert_same_bits(rrd.table(recorded_alone(tmp_path, (prepared, run))), run)
 
 
 def test_a_baseline_and_variants_have_their_own_columns(planar, tmp_path):
@@ -142,12 +142,12 @@ def test_a_baseline_and_variants_have_their_own_columns(planar, tmp_path):
 
 def test_sim_time_is_time_rounded_to_nanoseconds(recorded):
     _, run, path = recorded
-    found = {}
+    values_read = {}
     for chunk in RrdReader(path).stream().filter(content="/columns", is_static=False):
         batch = chunk.to_record_batch()
         nanoseconds = batch.column("sim_time").to_numpy(zero_copy_only=False).astype(np.int64)
-        found.update(zip(batch.column("tick").to_pylist(), nanoseconds, strict=True))
-    assert found == {tick: round(time * 1e9) for tick, time in enumerate(run["time"])}
+        values_read.update(zip(batch.column("tick").to_pylist(), nanoseconds, strict=True))
+    assert values_read == {tick: round(time * 1e9) for tick, time in enumerate(run["time"])}
 
 
 # The file ---------------------------------------------------------------------------------------------
@@ -173,7 +173,7 @@ def test_a_full_disk_is_an_error_and_leaves_the_last_recording(planar, tmp_path)
     resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, before[1]))
     try:
         with pytest.raises(OSError, match="File too large") as caught:
-            one(tmp_path, planar)
+            recorded_alone(tmp_path, planar)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
         signal.signal(signal.SIGXFSZ, handler)
@@ -192,14 +192,14 @@ def test_bodies_are_where_mujoco_has_them_sixty_times_a_second_and_at_the_end(re
     prepared, run, path = recorded
     model = prepared.arm.model
     data, body = mujoco.MjData(model), model.site(prepared.arm.site).bodyid[0]
-    found, ticks = rrd.rows(path, f"arm/{model.body(body).name}")
+    values_read, ticks = rrd.rows(path, f"arm/{model.body(body).name}")
     assert ticks["Transform3D:translation"].tolist() == shown(run)
     for i, tick in enumerate(shown(run)):
         data.qpos[:] = run["q"][tick]
         mujoco.mj_kinematics(model, data)
         # float32, as the viewer draws
-        np.testing.assert_allclose(found["Transform3D:translation"][i][0], data.xpos[body], atol=1e-6)
-        x, y, z, w = found["Transform3D:quaternion"][i][0]
+        np.testing.assert_allclose(values_read["Transform3D:translation"][i][0], data.xpos[body], atol=1e-6)
+        x, y, z, w = values_read["Transform3D:quaternion"][i][0]
         np.testing.assert_allclose([w, x, y, z], data.xquat[body], atol=1e-6)
 
 
@@ -209,15 +209,15 @@ def test_capsules_end_where_mujoco_ends_them(recorded):
     model, checked = prepared.arm.model, 0
     for shape in (shape for shape in shapes_of(prepared.arm) if shape.kind == "capsule"):
         body, geom = model.body(shape.body).name, model.geom(shape.name)
-        found = {name: value[0] for name, value in rrd.static(path, f"arm/{body}/{shape.name}").items()}
-        quat, turn = found["Capsules3D:quaternions"], np.empty(9)
+        values_read = {name: value[0] for name, value in rrd.static(path, f"arm/{body}/{shape.name}").items()}
+        quat, turn = values_read["Capsules3D:quaternions"], np.empty(9)
         mujoco.mju_quat2Mat(turn, np.array([quat[3], *quat[:3]]))
-        start = np.array(found["Capsules3D:translations"])
-        end = start + turn.reshape(3, 3)[:, 2] * found["Capsules3D:lengths"]
+        start = np.array(values_read["Capsules3D:translations"])
+        end = start + turn.reshape(3, 3)[:, 2] * values_read["Capsules3D:lengths"]
         mujoco.mju_quat2Mat(turn, geom.quat)
         half = turn.reshape(3, 3)[:, 2] * geom.size[1]
         np.testing.assert_allclose([start, end], [geom.pos - half, geom.pos + half], atol=1e-6)
-        assert found["Capsules3D:radii"] == np.float32(geom.size[0])
+        assert values_read["Capsules3D:radii"] == np.float32(geom.size[0])
         checked += 1
     assert checked > 0
 
@@ -269,7 +269,7 @@ def matrix(half, turn, power):
 def test_velocity_ellipsoid_of_the_planar_arm_is_j_jt_and_the_force_ellipsoid_its_inverse(planar, tmp_path):
     """(J Jᵀ) from the textbook's J of two links: another route than MuJoCo and than an SVD."""
     prepared, run = planar[0], part(planar[1], 0, 500)
-    path = one(tmp_path, (prepared, run))
+    path = recorded_alone(tmp_path, (prepared, run))
     (velocity, turn), (force, force_turn) = ellipsoid(path, "velocity"), ellipsoid(path, "force")
     a, b = run["q"][shown(run), 0], run["q"][shown(run)].sum(axis=1)
     J = np.array([[-np.sin(a) - np.sin(b), -np.sin(b)], [np.cos(a) + np.cos(b), np.cos(b)]])
@@ -290,13 +290,13 @@ def test_velocity_ellipsoid_of_the_planar_arm_is_j_jt_and_the_force_ellipsoid_it
 def test_velocity_ellipsoid_of_a_task_with_rotations_is_the_section_where_they_are_held(stanford, tmp_path):
     """The section of {A η : |η| <= 1} with ω = 0 is (Σ_vv - Σ_vω Σ_ωω⁻¹ Σ_ωv)⁻¹ for Σ = A Aᵀ: a Schur complement."""
     prepared, run = stanford[0], part(stanford[1], 0, 500)
-    velocity, turn = ellipsoid(one(tmp_path, (prepared, run)), "velocity")
+    velocity, turn = ellipsoid(recorded_alone(tmp_path, (prepared, run)), "velocity")
     for i, tick in enumerate(shown(run)):
         J = prepared.arm.jacobian(run["q"][tick])  # length is 1, so S_q = 1
         S = J @ J.T
         section = S[:3, :3] - S[:3, 3:] @ np.linalg.solve(S[3:, 3:], S[3:, :3])
-        found = matrix(velocity[i : i + 1] / VELOCITY_SECONDS, turn[i : i + 1], 2.0)[0]
-        np.testing.assert_allclose(found, section, atol=2e-6)
+        values_read = matrix(velocity[i : i + 1] / VELOCITY_SECONDS, turn[i : i + 1], 2.0)[0]
+        np.testing.assert_allclose(values_read, section, atol=2e-6)
         assert np.abs(S[:3, :3] - section).max() > 0.1  # not the shadow, which stays round
 
 
@@ -336,7 +336,7 @@ def test_the_trail_joins_the_positions_of_the_tip(recorded):
 
 def test_a_pale_arm_is_where_the_law_takes_it_to_be(tmp_path, planar):
     prepared, run = simulated(PLANAR + SLOW + "plant: {stretch: {link_1: 1.1}, joint_offset: 0.05}\n")
-    path, known, q = one(tmp_path, (prepared, run)), planar[0].arm, run["q"] - 0.05
+    path, known, q = recorded_alone(tmp_path, (prepared, run)), planar[0].arm, run["q"] - 0.05
     elbow = known.model.body("link_2").id
     ticks = rrd.rows(path, "arm/link_2")[1]["Transform3D:translation"]
     for entity, arm, at in (("arm", prepared.true_arm, run["q"]), ("believed", known, q)):
@@ -436,19 +436,19 @@ def test_lines_keep_their_peaks_and_each_color_has_one_name(recorded):
 def test_a_peak_beyond_the_axis_is_in_the_title_and_marked_at_the_edge(planar, tmp_path):
     prepared, run = planar[0], part(planar[1], 0, 200)
     run.columns["qdot_cmd"][150, 1] = -12658.02
-    path = one(tmp_path, (prepared, run))
+    path = recorded_alone(tmp_path, (prepared, run))
     title, _, (low, _), _ = plot_of(path, "Joint rates")
     assert title.endswith("elbow, commanded: peak 12,658 rad/s ↓")
     marks, ticks = rrd.rows(path, "peaks/rates/0")
     assert marks["Scalars:scalars"] == [[pytest.approx(EDGE * low)]]
     assert ticks["Scalars:scalars"].tolist() == [150]
-    calm = one(tmp_path, (prepared, part(planar[1], 0, 200)), "calm")  # negative control
+    calm = recorded_alone(tmp_path, (prepared, part(planar[1], 0, 200)), "calm")  # negative control
     assert "peak" not in plot_of(calm, "Joint rates")[0] and "/peaks/rates/0" not in rrd.entities(calm)
 
 
 def test_limits_are_lines_over_the_whole_run(planar, tmp_path):
     prepared, run = planar
-    path = one(tmp_path, planar)
+    path = recorded_alone(tmp_path, planar)
     levels, ticks = rrd.rows(path, "levels/rates")
     limit = prepared.law.rate_limit[0]
     assert levels["Scalars:scalars"] == [[limit, -limit]] * 2
@@ -511,7 +511,7 @@ def test_what_the_scenario_asks_to_look_at_is_in_the_open_tab_and_marked(quantit
     prepared, run = simulated(
         f"{text}control: {{period: 0.01, inverse: {{method: damped}}}}\nlook: {wanted}\n"
     )
-    path, (start, values, worth) = one(tmp_path, (prepared, run)), LOOKS[quantity]
+    path, (start, values, worth) = recorded_alone(tmp_path, (prepared, run)), LOOKS[quantity]
     row = int(worth(run).argmax()) if at is None else round(at / 0.01)
     _, entity, _, curves = plot_of(path, start)
     (mark,) = [place for place, *_ in curves if place.startswith("look/")]
@@ -525,12 +525,12 @@ def test_what_the_scenario_asks_to_look_at_is_in_the_open_tab_and_marked(quantit
     assert float(re.fullmatch(r"look: (\S+) s", label)[1]) == pytest.approx(run["time"][row], rel=1e-3)
     if quantity != "sigma":  # which is always in sight
         active = [str(table.get("ContainerBlueprint:active_tab")) for table in rrd.layout(path).values()]
-        assert any(entity.strip("/") in one for one in active)
+        assert any(entity.strip("/") in tab for tab in active)
 
 
 @pytest.mark.parametrize("wanted", ["{quantity: torque}", "{quantity: rates, at: 99}"])
 def test_a_run_that_lacks_what_to_look_at_is_recorded_as_without(wanted, tmp_path):
-    path = one(tmp_path, simulated(PLANAR + SLOW + f"plant: {{kind: ideal}}\nlook: {wanted}\n"))
+    path = recorded_alone(tmp_path, simulated(PLANAR + SLOW + f"plant: {{kind: ideal}}\nlook: {wanted}\n"))
     assert not [entity for entity in rrd.entities(path) if "look" in entity]
 
 
@@ -543,16 +543,16 @@ def test_the_strip_says_the_statuses_in_words_exactly_where_they_change_and_a_di
     run.columns["status"][10:30] = Status.DAMPED
     run.columns["status"][20:55] |= Status.RATE_LIMITED
     run = replace(run, divergence=Divergence(60, 0.06, "elbow", "not finite"))
-    states, ticks = rrd.rows(one(tmp_path, (prepared, run)), "status")
-    said = [state for (state,) in states["StateChange:state"]]
+    states, ticks = rrd.rows(recorded_alone(tmp_path, (prepared, run)), "status")
+    words = [state for (state,) in states["StateChange:state"]]
     assert ticks["StateChange:state"].tolist() == [0, 10, 20, 30, 55, 60]
-    assert said == ["OK", "damped", "damped, rate limited", "rate limited", "OK", str(run.divergence)]
+    assert words == ["OK", "damped", "damped, rate limited", "rate limited", "OK", str(run.divergence)]
 
 
 def test_the_line_of_numbers_says_what_the_columns_say(planar, tmp_path):
     prepared, run = planar[0], part(planar[1], 0, 1101)
     run.columns["status"][1000:] = Status.DAMPED | Status.RATE_LIMITED
-    texts, ticks = rrd.rows(one(tmp_path, (prepared, run)), "now")
+    texts, ticks = rrd.rows(recorded_alone(tmp_path, (prepared, run)), "now")
     text, tick = texts["TextDocument:text"][-1][0], ticks["TextDocument:text"][-1]
     assert len(ticks["TextDocument:text"]) == 24 and tick == 1100  # twenty a second, and the last one
     assert f"σ_min **{run['sigma'][tick, 1]:.3g}**" in text and "**damped, rate limited**" in text

@@ -162,11 +162,11 @@ def _instants(look: LookSection | None, panel: Panel, runs: Mapping[str, Run]) -
     if look.at is not None:
         lasting = {label: run for label, run in runs.items() if look.at <= run["time"][-1] + run.period}
         return {label: int(np.abs(run["time"] - look.at).argmin()) for label, run in lasting.items()}
-    found = dict[str, int]()
+    rows = dict[str, int]()
     for label, run in runs.items():
         curves = [curve for curve in panel.curves if curve.run == label and curve.role in ROLES]
         sizes = np.abs(np.nan_to_num([curve.values for curve in curves])).max(axis=0)
         if look.quantity in ("sigma", "pace"):
             sizes = -curves[0].values
-        found[label] = int((run["status"] != 0 if look.quantity == "status" else sizes).argmax())
-    return found
+        rows[label] = int((run["status"] != 0 if look.quantity == "status" else sizes).argmax())
+    return rows

@@ -116,12 +116,12 @@ class Job:
 
         if self.variants:
             results = zip(self.labels, self.results, strict=True)
-            worlds = {label: (one.prepared, one.run) for label, one in results if len(one.run)}
+            worlds = {label: (each.prepared, each.run) for label, each in results if len(each.run)}
             write(path, worlds, None, {"Table": as_markdown(replace(self.table(), title=""))})
             return
         result, *others = self.results
         card = markdown(result.scorecard, result.outcomes, others[0].scorecard if others else None)
-        beside = [(one.prepared, one.run) for one in others if len(one.run)]
+        beside = [(each.prepared, each.run) for each in others if len(each.run)]
         world = (result.prepared, result.run)
         write(path, {self.name: world}, beside[0] if beside else None, {"Scorecard": card})
 
