@@ -7,6 +7,22 @@ import subprocess
 import time
 from pathlib import Path
 
+# A program that says on stdout when the first ticks are done, and is the command line otherwise.
+TELLS_OF_TICKS = """
+from rmrc.cli import main
+from rmrc.simulation.world import World
+
+advance = World.advance
+
+def tell(world, ticks):
+    advance(world, ticks)
+    World.advance = advance
+    print("moves", flush=True)
+
+World.advance = tell
+main()
+"""
+
 
 def descendants(pid):
     """Processes that a process started, and what those started; zombies left out."""

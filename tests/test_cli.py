@@ -11,6 +11,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
+import rrd
+from processes import TELLS_OF_TICKS
 from project import ROOT
 from rmrc.results.columns import COLUMNS
 from rmrc.results.run import Run
@@ -53,11 +55,9 @@ def test_run_leaves_recording_columns_and_scorecard(rmrc, tmp_path):
 
 
 def test_recording_read_back_equals_the_columns_bit_for_bit(rmrc, tmp_path):
-    from rmrc.recording.single import read_columns
-
     rmrc("run", "quick.yaml")
     run = Run.read(tmp_path / "recordings/quick.npz")
-    columns = read_columns(tmp_path / "recordings/quick.rrd")
+    columns = rrd.table(tmp_path / "recordings/quick.rrd")
     assert set(columns) == set(COLUMNS)
     for name in COLUMNS:
         np.testing.assert_array_equal(columns[name], run[name], strict=True)
@@ -305,25 +305,19 @@ def test_what_takes_long_for_another_reason_is_not_called_compiling(rmrc, monkey
 
 
 def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
-    from rmrc.recording.single import read_columns
-
     (tmp_path / "long.yaml").write_text(QUICK.replace("name: quick", "name: long"))
     process = subprocess.Popen(
-        [sys.executable, "-m", "rmrc", "run", "long.yaml", "--set", "target.path=[{hold: {for: 600}}]"],
+        [sys.executable, "-c", TELLS_OF_TICKS, "run", "long.yaml", "--set", "target.path=[{hold: {for: 600}}]"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "COLUMNS": "200"},
     )  # fmt: skip
-    part = tmp_path / "recordings/long.rrd.part"
-    deadline = time.monotonic() + 240
-    while not (part.exists() and part.stat().st_size > 100_000):
-        assert process.poll() is None and time.monotonic() < deadline, process.communicate()
-        time.sleep(0.02)
+    assert process.stdout.readline() == "moves\n", process.communicate()
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=240)
     assert process.returncode == 130, err
     assert "rmrc: interrupted at tick " in err and "Traceback" not in err
     run = Run.read(tmp_path / "recordings/long.npz")
     assert 0 < len(run) < run.planned
-    np.testing.assert_array_equal(read_columns(tmp_path / "recordings/long.rrd")["q"], run["q"])
+    np.testing.assert_array_equal(rrd.table(tmp_path / "recordings/long.rrd")["q"], run["q"])
     assert json.loads((tmp_path / "recordings/long.json").read_text())["status"] == "interrupted"
     assert sorted(p.name for p in (tmp_path / "recordings").iterdir()) == [
         "long.json",
@@ -334,18 +328,12 @@ def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
 
 @pytest.mark.long  # the one after this, and test_verbs.py, are quicker
 def test_ctrl_c_in_a_comparison_exits_130_and_keeps_what_ran(tmp_path):
-    from rmrc.recording.single import read_columns
-
     (tmp_path / "long.yaml").write_text(QUICK.replace("name: quick", "name: long"))
     process = subprocess.Popen(
-        [sys.executable, "-m", "rmrc", "compare", "long.yaml", *VARY, "--set", "target.path=[{hold: {for: 300}}]"],
+        [sys.executable, "-c", TELLS_OF_TICKS, "compare", "long.yaml", *VARY, "--set", "target.path=[{hold: {for: 300}}]"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    part = tmp_path / "recordings/long.compare.rrd.part"
-    deadline = time.monotonic() + 240
-    while not (part.exists() and part.stat().st_size > 200_000):
-        assert process.poll() is None and time.monotonic() < deadline, process.communicate()
-        time.sleep(0.05)
+    assert process.stdout.readline() == "moves\n", process.communicate()
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=240)
     assert process.returncode == 130, err
@@ -356,7 +344,7 @@ def test_ctrl_c_in_a_comparison_exits_130_and_keeps_what_ran(tmp_path):
     said = f"rmrc: interrupted at tick {ticks[0]} of {2 * planned}, counting all variants\n"
     assert err.replace(COMPILING, "") == said
     recording = tmp_path / "recordings/long.compare.rrd"
-    assert len(read_columns(recording, "inverse")["time"]) == ticks[0]
+    assert len(rrd.table(recording)["time"]) == ticks[0]  # as of a run alone: the other has no tick
     assert ticks[1] == 0  # variants run one after another
 
 

@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+from processes import TELLS_OF_TICKS
 from project import ROOT
 from rmrc.results.run import Run
 from rmrc.support.interruption import interruptible, signal_that_came, stops_like_ctrl_c
@@ -42,17 +43,9 @@ def start(folder, *arguments, code="from rmrc.cli import main; main()", **option
     )  # fmt: skip
 
 
-def wait_for(process, is_there):
-    deadline = time.monotonic() + 240
-    while not is_there():
-        assert process.poll() is None and time.monotonic() < deadline, process.communicate()
-        time.sleep(0.05)
-
-
-def wait_for_ticks(process, folder, name="hard.rrd.part", size=70_000):
-    """Wait until the first piece of ticks is in the recording, and a long tick is under way."""
-    part = folder / "recordings" / name
-    wait_for(process, lambda: part.exists() and part.stat().st_size > size)
+def wait_for_ticks(process):
+    """Wait until the first piece of ticks is done, and a long tick is under way."""
+    assert process.stdout.readline() == "moves\n", process.communicate()
     time.sleep(0.2)
 
 
@@ -161,8 +154,8 @@ def test_what_a_verb_that_is_interrupted_elsewhere_exits_with(rmrc, monkeypatch,
 @pytest.mark.long  # Ctrl-C is tried in tests/test_cli.py, and the other signals end a verb as it does, above
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_run_within_a_long_tick_answers_and_keeps_what_it_has(hard, number, code):
-    process = start(hard, "run", "hard.yaml", env={**os.environ, "COLUMNS": "200"})
-    wait_for_ticks(process, hard)
+    process = start(hard, "run", "hard.yaml", code=TELLS_OF_TICKS, env={**os.environ, "COLUMNS": "200"})
+    wait_for_ticks(process)
     returned, err, took = ended(process, number)
     assert returned == code and "Traceback" not in err and took < PATIENCE, (err, took)
     facts = json.loads((hard / "recordings/hard.json").read_text())
@@ -200,11 +193,10 @@ def test_nohup_stays_deaf_and_the_second_signal_does_not_wait(hard):
     process = start(
         hard, "run", "hard.yaml", "-q",
         "--set", "control.period=0.004", "--set", "plant.timestep=1.0e-4",  # 15 s
-        code=f"import rmrc.results.run, time; rmrc.results.run.Run.save = {saves}\nfrom rmrc.cli import main; main()",
+        code=f"import rmrc.results.run, time; rmrc.results.run.Run.save = {saves}\n{TELLS_OF_TICKS}",
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
     )  # fmt: skip
-    part = hard / "recordings/hard.rrd.part"
-    wait_for(process, lambda: part.exists() and part.stat().st_size > 70_000)
+    wait_for_ticks(process)
     process.send_signal(signal.SIGHUP)
     process.send_signal(signal.SIGINT)
     # It saves for a minute. If it had heard the first signal, the second would have ended it.

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rmrc
+import rrd
 from project import ROOT
-from rmrc.recording.single import read_columns
 from rmrc.results.run import Run
 from rmrc.results.scorecard import scorecard
 from rmrc.study.run import Job
@@ -64,7 +64,7 @@ def test_columns_and_facts_of_both_are_kept_and_the_exit_code_is_that_of_the_sce
     assert its["scenario"]["control"]["inverse"]["method"] == "inverse"
     row = next(line for line in out.splitlines() if line.startswith("joint_rate_cmd "))
     assert float(row.split()[-1]) == pytest.approx(np.abs(run.baseline["qdot_cmd"]).max(), rel=1e-3)
-    recorded = read_columns(folder / "near.rrd", baseline=True)
+    recorded = rrd.table(folder / "near.rrd", "baseline/")
     for name, column in run.baseline.columns.items():
         np.testing.assert_array_equal(recorded[name], column)
 

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+import rrd
 from project import ROOT
-from rmrc.recording.single import read_columns
 from rmrc.results.columns import COLUMNS
 from rmrc.results.run import read_runs
 from rmrc.results.scorecard import scorecard
@@ -49,7 +49,7 @@ def test_each_variant_has_the_bits_of_its_scenario_run_alone_also_in_both_files(
     assert list(job.runs) == list(saved) == labels
     for variant in job.variants:
         (alone,) = Simulation([prepare(load(path, [*SET, *map(str, variant.changes)]))]).run()
-        recorded = read_columns(job.files[0], variant.label)
+        recorded = rrd.table(job.files[0], rrd.prefix_of(variant.label))
         for name in COLUMNS:
             for columns in (job.runs[variant.label], saved[variant.label], recorded):
                 np.testing.assert_array_equal(columns[name], alone[name], strict=True)

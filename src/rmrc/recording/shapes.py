@@ -1,11 +1,14 @@
-"""The visible geoms of an arm."""
+"""The visible geoms of an arm, and their form in rerun."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import rerun as rr
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm
+from rmrc.support.spatial import rotate
 
 Array = NDArray[np.float64]
 
@@ -58,3 +61,27 @@ def shapes_of(arm: Arm) -> list[Shape]:
         name, color = geom.name or f"geom{geom.id}", np.array(rgba, np.float64)
         shapes.append(Shape(name, body, kind, np.array(geom.size), pose, color, vertices, faces))
     return shapes
+
+
+def geometry(shape: Shape) -> rr.AsComponents:
+    """Return a geom in rerun's form; MuJoCo's sizes are half sizes."""
+    place, quat, color = shape.pose[:3], shape.pose[3:], (255 * shape.rgba).round().astype(np.uint8)
+    if shape.kind == "mesh":
+        vertices = place + rotate(quat, shape.vertices)
+        return rr.Mesh3D(vertex_positions=vertices, triangle_indices=shape.faces, albedo_factor=color)
+    radius, half, _ = shape.size
+    look: dict[str, Any] = {"quaternions": [xyzw(quat)], "colors": [color], "fill_mode": "solid"}
+    if shape.kind == "capsule":  # rerun's begins at its origin, MuJoCo's is centered
+        start = place - rotate(quat, np.array([0.0, 0.0, half]))
+        return rr.Capsules3D(lengths=[2 * half], radii=[radius], translations=[start], **look)
+    if shape.kind == "cylinder":
+        return rr.Cylinders3D(lengths=[2 * half], radii=[radius], centers=[place], **look)
+    if shape.kind == "box":
+        return rr.Boxes3D(half_sizes=[shape.size], centers=[place], **look)
+    half_sizes = np.full(3, radius) if shape.kind == "sphere" else shape.size
+    return rr.Ellipsoids3D(half_sizes=[half_sizes], centers=[place], **look)
+
+
+def xyzw(quat: Array) -> Array:
+    """Return quaternions w x y z in rerun's order."""
+    return quat[..., [1, 2, 3, 0]]

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 # Measured [B]: the additional memory of a recording per tick; a world in MuJoCo; libraries and machine code
 # that are loaded on the way, and those of a recording. What compiling takes once, 100 MB, is not included.
-RECORDED, WORLD = 3 * 13 * 8 + 24, 256_000
+RECORDED, WORLD = 700, 256_000
 LIBRARIES, RECORDER = 160_000_000, 130_000_000
 
 

@@ -21,13 +21,12 @@ from rmrc.simulation.prepare import Prepared, expected_profile
 from rmrc.simulation.world import World, compile_for
 from rmrc.support.threads import side_by_side
 
-# Between two pieces of ticks there is time for stops, progress and a recording. A piece is at most a second
-# at 1 kHz, so that a killed process loses little, and takes about this long [s]; the first is one tick, and
-# each is at most some times as long as the last.
+# Between two pieces of ticks there is time for stops and progress. A piece is at most a second at 1 kHz, and
+# takes about this long [s]; the first is one tick, and each is at most some times as long as the last.
 PIECE, MOMENT, GROWTH = 1000, 0.05, 8
 
-# Gets each piece of ticks after it was stepped, with the index of its world: for progress, a recording, or a
-# rule that ends the runs.
+# Gets each piece of ticks after it was stepped, with the index of its world: for progress, or a rule
+# that ends the runs.
 Watcher: TypeAlias = Callable[[int, Run], None]
 
 # Returns whether a world ends here, from its index and its run so far. It is called after each ASKED ticks,

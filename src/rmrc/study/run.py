@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from rmrc.scenario.keywords import hinted
 from rmrc.show.sheets import Sheet, as_markdown
 from rmrc.show.tables import markdown
 from rmrc.simulation.footprint import refuse_excess
-from rmrc.simulation.simulation import Watcher
 from rmrc.study import compare_table
 from rmrc.study.study import Result, Study, Values
 from rmrc.support.errors import RmrcError
@@ -79,31 +77,21 @@ class Job:
     def run(self, on_ticks: Callable[[int], None] = lambda _: None) -> None:
         """Run to the end, to divergence or to Ctrl-C, and write the files in each case.
 
-        A failing recording, as on a full disk, does not end the run; it is deleted, as the other files need
-        the space.
+        The recording comes last: one that fails, as on a full disk, costs the other files nothing. Runs
+        without a tick have none.
 
         Args:
             on_ticks: Called after each block with its number of ticks.
         """
-        with interruptible() as stop, ExitStack() as stack:
-            recording: Any = None
-            if self._records:
-                recording, show = self._recording()
-                stack.enter_context(recording)
-
-            def watch(index: int, part: Run) -> None:
-                if recording and not self.failures and not self._attempt(show, index, part):
-                    recording.part_path.unlink(missing_ok=True)  # so that the columns have its room
-                on_ticks(len(part))
-
-            self.results = self._study.step(self.worlds, stop, watch)
+        with interruptible() as stop:
+            self.results = self._study.step(self.worlds, stop, lambda _, part: on_ticks(len(part)))
             self.interrupted = stop.is_set()
             if not self.variants and len(self.results) > 1:
                 run, baseline = (result.run for result in self.results)
                 self.results[0] = replace(self.results[0], run=replace(run, baseline=baseline))
-            is_recorded = not self.failures
             written = [path for path in self.files[-2:] if self._attempt(self._save, path)]
-            if recording and is_recorded and self._attempt(recording.finish, self._markdown()):
+            has_ticks = any(map(len, self.runs.values()))
+            if self._records and has_ticks and self._attempt(self._record, self.files[0]):
                 written.insert(0, self.files[0])
             self.files = written
 
@@ -121,24 +109,21 @@ class Job:
         """Return the tables of the variants."""
         return compare_table.tables(self.name, self.labels, self.results)
 
-    def _recording(self) -> tuple[Any, Watcher]:
-        """Return a new recording, and the function that writes a block of ticks to it."""
-        with unlogged():  # each imports rerun, a third of a second
-            from rmrc.recording.comparison import Overlay
-            from rmrc.recording.single import Recorder
+    def _record(self, path: Path) -> None:
+        """Write the recording of the runs that have ticks."""
+        with unlogged():  # rerun, which takes a third of a second
+            from rmrc.recording.recorder import write
 
         if self.variants:
-            overlay = Overlay(self.files[0], self.name, list(zip(self.labels, self.worlds, strict=True)))
-            return overlay, overlay.write
-        recorder = Recorder(self.files[0], *self.worlds)
-        return recorder, lambda index, part: (recorder.write, recorder.write_baseline)[index](part)
-
-    def _markdown(self) -> str:
-        """Return the metrics that a recording shows."""
-        if self.variants:
-            return "\n\n".join(map(as_markdown, self.tables()))
+            results = zip(self.labels, self.results, strict=True)
+            worlds = {label: (each.prepared, each.run) for label, each in results if len(each.run)}
+            write(path, worlds, None, {"Table": "\n\n".join(map(as_markdown, self.tables()))})
+            return
         result, *others = self.results
-        return markdown(result.scorecard, result.outcomes, others[0].scorecard if others else None)
+        card = markdown(result.scorecard, result.outcomes, others[0].scorecard if others else None)
+        beside = [(each.prepared, each.run) for each in others if len(each.run)]
+        world = (result.prepared, result.run)
+        write(path, {self.name: world}, beside[0] if beside else None, {"Scorecard": card})
 
     def _save(self, path: Path) -> None:
         """Write the columns, or the facts."""

@@ -112,8 +112,6 @@ def statics(
         >>> found = statics("models/planar_2link.xml", [0, -1, 0], [0, np.pi / 3])
         >>> found.balance.equilibrium.round(9).tolist(), found.balance.exceeded
         ([1.5, 0.5], ())
-        >>> found.free[0].words
-        'cannot move along z; a force along z needs no torque'
     """
     question = subject(model, q, keyframe, site, body=body, packages=packages)
     arm, q = question.arm, question.q
@@ -171,6 +169,11 @@ def hold_wrench(
         within = f"within its limits [{lower[j]:.6g}, {upper[j]:.6g}] {arm.units[j]}, got {wanted.q[j]:.6g}"
         raise QuestionError(
             f'cannot hold: joint "{arm.joints[j]}" must be {within}; choose other joint positions'
+        )
+    for j in np.flatnonzero(arm.inertia <= 0.0):
+        raise QuestionError(
+            f'cannot hold: joint "{arm.joints[j]}" must have an inertia above 0 at home, got '
+            f"{arm.inertia[j]:.6g}; correct the masses or the armature of the model"
         )
     prepared = prepare(hold_scenario(wanted, seconds), Cache(arm))
     if too_much := excess(footprint([prepared])):
