@@ -1,7 +1,7 @@
 """The recording of every shipped scenario: what each view draws, and that the viewer can draw it."""
 
-import time
-from contextlib import contextmanager
+import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +10,10 @@ from layouts import last_layout
 from rerun.chunk import RrdReader
 
 import rmrc
+from processes import started, wait_for
 from project import ROOT
 from rmrc.recording.single import read_columns
-from rmrc.recording.viewer import _free_port, _go_to
-from rmrc.recording.viewer_process import Events, Program
+from rmrc.recording.viewer import _free_port
 
 pytestmark = pytest.mark.long
 
@@ -96,36 +96,37 @@ def test_each_view_draws_the_columns(left):
     assert rates == run.scorecard["joint_rate.peak"].value
 
 
-@contextmanager
-def headless(path, log):
-    """A native viewer without a window, as `replay` opens one, on a recording; skipped without a driver."""
-    if not list(Path("/usr/share/vulkan/icd.d").glob("*.json")):
-        pytest.skip("there is no Vulkan driver here; `.ci/run browser` installs one")
-    port, events = _free_port(), Events()
-    options = ["--headless", "--window-size", "1280x720", "--bind", "127.0.0.1", "--port", str(port)]
-    with Program([*options, "--hide-welcome-screen", str(path)], events, stderr=log) as program:
-        yield port, program, events
-
-
-def looked_at(path, at, tmp_path):
-    """The state of the viewer once it stands still at a time, and has drawn it."""
+def looked_at(path, at):
+    """The state of the viewer that `replay` opens, without a window, once it stands still at a time."""
     from rerun.experimental import ViewerClient
 
-    with (tmp_path / "log").open("wb") as log, headless(path, log) as (port, program, events):
-        _go_to(at, port, program, events)
-        client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-        client.take_screenshot()
-        time.sleep(0.5)
-        client.take_screenshot()
-        return client.get_state()
+    if not list(Path("/usr/share/vulkan/icd.d").glob("*.json")):
+        pytest.skip("there is no Vulkan driver here; `.ci/run browser` installs one")
+    port = _free_port(None)
+    code = f"""
+from pathlib import Path
+from rmrc.recording import viewer
+viewer.RERUN += ("--headless", "--window-size", "1280x720")
+viewer.replay(Path({str(path)!r}), at={at}, port={port})
+"""
+
+    def state():
+        try:
+            client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+            client.take_screenshot()  # it has drawn all views
+            found = client.get_state()
+        except (OSError, RuntimeError):  # it does not listen yet
+            return None
+        return found if [some.current_time for some in found.recordings] == [round(1e9 * at)] else None
+
+    with started([sys.executable, "-c", code], env={**os.environ, "DISPLAY": ":0"}):
+        return wait_for(state, 120)
 
 
 @pytest.mark.browser
-def test_the_viewer_draws_every_view_at_the_time_that_it_is_told(left, tmp_path):
+def test_the_viewer_draws_every_view_at_the_time_that_it_is_told(left):
     run, path = left
     at = round(0.6 * float(run["time"][-1]), 3)
-    state = looked_at(path, at, tmp_path)
-    assert len(state.views) >= 6
-    assert [(view.name, report.summary) for view in state.views for report in view.reports] == []
-    (recording,) = state.recordings
-    assert recording.current_time * 1e-9 == pytest.approx(at, abs=1e-9)  # and it stands there
+    views = looked_at(path, at).views
+    assert len(views) >= 6
+    assert [(view.name, report.summary) for view in views for report in view.reports] == []

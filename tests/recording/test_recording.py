@@ -1,12 +1,8 @@
-import contextlib
 import inspect
 import os
 import re
-import shutil
-import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,12 +14,11 @@ from layouts import last_layout, layouts
 from rerun.chunk import RrdReader
 
 from project import mostly_long
-from rmrc.recording import stream, track
+from rmrc.recording import stream
 from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT, geometries, ramp
 from rmrc.recording.scene import FORCE_LONGEST, THICKNESS, VELOCITY_SECONDS, Scene, half_axes
 from rmrc.recording.shapes import Shape, shapes_of
 from rmrc.recording.single import Recorder, RecordingError, read_columns
-from rmrc.recording.viewer import repair
 from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.results.run import Run
 from rmrc.scenario import load, loads
@@ -204,33 +199,6 @@ def test_the_recording_appears_whole_and_only_when_finished(ran, tmp_path):
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_an_error_in_the_run_leaves_the_part_readable_and_the_last_recording_alone(ran, tmp_path):
-    prepared, run = ran
-    path = tmp_path / "run.rrd"
-    path.write_bytes(b"of the run before")
-    recorder = Recorder(path, prepared)
-    with contextlib.suppress(ZeroDivisionError), recorder:
-        recorder.write(rows(run, 0, 50))
-        raise ZeroDivisionError
-    assert path.read_bytes() == b"of the run before"
-    assert_same_bits(read_columns(recorder.part_path), rows(run, 0, 50).columns)
-    tips = stored(recorder.part_path, "/tip/now")["Points3D:positions"]  # what is drawn is held for longer
-    np.testing.assert_allclose([tip[0] for tip in tips], run["pose"][[0, 16, 32, 48, 49], :3], atol=1e-6)
-
-
-def test_what_is_drawn_and_a_layout_are_written_before_a_long_run_ends(planar, tmp_path, monkeypatch):
-    """Else a killed run has columns alone; a short one would take 50 kB for a layout that nobody sees."""
-    prepared, run = planar
-    for ticks, count in ((300, 1), (10_000, 0)):
-        monkeypatch.setattr(track, "DRAWN", ticks)
-        with Recorder(tmp_path / f"{ticks}.rrd", prepared) as recorder:
-            for part in blocks(rows(run, 0, 400), 100):
-                recorder.write(part)
-            repair(recorder.part_path, tmp_path / f"{ticks}.seen.rrd")
-        assert len(layouts(tmp_path / f"{ticks}.seen.rrd")) == count
-        assert ("/tip/trail" in entities(tmp_path / f"{ticks}.seen.rrd", is_static=False)) is bool(count)
-
-
 def test_a_tick_takes_no_more_than_its_budget_on_disk(recorded, tmp_path):
     """Beyond layouts, geometries and texts: 450 bytes of two joints, 850 of six; `benchmarks/recording.py`."""
     prepared, run, path = recorded
@@ -254,18 +222,6 @@ folder = Path(sys.argv[1])
 prepared, run = prepare(loads({PLANAR!r})), Run.read(folder / "run.npz")
 """
 
-KILLED = """
-from rmrc.recording import stream
-stream.LONG = 0.1
-recorder = Recorder(folder / "run.rrd", prepared)
-for i, part in enumerate(blocks(run, 100)):
-    recorder.write(part)
-    print(recorder.part_path.stat().st_size, flush=True)
-    time.sleep(0.15 * (i == 6))
-    if i + 1 == int(sys.argv[2]):
-        os.kill(os.getpid(), signal.SIGKILL)
-"""
-
 FULL = """
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
@@ -279,56 +235,6 @@ except RecordingError as error:
 def in_another_process(code, folder, *more):
     command = [sys.executable, "-c", PRELUDE + code, folder, *more]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-
-
-def killed(folder, planar, count):
-    """Return what a process that ended itself after some blocks left, and its size after each."""
-    planar[1].save(folder / "run.npz")
-    done = in_another_process(KILLED, folder, str(count))
-    assert done.returncode == -signal.SIGKILL, done.stderr
-    assert not (folder / "run.rrd").exists()
-    return folder / "run.rrd.part", [int(size) for size in done.stdout.split()]
-
-
-def copied(folder, planar, count):
-    """Return a copy of the file as it is after some blocks, which is what a kill would leave, and its sizes."""
-    with Recorder(folder / "run.rrd", planar[0]) as recorder:
-        sizes = []
-        for i, part in enumerate(blocks(rows(planar[1], 0, 100 * count), 100)):
-            recorder.write(part)
-            sizes.append(recorder.part_path.stat().st_size)
-            time.sleep(0.15 * (i == 6))
-        shutil.copy(recorder.part_path, folder / "copied.part")
-    return folder / "copied.part", sizes
-
-
-@pytest.mark.parametrize(
-    ("left", "count"),
-    [(copied, 8), *(pytest.param(killed, count, marks=pytest.mark.long) for count in (8, 7))],
-)
-def test_after_kill_9_every_block_written_is_readable_and_the_layout_is_there(
-    planar, tmp_path, monkeypatch, left, count
-):
-    """The layout is written with the eighth block, or later: not before some time has passed."""
-    run = planar[1]
-    monkeypatch.setattr(stream, "LONG", 0.1)  # as the other process has it
-    part, sizes = left(tmp_path, planar, count)
-    seen = tmp_path / "seen.rrd"
-    assert_same_bits(read_columns(part), rows(run, 0, 100 * count).columns)
-    repair(part, seen)
-    names = [
-        table["ViewBlueprint:display_name"][0]
-        for found in layouts(seen) for table in found.values() if "ViewBlueprint:display_name" in table
-    ]  # fmt: skip
-    plots = [name for name in names if name.startswith(("Joint rates", "Singular values"))]
-    assert len(plots) == (2 if count == 8 else 0)
-    if count == 8:
-        assert_looks_at_what_is_recorded(seen, [last_layout(seen)])
-        assert drawn(seen)["error"].shape == (800, 1)
-        assert {"Events", "Scenario", "Now"} <= {*names}
-    # torn early in the last block, as when the computer stops
-    os.truncate(part, sizes[count - 2] + 2000)
-    assert_same_bits(read_columns(part), rows(run, 0, 100 * (count - 1)).columns)
 
 
 @pytest.mark.long  # rerun may first have to be waited for

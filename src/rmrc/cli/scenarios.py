@@ -179,7 +179,7 @@ def replay(
     """Open a recording in the rerun viewer, on this machine only and without telemetry."""
     from rmrc.recording import viewer
 
-    raise typer.Exit(viewer.replay(recording, web, at, port))
+    viewer.replay(recording, web, at, port)
 
 
 def _stands_for_one(path: Path) -> bool:

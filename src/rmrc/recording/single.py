@@ -21,7 +21,6 @@ Entities:
 """
 
 import re
-import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -58,7 +57,6 @@ from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
 from rmrc.recording.thinning import ADDED, OFTEN_FOLLOWING, SAME, completed, restored
 from rmrc.recording.track import Track, prefix_of
-from rmrc.recording.viewer import is_torn, repair
 from rmrc.results.columns import COLUMNS
 from rmrc.results.run import Run
 from rmrc.show.palette import of_status
@@ -341,10 +339,10 @@ class _Story(Track):
 def read_columns(
     path: Path, variant: str | None = None, baseline: bool = False
 ) -> dict[str, NDArray[np.generic]]:
-    """Return all columns of a recording, or of the rest that a killed process left, bit for bit.
+    """Return all columns of a recording, bit for bit.
 
     Args:
-        path: A `.rrd` or `.rrd.part` file.
+        path: A `.rrd` file.
         variant: Label of a variant, of the recording of a comparison.
         baseline: Whether those of the baseline, of the recording of a run that has one.
 
@@ -354,16 +352,10 @@ def read_columns(
 
     Raises:
         RecordingError: The file is missing, damaged, or no recording of a run or of that variant.
-        ViewerError: A `.part` that cannot be repaired.
     """
     if not path.is_file():
         raise RecordingError(f"{path}: no such recording")
-    with tempfile.TemporaryDirectory(prefix="rmrc-") as folder:
-        whole = path
-        if path.suffix == ".part" or is_torn(path):
-            whole = Path(folder) / path.name.removesuffix(".part")
-            repair(path, whole)
-        pieces = _pieces(path, whole, variant, BASELINE if baseline else "")
+    pieces = _pieces(path, path, variant, BASELINE if baseline else "")
     columns, complete = {}, []
     for name, found in pieces.items():
         ticks = np.concatenate([ticks for ticks, _ in found])
