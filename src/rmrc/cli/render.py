@@ -96,9 +96,6 @@ def render(
         )
     pixels = _pixels(size)
     with interruption("interrupted; nothing was written"):
-        from rmrc.film.opengl import refuse_missing
-
-        refuse_missing()  # before MuJoCo is imported
         from rmrc.film import film
         from rmrc.results.leaving import refuse_unwritable
         from rmrc.study.pictures import worlds_of
