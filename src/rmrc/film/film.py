@@ -1,7 +1,6 @@
 """Runs as a picture or a film: each arm with its title above and its rates below, several side by side."""
 
 import math
-import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -36,10 +35,8 @@ SIZE, LEAST, MOST = 480, 200, 4096
 COLUMNS, MOST_FRAMES = 3, 6000
 # Height of the title and of its letters [pixels], and height of the rates relative to the whole.
 TITLE, LETTERS, RATES = 44, 15, 0.4
-# Of the rates: pixels per inch, size of letters [pt], widths of one and of a line in the legend [pixels].
-DPI, SMALL, LETTER, ENTRY = 100.0, 8.0, 6, 45
-# Least height of the rates with a legend [pixels], and color of their cursor.
-ROOMY, CURSOR = 150, (230, 71, 77)
+# Of the rates: pixels per inch, size of letters [pt], least height with a legend [pixels], color of cursor.
+DPI, SMALL, ROOMY, CURSOR = 100.0, 8.0, 150, (230, 71, 77)
 # Width and dashes of the curves of a role.
 LOOKS = {"measured": (1.5, "-"), "commanded": (0.6, "-"), "plain": (0.9, "--"), "baseline": (0.9, ":")}
 
@@ -63,12 +60,9 @@ class Cut(NamedTuple):
 
 
 def render(
-    worlds: Worlds,
-    path: Path,
-    cut: Cut = Cut(),  # noqa: B008 (frozen)
-    size: tuple[int, int] | None = None,
-    watch: Watch | None = None,
-) -> None:
+    worlds: Worlds, path: Path, cut: Cut = Cut(),  # noqa: B008 (frozen)
+    size: tuple[int, int] | None = None, watch: Watch | None = None,
+) -> None:  # fmt: skip
     """Draw runs into a file, atomically.
 
     Args:
@@ -160,12 +154,9 @@ class Strip:
                 axes.plot(*points, dashes, color=color, linewidth=thick, label=name)
             for level in panel.levels:
                 axes.axhline(level.value, color=f"#{level.color >> 8:06x}", linewidth=0.9, linestyle=":")
-            title = "; ".join([f"{panel.title} [{panel.unit}]", *panel.beyond])
-            axes.set_title(textwrap.fill(title, width // LETTER), loc="left")
-            longest = max(len(text) for text in axes.get_legend_handles_labels()[1])
-            columns = max(1, width // (ENTRY + LETTER * longest))
+            axes.set_title("\n".join([f"{panel.title} [{panel.unit}]", *panel.beyond]), loc="left")
             if height >= ROOMY:
-                figure.legend(loc="outside lower left", ncols=columns, frameon=False)
+                figure.legend(loc="outside right upper", frameon=False)
             canvas = FigureCanvasAgg(figure)
             canvas.draw()  # type: ignore[no-untyped-call]
         self._picture = np.asarray(canvas.buffer_rgba())[:, :, :3]  # type: ignore[no-untyped-call]

@@ -20,8 +20,8 @@ from rmrc.support.spatial import quat_to_matrix
 Array = NDArray[np.float64]
 Kind, BALL = mujoco.mjtGeom, np.eye(3)
 
-# Number of ticks of a run for path and trail, and of those for the frame of the camera.
-SAMPLES, POSTURES = 160, 40
+# Number of ticks of a run for the frame of the camera, path and trail.
+SAMPLES = 160
 # Largest distance between the tip of the model and that of the run [m]: beyond, it is another model.
 SAME = 1e-6
 # Radii of skeleton, trail, wanted path, and of the balls at tip and target, relative to the reach; their ink.
@@ -107,11 +107,10 @@ class Shot:
         """
         self.label, self.run, self.arm = label, run, prepared.true_arm
         self._rows = np.unique(np.linspace(0, len(run) - 1, SAMPLES).round().astype(np.int64))
-        few = self._rows[:: -(-len(self._rows) // POSTURES)]
         is_same = run["qpos"].shape[1] == self.arm.model.nq and run.joints == self.arm.joints
-        data = [self.arm.data_at(run["qpos"][row]) for row in few if is_same]
+        data = [self.arm.data_at(run["qpos"][row]) for row in self._rows if is_same]
         bones = [self._bones(instant) for instant in data]
-        if not is_same or np.abs([b[-1] for b in bones] - run["pose"][few, :3]).max() > SAME:
+        if not is_same or np.abs([b[-1] for b in bones] - run["pose"][self._rows, :3]).max() > SAME:
             path = visible(str(self.arm.path))
             raise PictureError(f"{label}: {path} is no longer the model of the run; run it again")
         self.scene = Scene(prepared)
@@ -166,13 +165,9 @@ def _add_rods(scene: mujoco.MjvScene, points: Array, radius: float, colors: Sequ
 
 
 def _add(
-    scene: mujoco.MjvScene,
-    color: int,
-    place: Array,
-    size: Array,
-    axes: Array = BALL,
+    scene: mujoco.MjvScene, color: int, place: Array, size: Array, axes: Array = BALL,
     end: Array | None = None,
-) -> mujoco.MjvGeom:
+) -> mujoco.MjvGeom:  # fmt: skip
     """Add an ellipsoid, or a rod, to a scene, and return it.
 
     Args:
