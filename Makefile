@@ -12,7 +12,7 @@ figures:
 	$(PYTHON) -m rmrc workspace models/stanford.xml --over theta_2,theta_5 --site wrist --picture docs/figures/wrist_stanford.png --out build/figures --quiet
 	$(PYTHON) -m rmrc inspect models/planar_2link.xml --q "80 deg,-160 deg" --q "60 deg,-120 deg" --q "30 deg,-60 deg" --q "10 deg,-20 deg" --picture docs/figures/ellipses_along_a_reach.png
 	$(PYTHON) -m rmrc inspect models/puma560.xml --picture docs/figures/ellipses_puma.png
-	$(PYTHON) -c "from pathlib import Path; from rmrc.show.textbook_figures import small_displacements; small_displacements([Path('docs/figures/small_displacements.png')])"
+	$(PYTHON) tools/small_displacements.py docs/figures/small_displacements.png
 	$(PYTHON) -m rmrc identify scenarios/arm_log.csv --picture docs/figures/identify_arm_log.png --out build/figures --quiet
 	$(PYTHON) -m rmrc tune scenarios/approach_singularity.yaml --set "target.path[0].line.to=[1.995, 0]" --picture docs/figures/front_approach_singularity.png --out build/figures --quiet
 

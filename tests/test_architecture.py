@@ -52,12 +52,8 @@ OWNERS = {
     "matplotlib": (
         *(
             "rmrc.show.figures",
-            "rmrc.show.compare_figure",
+            "rmrc.show.figure",
             "rmrc.show.page",
-            "rmrc.show.axes",
-            "rmrc.show.plot",
-            "rmrc.show.run_figure",
-            "rmrc.show.textbook_figures",
             "rmrc.study.pictures",
             "rmrc.tuning.page",
             "rmrc.film.film",

@@ -1,6 +1,7 @@
 """The Makefile makes every picture of the documents, and its commands are ones that the program knows."""
 
 import re
+import runpy
 import shlex
 
 import pytest
@@ -42,7 +43,7 @@ COARSE = {
     mostly_long(COMMANDS, 5, slow=[one for one in COMMANDS if " margins " in one or "workspace_6_3" in one]),
     ids=lambda command: PICTURE.search(command)[1],
 )
-def test_commands_of_the_makefile_run(rmrc, tmp_path, command):
+def test_commands_of_the_makefile_run(rmrc, tmp_path, monkeypatch, command):
     """Coarser than for the page, and into another folder."""
     arguments = [
         str(ROOT / part)
@@ -50,8 +51,9 @@ def test_commands_of_the_makefile_run(rmrc, tmp_path, command):
         else part.replace("docs/figures", str(tmp_path / "out")).replace("build/", f"{tmp_path}/")
         for part in shlex.split(command)
     ]
-    if arguments[0] == "-c":
-        exec(compile(arguments[1], "Makefile", "exec"), {})
+    if arguments[0].startswith("tools/"):
+        monkeypatch.setattr("sys.argv", arguments)
+        runpy.run_path(str(ROOT / arguments[0]), run_name="__main__")
     else:
         code, _, err = rmrc(*arguments[2:], *COARSE.get(arguments[2], []))
         assert (arguments[:2], code, err) == (["-m", "rmrc"], 0, "")

@@ -48,7 +48,7 @@ def contrast(first, second):
 PANELS = {
     "rates": (*palette.HUES, palette.GRAY),
     "sigma": (palette.GREEN, palette.LIME, palette.MAGENTA, palette.GRAY, palette.SLATE),
-    "errors": (palette.GOLD, palette.INDIGO, palette.SLATE),
+    "errors": (palette.GOLD, palette.INDIGO, palette.GRAY),
     "strip": (palette.RED, palette.TEAL, palette.SLATE),
 }
 
@@ -60,6 +60,14 @@ def test_colors_of_a_panel_are_told_apart(panel, sight):
     for i, first in enumerate(colors):
         for second in colors[:i]:
             assert distance(first, second, sight) >= 20.0, (f"{first:08x}", f"{second:08x}")
+
+
+def test_six_joints_have_six_clearly_different_colors():
+    """Colors that differ by a ΔE of 27, such as two blues, are taken for each other in thin lines."""
+    for first, second in combinations(palette.HUES[:6], 2):
+        assert distance(first, second, "normal") >= 35.0, (f"{first:08x}", f"{second:08x}")
+        assert min(distance(first, second, sight) for sight in SIGHTS) >= 23.0
+    assert distance(0x2F7FE8FF, 0x4B96D2FF, "normal") < 30.0  # negative control: two blues
 
 
 @pytest.mark.parametrize("sight", SIGHTS)

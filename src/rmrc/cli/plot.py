@@ -56,8 +56,9 @@ def plot(
         str | None,
         typer.Option(
             metavar="NAME,NAME,...",
-            help="Any of path, rates, sigma, error, torque, pace, status and g, drawn in this order from "
-            "the top; for a sweep: distributions, keys; default: all panels that have data.",
+            help="Any of arm, path, rates, sigma, error, turn_error, torque, pace, belief, joints, status "
+            "and g, in this order from the top; for a sweep: distributions, keys; default: all that have "
+            "data, but arm and joints.",
         ),
     ] = None,
     width: Annotated[
@@ -76,7 +77,7 @@ def plot(
     size = inches(width)
     with interruption("interrupted; nothing was written"):
         from rmrc.results.leaving import refuse_unwritable
-        from rmrc.show.axes import NAMES
+        from rmrc.show.figure import NAMES
         from rmrc.study import pictures
 
         names = _chosen(panels, pictures.PANELS if run.suffix == ".parquet" else NAMES)

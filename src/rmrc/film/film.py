@@ -19,7 +19,8 @@ from rmrc.film.encode import delay_of, write_gif, write_mp4, write_png
 from rmrc.film.shot import Shot, fitted, renderer_of
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
-from rmrc.show.panels import Panel, in_words, panels, thinned
+from rmrc.show.figure import draw
+from rmrc.show.panels import Panel, in_words, panels
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.files import written_whole
 from rmrc.support.legible import visible
@@ -37,8 +38,6 @@ COLUMNS, MOST_FRAMES = 3, 6000
 TITLE, LETTERS, RATES = 44, 15, 0.4
 # Of the rates: pixels per inch, size of letters [pt], least height with a legend [pixels], color of cursor.
 DPI, SMALL, ROOMY, CURSOR = 100.0, 8.0, 150, (230, 71, 77)
-# Width and dashes of the curves of a role.
-LOOKS = {"measured": (1.5, "-"), "commanded": (0.6, "-"), "plain": (0.9, "--"), "baseline": (0.9, ":")}
 
 
 class Cut(NamedTuple):
@@ -144,19 +143,18 @@ class Strip:
 
     def __init__(self, panel: Panel, ends: tuple[float, float], last: float, width: int, height: int) -> None:
         """Draw a panel with the ends of its axis, until a time [s], at a size [pixels]."""
-        with mpl.rc_context({"font.size": SMALL, "legend.fontsize": SMALL, "axes.titlesize": SMALL}):
+        with mpl.rc_context({"font.size": SMALL, "legend.fontsize": SMALL}):
             figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, layout="constrained")
-            self._axes = axes = figure.add_subplot(xlim=(0.0, last), ylim=ends, xlabel="time [s]")
-            for curve in panel.curves:
-                thick, dashes = LOOKS[curve.role]
-                name = "" if curve.role == "commanded" else curve.name.partition(",")[0]
-                color, points = f"#{curve.color >> 8:06x}", thinned(curve.time, curve.values, width)
-                axes.plot(*points, dashes, color=color, linewidth=thick, label=name)
-            for level in panel.levels:
-                axes.axhline(level.value, color=f"#{level.color >> 8:06x}", linewidth=0.9, linestyle=":")
-            axes.set_title("\n".join([f"{panel.title} [{panel.unit}]", *panel.beyond]), loc="left")
-            if height >= ROOMY:
-                figure.legend(loc="outside right upper", frameon=False)
+            self._axes = axes = figure.add_subplot(xlim=(0.0, last), xlabel="time [s]")
+            draw(axes, panel, 72.0 * width / DPI)
+            axes.set_ylim(ends)
+            if legend := axes.get_legend():  # beside the curves, which are low
+                names = [text.get_text() for text in legend.get_texts()]
+                lines = [*filter(None, legend.legend_handles)]
+                axes.set_title(legend.get_title().get_text(), loc="left", fontsize=SMALL)
+                if height >= ROOMY:
+                    figure.legend(lines, names, loc="outside right upper", frameon=False)
+                legend.remove()
             canvas = FigureCanvasAgg(figure)
             canvas.draw()  # type: ignore[no-untyped-call]
         self._picture = np.asarray(canvas.buffer_rgba())[:, :, :3]  # type: ignore[no-untyped-call]

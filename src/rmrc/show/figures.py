@@ -1,21 +1,19 @@
 """Pictures that do not depend on color alone, and their files, written whole."""
 
 import io
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from textwrap import fill
 from typing import Any
 
 import matplotlib as mpl
-from matplotlib.backend_bases import get_registered_canvas_class
 from matplotlib.figure import Figure
 
 from rmrc.show.asked import ASKED
 from rmrc.support.files import written_whole
 
-# Without colors, these distinguish neighbors; each of a dozen curves has its own pair.
-DASHES = ((1, 0), (5, 2), (2, 1), (6, 1.5, 1.5, 1.5), (9, 3), (3, 1, 1, 1, 1, 1))
+# Without colors, these distinguish neighbors.
 MARKERS = "osD^vP*X"
 # Resolution of a PNG [1/in].
 DPI = 150
@@ -110,28 +108,11 @@ def _write(figure: Figure, to: Path | io.BytesIO, kind: str) -> None:
     # Text stays text, so that a page can be searched, in fonts that journals accept (they refuse Type 3). A
     # date would make the files of equal pictures differ.
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
-    with (
-        mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rmrc", "pdf.fonttype": 42}),
-        _arranged(figure, kind),
-    ):
-        figure.savefig(to, format=kind, dpi=DPI, metadata=metadata)
-
-
-@contextmanager
-def _arranged(figure: Figure, kind: str) -> Iterator[None]:
-    """Arrange a figure for the widths of letters in a kind of file: `savefig` alone would draw it twice."""
-    canvas, dpi, layout = figure.canvas, figure.dpi, figure.get_layout_engine()
-    try:
-        if layout is not None:
-            get_registered_canvas_class(kind)(figure)
-            figure.dpi = DPI
-            layout.execute(figure)
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rmrc", "pdf.fonttype": 42}):
+        if engine := figure.get_layout_engine():  # savefig alone would arrange it twice
+            engine.execute(figure)
             figure.set_layout_engine("none")
-        yield
-    finally:
-        figure.set_layout_engine(layout or "none")
-        figure.set_canvas(canvas)
-        figure.dpi = dpi
+        figure.savefig(to, format=kind, dpi=DPI, metadata=metadata)
 
 
 def plain(text: str) -> str:

@@ -1,161 +1,210 @@
-"""A page to send: one self-contained HTML file, which loads no other file and prints well."""
+"""A page to send: one self-contained HTML file, which loads no other file and prints well.
 
+Pages of runs, comparisons, sweeps and searches have this template: a sentence, and sections with tables,
+pictures, plots with a cursor, and texts to copy.
+"""
+
+import base64
 import json
-import os
 import re
-from collections.abc import Mapping, Sequence
-from functools import cache
+from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from urllib.parse import quote
+from typing import Any, NamedTuple
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from rmrc.results.run import Run
 from rmrc.show.figures import as_svg
+from rmrc.show.palette import css
+from rmrc.show.panels import LOOKS, Array, Curve, Lane, Panel, Runs, extremes, lanes, panels
 from rmrc.show.sheets import Sheet
-from rmrc.show.traces import Traces
 from rmrc.support.files import written_whole
 from rmrc.support.legible import visible
 
 # Nothing may be loaded, sent or framed: the page contains everything that it needs.
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
-_ICON = "data:image/svg+xml,%3Csvg xmlns=%22http://www.w3.org/2000/svg%22/%3E"
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+ICON = "data:image/svg+xml,%3Csvg xmlns=%22http://www.w3.org/2000/svg%22/%3E"
+# Largest number of values of a plot. In a longer run, each span of time keeps the least and the largest one.
+ROOM = 60_000
 
 
-@cache
-def _asset(name: str) -> str:
-    return files("rmrc.show").joinpath("assets", name).read_text("utf-8")
+class Section(NamedTuple):
+    """A part of a page.
+
+    Attributes:
+        title: Its heading.
+        parts: What `table`, `items`, `picture`, `code` and `plots` return.
+        is_wide: Whether it has the whole width of a wide window.
+    """
+
+    title: str
+    parts: Sequence[str]
+    is_wide: bool = False
 
 
+@dataclass(frozen=True)
 class Page:
-    """A page, filled from the top down."""
+    """A page.
 
-    def __init__(self, title: str, lead: str = "") -> None:
-        """Begin a page.
+    Attributes:
+        title: Its heading.
+        lead: The sentence below; may be empty.
+        sections: Its parts; those without content are not shown.
+    """
 
-        Args:
-            title: Its heading.
-            lead: A sentence below it; "": none.
-        """
-        self._title, self._body, self._traces = title, list[str](), ""
-        self._count, self._linked = 0, dict[str, Path]()
-        if lead:
-            self._body.append(f'<p class="lead">{_text(lead)}</p>')
-
-    def section(self, title: str, note: str = "") -> None:
-        """Begin a section; the note is a sentence below its heading."""
-        self._body.append(f"<h2>{_text(title)}</h2>")
-        if note:
-            self._body.append(f'<p class="soft">{_text(note)}</p>')
-
-    def items(self, lines: Sequence[str]) -> None:
-        """Add a list of sentences."""
-        rows = "".join(f"<li>{_text(line)}</li>" for line in lines)
-        self._body.append(f"<ul>{rows}</ul>")
-
-    def table(self, sheet: Sheet, links: Mapping[int, Mapping[str, Path]] | None = None) -> None:
-        """Add a table and its notes; a cell that is `ok` or `MISSED` has that color as well.
-
-        Args:
-            sheet: The table.
-            links: Files that cells link to, by column and text. The links are relative to the page.
-        """
-        if sheet.headings:
-            title = f"<caption>{_text(sheet.title)}</caption>" if sheet.title else ""
-            cells = [_heading(text, i in sheet.left) for i, text in enumerate(sheet.headings)]
-            head = f"<thead><tr>{''.join(cells)}</tr></thead>" if any(sheet.headings) else ""
-            rows = "".join(f"<tr>{self._row(row, sheet.left, links or {})}</tr>" for row in sheet.rows)
-            self._body.append(
-                f'<div class="wide" tabindex="0"><table>{title}{head}<tbody>{rows}</tbody></table></div>'
-            )
-        for note in sheet.notes:
-            self._body.append(f"<p>{_text(note)}</p>")
-
-    def figure(self, figure: Figure, caption: str) -> None:
-        """Add a picture as vector graphics; the caption describes it."""
-        drawn = re.sub(r"(?s)<metadata>.*?</metadata>", "", as_svg(figure))
-        drawn = drawn[drawn.index("<svg") :]
-        self._count += 1
-        # Equal pictures have equal names of their parts, and names on a page must be unique.
-        drawn = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>f{self._count}-", drawn)
-        drawn = drawn.replace("<svg", f'<svg role="img" aria-label="{escape(visible(caption))}"', 1)
-        self._body.append(f"<figure>{drawn}<figcaption>{_text(caption)}</figcaption></figure>")
-
-    def code(self, text: str, button: str) -> None:
-        """Add lines of text, with a button that copies them."""
-        self._count += 1
-        name = f"text-{self._count}"
-        self._body.append(
-            f'<p class="screen"><button type="button" data-copies="{name}">{_text(button)}</button></p>'
-            f'<pre id="{name}" tabindex="0">{_text(text, lines=True)}</pre>'
-        )
-
-    def plots(self, traces: Traces) -> None:
-        """Add plots over time with cursor and zoom; once per page."""
-        self._body.append(
-            '<div class="screen"><p>Move over a plot to read values, drag to zoom in on a time, and click '
-            "a name below a plot to hide or show its line. "
-            '<button type="button" id="whole">Show the whole time</button></p>'
-        )
-        for panel in traces.panels:
-            peak = f' <span class="peak">{_text(panel.peak)}</span>' if panel.peak else ""
-            self._body.append(f'<h3>{_text(panel.title)}{peak}</h3><div id="{panel.place}"></div>')
-        self._body.append("</div>")
-        # Within a script only "</" and "<!" have a meaning for the parser of the page.
-        data = json.dumps(traces.json(), allow_nan=False).replace("<", "\\u003c")
-        self._traces = f'<script type="application/json" id="traces">{data}</script>'
+    title: str
+    lead: str
+    sections: Sequence[Section]
 
     def write(self, path: Path) -> None:
         """Write the page, atomically."""
-        html = self._html()
-        for place, file in self._linked.items():
-            html = html.replace(place, _address(file, path.parent))
         with written_whole(path) as temporary:
-            temporary.write_text(html, "utf-8")
+            temporary.write_text(self.html(), "utf-8")
 
-    def _row(self, row: Sequence[str], left: frozenset[int], links: Mapping[int, Mapping[str, Path]]) -> str:
-        cells = []
-        for i, cell in enumerate(row):
-            kinds = {"ok": ["ok"], "MISSED": ["missed"]}.get(cell, []) + ["word"] * (i in left)
-            kind = f' class="{" ".join(kinds)}"' if kinds else ""
-            text = _text(cell, lines=True)
-            if file := links.get(i, {}).get(cell):
-                place = f"rmrc:file-{len(self._linked)}-of-this-page"
-                self._linked[place] = file
-                text = f'<a href="{place}">{text}</a>'
-            opening, closing = ('<th scope="row"', "</th>") if i == 0 and cell else ("<td", "</td>")
-            cells.append(f"{opening}{kind}>{text}{closing}")
-        return "".join(cells)
-
-    def _html(self) -> str:
-        title = _text(self._title)
-        plotted = bool(self._traces)
-        style = "\n".join(_asset(name) for name in ("uPlot.min.css", "page.css")[not plotted :])
-        script = "\n".join(_asset(name) for name in ("uPlot.iife.min.js", "page.js")[not plotted :])
+    def html(self) -> str:
+        """Return the page as text."""
+        assets = files("rmrc.show").joinpath("assets")
+        style, script = (
+            "\n".join(assets.joinpath(name).read_text("utf-8") for name in names)
+            for names in (("uPlot.min.css", "page.css"), ("uPlot.iife.min.js", "page.js"))
+        )
+        body = "\n".join(
+            f"<section{' class=wide' * section.is_wide}><h2>{_text(section.title)}</h2>\n"
+            + "\n".join(section.parts)
+            + "\n</section>"
+            for section in self.sections
+            if any(section.parts)
+        )
+        title, lead = _text(self.title), f'<p class="lead">{_text(self.lead)}</p>' if self.lead else ""
         return (
             f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>\n'
-            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
+            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-            f'<link rel="icon" href="{_ICON}">\n'
-            f"<style>{style}</style></head>\n<body><header><h1>{title}</h1></header>\n<main>\n"
-            + "\n".join(self._body)
-            + f"\n</main>\n{self._traces}\n<script>{script}</script>\n</body></html>\n"
+            f'<link rel="icon" href="{ICON}">\n<style>{style}</style></head>\n'
+            f"<body><header><h1>{title}</h1>{lead}</header>\n<main>\n{body}\n</main>\n"
+            f"<script>{script}</script>\n</body></html>\n"
         )
 
 
-def _text(text: str, lines: bool = False) -> str:
-    return escape(visible(text, keep="\n" if lines else ""))
+def table(sheet: Sheet) -> str:
+    """Return a table with its notes; a cell that is `ok` or `MISSED` has that color as well."""
+    rows = "".join(f"<tr>{_cells(row, sheet, is_head=False)}</tr>" for row in sheet.rows)
+    caption = f"<caption>{_text(sheet.title)}</caption>" if sheet.title else ""
+    head = (
+        f"<thead><tr>{_cells(sheet.headings, sheet, is_head=True)}</tr></thead>"
+        if any(sheet.headings)
+        else ""
+    )
+    drawn = f'<div class="scroll" tabindex="0"><table>{caption}{head}<tbody>{rows}</tbody></table></div>'
+    return drawn * bool(rows) + "".join(f"<p>{_text(note)}</p>" for note in sheet.notes)
 
 
-def _heading(text: str, is_word: bool) -> str:
-    kind = ' class="word"' if is_word else ""
-    return f'<th scope="col"{kind}>{_text(text, lines=True)}</th>' if text.strip() else f"<td{kind}></td>"
+def items(lines: Sequence[str]) -> str:
+    """Return a list of sentences."""
+    return f"<ul>{''.join(f'<li>{_text(line)}</li>' for line in lines)}</ul>" if lines else ""
 
 
-def _address(file: Path, folder: Path) -> str:
-    """Return the address of a file relative to a folder; of one on another drive, the whole address."""
-    try:
-        return quote(Path(os.path.relpath(file, folder)).as_posix())
-    except ValueError:
-        return file.as_uri()
+def picture(figure: Figure, caption: str) -> str:
+    """Return a picture as vector graphics, once per page; the caption describes it."""
+    svg = re.sub(r"(?s)^.*?(?=<svg)|<metadata>.*?</metadata>", "", as_svg(figure)).replace(
+        "<svg", f'<svg role="img" aria-label="{escape(caption)}"', 1
+    )
+    return f"<figure>{svg}<figcaption>{_text(caption)}</figcaption></figure>"
+
+
+def code(text: str, button: str) -> str:
+    """Return lines of text, once per page, with a button that copies them."""
+    return (
+        f'<p class="screen"><button type="button" data-copies="text">{_text(button)}</button></p>'
+        f'<pre id="text" tabindex="0">{_text(text)}</pre>'
+    )
+
+
+def plots(runs: Run | Runs) -> str:
+    """Return plots over time with cursor and zoom, once per page; each run has one tick at least."""
+    data, headings = list[dict[str, Any]](), list[str]()
+    for panel in panels(runs):
+        data.append(_plotted(panel))
+        beyond = f' <span class="peak">{_text("; ".join(panel.beyond))}</span>' if panel.beyond else ""
+        headings.append(f"{_text(f'{panel.title} [{panel.unit}]')}{beyond}")
+    if states := lanes(runs):
+        first, *_ = data
+        data.append(
+            {**first, "title": "Status", "curves": [], "levels": [], "lanes": list(map(_lane, states))}
+        )
+        headings.append("Status")
+    boxes = (
+        f'<div><h3>{heading}</h3><div class="plot" id="plot-{i}"></div></div>'
+        for i, heading in enumerate(headings)
+    )
+    # Within a script only "</" and "<!" have a meaning for the parser of the page.
+    text = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
+    return (
+        '<p class="screen">Move over a plot to read values, drag to zoom in on a time, and click a name '
+        'below a plot to hide or show its line. <button type="button" id="whole">Show the whole time</button>'
+        f'</p><div class="plots">{"".join(boxes)}</div>'
+        f'<script type="application/json" id="data">{text}</script>'
+    )
+
+
+def _plotted(panel: Panel) -> dict[str, Any]:
+    """Return what the page draws of a panel, with all curves at the same times.
+
+    A curve keeps its value until the next tick, because runs may have different periods.
+    """
+    time = np.unique(np.round(np.concatenate([curve.time for curve in panel.curves]), 9))
+    values = list[Array]()
+    for curve in panel.curves:
+        rows = np.searchsorted(curve.time, time + 1e-9, side="right") - 1
+        values.append(np.where(time > curve.time[-1] + 1e-9, np.nan, curve.values[rows]))
+    if len(time) * (len(values) + 1) > ROOM:
+        spans = max(1, ROOM // (2 * len(values) * (len(values) + 1)))
+        rows = np.unique(np.concatenate([extremes(some, spans) for some in values]))
+        time, values = time[rows], [some[rows] for some in values]
+    if panel.is_logarithmic:
+        values = [np.where(some > 0.0, some, np.nan) for some in values]
+    return {
+        "title": panel.title, "range": panel.range, "logarithmic": panel.is_logarithmic,
+        "time": _packed(time), "lanes": [],
+        "levels": [{"value": level.value, "color": css(level.color)} for level in panel.levels],
+        "curves": [
+            {**_look(curve), "values": _packed(some)}
+            for curve, some in zip(panel.curves, values, strict=True)
+        ],
+    }  # fmt: skip
+
+
+def _look(curve: Curve) -> dict[str, Any]:
+    """Return label, color, width and dashes [px] of a curve."""
+    width, dashes = 1.25 * LOOKS[curve.role][0], [2.0 * part for part in curve.dashes]
+    return {"label": curve.label, "color": css(curve.color), "width": width, "dash": dashes}
+
+
+def _lane(lane: Lane) -> dict[str, Any]:
+    return {"name": lane.name, "spans": lane.spans, "color": css(lane.color)}
+
+
+def _packed(values: Array) -> str:
+    """Return values as little-endian 32-bit floats in base64."""
+    with np.errstate(over="ignore"):  # values beyond the range have no place in a plot
+        return base64.b64encode(values.astype("<f4").tobytes()).decode()
+
+
+def _cells(cells: Sequence[str], sheet: Sheet, is_head: bool) -> str:
+    """Return a row of a table; its first cell names the row."""
+    row = []
+    for i, cell in enumerate(cells):
+        style = {"ok": ["ok"], "MISSED": ["missed"]}.get(cell, []) + ["word"] * (i in sheet.left)
+        scope = "col" if is_head else "row" if i == 0 else ""
+        tag, more = ("th", f' scope="{scope}"') if scope and cell.strip() else ("td", "")
+        more += f' class="{" ".join(style)}"' if style else ""
+        row.append(f"<{tag}{more}>{_text(cell)}</{tag}>")
+    return "".join(row)
+
+
+def _text(text: str) -> str:
+    return escape(visible(text, keep="\n"))

@@ -1,15 +1,16 @@
 """Colors, 0xRRGGBBAA, one for each thing, for a dark and a light background and for all color vision.
 
 Each has a contrast of at least 3 against white and against the viewer's dark background. Any two that share a
-panel differ by a ΔE of at least 20 (CIE 1976), also for deuteranopes and protanopes. Joints have no green,
-magenta, red or turquoise: these are for σ_min, λ, serious statuses, and active ones.
+panel differ by a ΔE of at least 20 (CIE 1976), also for deuteranopes and protanopes; those of the first six
+joints by 35, and by 23 for these. Joints have no green, magenta, bright red or turquoise: these are for
+σ_min, λ, serious statuses, and active ones.
 """
 
 from rmrc.scenario.choices import Status
 
 # Colors of joints, in the order of the chain, and of variants.
 HUES = (
-    0x2F7FE8FF, 0xE06C00FF, 0x692DFFFF, 0xA5875AFF, 0x4B96D2FF, 0xB44B1EFF, 0x695A87FF, 0x785A4BFF,
+    0x2F7FE8FF, 0xE06C00FF, 0x692DFFFF, 0x98945CFF, 0xA04458FF, 0x7A5890FF, 0x5898D8FF, 0xA84000FF,
 )  # fmt: skip
 BLACK, WHITE = 0x000000FF, 0xFFFFFFFF
 # Limits and bounds; the smallest singular value, and the others; λ; the tip and its error.
@@ -26,6 +27,16 @@ def of_status(status: int) -> int:
     return RED if status & GRAVE else TEAL if status else SLATE
 
 
+def css(color: int) -> str:
+    """Return a color as matplotlib and a page take it."""
+    return f"#{color >> 8:06x}"
+
+
+def paints(count: int) -> list[str]:
+    """Return the same colors as `distinct`, as matplotlib takes them."""
+    return [css(color) for color in distinct(count)]
+
+
 def hue(joint: int) -> int:
     """Return the color of a joint, 0xRRGGBBAA, by its number in the chain."""
     return HUES[joint % len(HUES)]
@@ -38,14 +49,8 @@ def distinct(count: int) -> list[int]:
     ['2f7fe8ff', '1c4c8bff']
     """
     rounds = (
-        (BLACK, 0.0),
-        (BLACK, 0.4),
-        (WHITE, 0.45),
-        (BLACK, 0.6),
-        (WHITE, 0.65),
-        (BLACK, 0.2),
-        (WHITE, 0.25),
-    )
+        (BLACK, 0.0), (BLACK, 0.4), (WHITE, 0.45), (BLACK, 0.6), (WHITE, 0.65), (BLACK, 0.2), (WHITE, 0.25),
+    )  # fmt: skip
     return [mix(HUES[i % len(HUES)], *rounds[i // len(HUES) % len(rounds)]) for i in range(count)]
 
 

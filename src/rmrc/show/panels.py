@@ -37,7 +37,16 @@ FLOOR = 1e-6
 # A path that is no longer than this is a point [m].
 POINT = 1e-6
 
-Role = Literal["measured", "commanded", "plain", "baseline", "second"]
+# Without colors, these distinguish neighbors: lengths of dashes and gaps, in widths of a line.
+DASHES: tuple[tuple[float, ...], ...] = (
+    (), (5, 2), (2, 1), (6, 1.5, 1.5, 1.5), (9, 3), (3, 1, 1, 1, 1, 1), (1, 1), (6, 1, 2, 1, 2, 1),
+)  # fmt: skip
+
+Role = Literal["measured", "commanded", "plain", "baseline"]
+# Width [pt] and dashes of the curves of a role; those of measured ones go by their number.
+LOOKS: Mapping[Role, tuple[float, tuple[float, ...]]] = {
+    "measured": (1.4, ()), "commanded": (0.5, ()), "plain": (0.9, (2, 1.2)), "baseline": (0.7, (4, 2)),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +76,12 @@ class Curve:
     @property
     def label(self) -> str:
         """Its name among all curves of a panel."""
-        return f"{self.name}, {self.role}" if self.role in ("commanded", "second") else self.name
+        return f"{self.name}, cmd" if self.role == "commanded" else self.name
+
+    @property
+    def dashes(self) -> tuple[float, ...]:
+        """Lengths of its dashes and gaps, in widths of its line; none: it is solid."""
+        return DASHES[self.number % len(DASHES)] if self.role == "measured" else LOOKS[self.role][1]
 
 
 class Level(NamedTuple):
@@ -146,14 +160,15 @@ def panels(runs: Run | Runs, names: Sequence[str] = ()) -> list[Panel]:
 
     Args:
         runs: A run, or runs by label; each has one tick at least.
-        names: Those to return, in this order; none: all that have data, but `joints`.
+        names: Those to return, in this order, if the runs have such a quantity; none: all that have data,
+            but `joints`.
     """
     some = {"": runs} if isinstance(runs, Run) else dict(runs)
     if len(some) == 1:
         (run,) = some.values()
         found = {panel.name: panel for panel in _of_run(run, names)}
     else:
-        found = {panel.name: panel for panel in _of_runs(some)}
+        found = {panel.name: panel for panel in _of_runs(some, names)}
     return [found[name] for name in names or NAMES if name in found]
 
 
@@ -175,12 +190,12 @@ def _of_run(run: Run, names: Sequence[str]) -> Iterator[Panel]:
     yield _rates(run)
     yield _sigma({"": run})
     yield from _errors(run)
-    if run["tau"].any():
+    if "torque" in names or run["tau"].any():
         limit = _levels(run, run.torque_limit)
         yield _signed("torque", "Actuator torque tau", units(run, "N·m", "N"), _joints(run, "tau"), limit)
-    if (run["path_rate"] < 1.0).any():
+    if "pace" in names or (run["path_rate"] < 1.0).any():
         yield _pace({"": run})
-    if not np.array_equal(run["q_believed"], run["q"]):
+    if "belief" in names or not np.array_equal(run["q_believed"], run["q"]):
         off = 1e3 * (run["q_believed"] - run["q"])
         curves = [
             Curve(name, run["time"], off[:, j], color, j)
@@ -191,13 +206,13 @@ def _of_run(run: Run, names: Sequence[str]) -> Iterator[Panel]:
         yield _signed("joints", "Joint positions q", units(run, "rad", "m"), _joints(run, "q"))
 
 
-def _of_runs(runs: Runs) -> Iterator[Panel]:
+def _of_runs(runs: Runs, names: Sequence[str]) -> Iterator[Panel]:
     """Yield the panels of runs side by side, by their largest values."""
     first, *_ = runs.values()
     limits = {limit for run in runs.values() for limit in run.rate_limit}
     level = [Level(limits.pop(), "limit", GRAY)] if len(limits) == 1 and math.inf not in limits else []
     unit = units(first, "rad/s", "m/s")
-    yield _sized("rates", "Largest commanded rate of a joint", unit, _each(runs, "qdot_cmd"), level)
+    yield _sized("rates", "Largest rate qdot_cmd of a joint", unit, _each(runs, "qdot_cmd"), level)
     yield _sigma(runs)
     moved, turned = error_rows(first)
     for name, title, unit, rows in (
@@ -209,9 +224,9 @@ def _of_runs(runs: Runs) -> Iterator[Panel]:
                 label: 1e3 * np.linalg.norm(run["pose_error"][:, rows], axis=1) for label, run in runs.items()
             }
             yield _sized(name, title, unit, _curves(runs, sizes))
-    if any(run["tau"].any() for run in runs.values()):
+    if "torque" in names or any(run["tau"].any() for run in runs.values()):
         yield _sized("torque", "Largest actuator torque tau", units(first, "N·m", "N"), _each(runs, "tau"))
-    if any((run["path_rate"] < 1.0).any() for run in runs.values()):
+    if "pace" in names or any((run["path_rate"] < 1.0).any() for run in runs.values()):
         yield _pace(runs)
 
 
@@ -246,7 +261,8 @@ def _sigma(runs: Runs) -> Panel:
         damping = np.where(run["damping"] > 0.0, run["damping"], np.nan)
         if not np.isnan(damping).all():
             name, color = ("λ", MAGENTA) if is_alone else (f"{label}, λ", colors[i])
-            curves.append(Curve(name, time, damping, color, i, "measured" if is_alone else "plain", label))
+            role: Role = "measured" if is_alone else "plain"
+            curves.append(Curve(name, time, damping, color, is_alone + i, role, label))
         if is_alone and np.isfinite(run["secondary_sigma"]).any():
             curves.append(Curve("σ left to the second task", time, run["secondary_sigma"], SLATE, 2))
         below |= {run.damping_below} - {0.0}
@@ -254,7 +270,8 @@ def _sigma(runs: Runs) -> Panel:
     values = np.concatenate([*(curve.values for curve in curves), [level.value for level in levels]])
     shown = np.maximum(values[values > 0.0], FLOOR)
     ends = decades(float(shown.min()), float(shown.max())) if len(shown) else (FLOOR, 1.0)
-    title = "Smallest singular value σ_min, damping λ"
+    has_damping = any(curve.name.endswith("λ") for curve in curves)
+    title = "Singular value σ_min" + ", damping λ" * has_damping
     return Panel("sigma", title, "1", curves, ends, levels, is_logarithmic=True)
 
 
@@ -343,8 +360,8 @@ def _sized(
     peaks = [_peak([curve]) for curve in curves]
     if len({curve.run for curve in curves}) > 1 and max(peaks) > APART * max(min(peaks), 1e-12):
         _, high = decades(max(peaks), max(peaks))
-        low = high * 10.0**-DECADES
-        return _within(Panel(name, title, unit, curves, (low, high), levels, is_logarithmic=True))
+        ends = (float(f"{high * 10.0**-DECADES:.0e}"), high)
+        return _within(Panel(name, title, unit, curves, ends, levels, is_logarithmic=True))
     top = _top(curves, levels, beside, clips=False)
     return _within(Panel(name, title, unit, [*beside, *curves], (0.0, top), levels))
 
@@ -374,14 +391,14 @@ def _within(panel: Panel) -> Panel:
     far = sorted({level.value for level in panel.levels if level.value > high})
     unit = "" if panel.unit == "1" else f" {panel.unit}"
     beyond = [f"limit{'s from' * (len(far) > 1)} {grouped(far[0])}{unit} ↑"] if far else []
-    peaks = []
+    most, peaks = "max" if panel.name in ("error", "turn_error") else "peak", []
     for role in ("measured", "commanded", "plain", "baseline"):
         curves = [curve for curve in panel.curves if curve.role == role]
         if _peak(curves) > high:
             curve = max(curves, key=lambda one: _peak([one]))
             size = np.nan_to_num(np.abs(curve.values), nan=0.0, posinf=0.0)
             row = int(size.argmax())
-            text = f"{curve.label}: peak {grouped(float(size[row]))}{unit}"
+            text = f"{curve.label}: {most} {grouped(float(size[row]))}{unit}"
             is_up = bool(curve.values[row] > 0.0)
             peaks.append(Peak(f"{text} {'↑' if is_up else '↓'}", float(curve.time[row]), is_up, curve.color))
     beyond += [peak.text for peak in peaks]
@@ -429,15 +446,20 @@ def _spans(run: Run, flag: Status) -> list[tuple[float, float]]:
 
 def thinned(time: Array, values: Array, spans: int) -> tuple[Array, Array]:
     """Return a curve by the least and the largest value of each span of time, so that peaks stay."""
-    every = -(-len(time) // spans)
+    rows = extremes(values, spans)
+    return time[rows], values[rows]
+
+
+def extremes(values: Array, spans: int) -> NDArray[np.intp]:
+    """Return the rows of the least and the largest value of each span, and the ends; all of a short curve."""
+    every = -(-len(values) // spans)
     if every <= 2:
-        return time, values
-    whole = len(time) // every * every
+        return np.arange(len(values))
+    whole = len(values) // every * every
     filled = np.nan_to_num(values[:whole].reshape(-1, every), nan=0.0)
     ends = np.stack([filled.argmin(axis=1), filled.argmax(axis=1)], axis=1)
     rows = (np.arange(len(filled))[:, None] * every + ends).ravel()
-    rows = np.unique(np.concatenate([[0], rows, np.arange(whole, len(time))]))
-    return time[rows], values[rows]
+    return np.unique(np.concatenate([[0], rows, np.arange(whole, len(values))]))
 
 
 def split_error(run: Run, moved: Sequence[int]) -> tuple[Array, Array]:

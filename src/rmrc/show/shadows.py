@@ -1,4 +1,4 @@
-"""Velocity ellipsoids along a path, as their shadows on the plane of a figure."""
+"""An arm and its velocity ellipsoids along a path, as shadows on the plane of a figure."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,21 +43,48 @@ def shadows(run: Run, first: int, second: int) -> tuple[float, list[Array], bool
     if longest <= FLAT * whole or not whole > 0.0:
         return TIMES[0], [], False
     extent = float(np.ptp(run["pose"][:, :3], axis=0).max())
-    time = next((one for one in TIMES if one * longest <= PART * extent), TIMES[-1])
+    time = next((time for time in TIMES if time * longest <= PART * extent), TIMES[-1])
     outlines = []
-    for row, own in zip(rows, drawn, strict=True):
+    for row, both in zip(rows, drawn, strict=True):
         outline = np.tile(run["pose"][row, :3], (73, 1))
-        outline[:, [first, second]] += time * ellipsoid_points(velocity_ellipsoid(own), 73)
+        outline[:, [first, second]] += time * ellipsoid_points(velocity_ellipsoid(both), 73)
         outlines.append(outline)
     across = np.delete(M, [first, second], axis=1)
     return time, outlines, bool(np.abs(across).max() > FLAT * whole)
+
+
+def closest(run: Run) -> int:
+    """Return the tick of the smallest singular value."""
+    return int(np.argmin(run["sigma"][:, -1]))
+
+
+def skeleton(run: Run, row: int) -> Array:
+    """Return an arm at a tick as a chain of points from its first axis to its tip, (p, 3) [m].
+
+    From the tip inward, each is the point of a joint's axis that is nearest to the one before. A sliding
+    joint begins where it would be at 0.
+
+    Args:
+        run: One that knows its screws.
+        row: The tick.
+    """
+    q, points = run["q"][row, list(run.leaders)], [run["pose"][row, :3]]
+    axes = space_jacobian(run.screws, q).T
+    for axis, position in zip(axes[::-1], q[::-1], strict=True):
+        turn, speed = axis[:3], axis[3:]
+        if size := np.linalg.norm(turn):
+            foot = np.cross(turn, speed) / size**2
+            points.append(foot + turn * (turn @ (points[-1] - foot)) / size**2)
+        else:
+            points.append(points[-1] - position * speed)
+    return np.array(points[::-1])
 
 
 def instants(run: Run) -> NDArray[np.intp]:
     """Return a few ticks that are evenly apart along the way out, and that of the smallest singular value."""
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(run["pose"][:, :3], axis=0), axis=1))])
     rows = np.searchsorted(way, np.linspace(0.0, 0.5 * way[-1], COUNT)).clip(0, len(run) - 1)
-    return np.unique([*rows, int(np.argmin(run["sigma"][:, -1]))])
+    return np.unique([*rows, closest(run)])
 
 
 def velocities(run: Run, rows: NDArray[np.intp]) -> Array:

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
@@ -13,11 +14,10 @@ from matplotlib.figure import Figure
 
 from rmrc.results.run import Run, read_runs
 from rmrc.scenario import Source, Variant, block, draft_of, grid, loads
-from rmrc.show.axes import paints
+from rmrc.show.figure import plot as plot_runs
 from rmrc.show.figures import COLUMN, Picture, plain, save
-from rmrc.show.page import Page
-from rmrc.show.plot import plot as plot_runs
-from rmrc.show.run_page import versions
+from rmrc.show.page import Page, Section, picture, table
+from rmrc.show.palette import paints
 from rmrc.show.sheets import Sheet, number
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.dataset import Table
@@ -49,8 +49,8 @@ def plot(
         result: A run; runs by label, as `compare` returns them; the rows that `sweep` returns; or the file of
             either, `NAME.npz` or `NAME.sweep.parquet`.
         path: File to write atomically: `.png`, `.svg` or `.pdf`; None: no file.
-        panels: Panels among path, rates, sigma, error, torque, pace, status and g, in this order from the
-            top; for a sweep, distributions and keys; none: all that have data.
+        panels: Panels among `rmrc.show.figure.NAMES`, in this order from the top; for a sweep, distributions
+            and keys; none: all that have data, but arm and joints.
         width: Width of the figure [in]: 3.5 and 7.16 are one and two columns of a journal.
         font: Font size [pt].
 
@@ -123,33 +123,26 @@ def _coordinates(values: Sequence[object]) -> list[float] | list[str]:
     """Return the values of a key in all runs: numbers, or a few different words; none for many words."""
     if all(value is None or isinstance(value, int | float) for value in values):
         return [math.nan if value is None else float(value) for value in values]  # type: ignore[arg-type]
-    words = list(map(str, values))
-    return words if len(set(words)) <= MOST_WORDS else []
+    return [*map(str, values)] if len({*map(str, values)}) <= MOST_WORDS else []
 
 
 def sweep_page(swept: Swept) -> Page:
     """Return the report page of a sweep."""
     (ends, extremes), status = swept.sheets(), swept.rows["status"]
-    page = Page(ends.title, f"{status.count('complete')} of {len(status)} runs completed the path.")
     settings = []
     for i in sorted({i for pair in swept.extremes().values() for i in pair}):
         values = [swept.rows[key][i] for key in swept.varied]
         texts = [number(value) if isinstance(value, float) else str(value) for value in values]
         settings.append((str(i), *texts))
-    for title, sheet in (
-        ("End of the runs", Sheet("", ends.headings, ends.rows)),
-        ("Extremes", extremes),
-        ("Settings of these runs", Sheet("", ("run", *swept.varied), settings)),
-    ):
-        page.section(title)
-        page.table(sheet)
+    sections = [
+        Section("End of the runs", [table(replace(ends, title=""))]),
+        Section("Extremes", [table(extremes)]),
+        Section("Settings of these runs", [table(Sheet("", ("run", *swept.varied), settings))]),
+    ]
     if swept.figures:
-        page.section("Distributions of the metrics, and the first one over the varied keys")
-        picture = sweep_figure(swept, None, width=9.6, font=9.0)
-        page.figure(picture, "Number of runs by value, and one dot per run")
-    page.section("Made with")
-    page.table(versions(json.loads(swept.rows["versions"][0])))
-    return page
+        drawn = picture(sweep_figure(swept, None, width=9.6, font=9.0), "Runs by value, and a dot a run")
+        sections += [Section("Distributions, and the first metric over the varied keys", [drawn])]
+    return Page(ends.title, f"{status.count('complete')} of {len(status)} runs completed the path.", sections)
 
 
 def render(

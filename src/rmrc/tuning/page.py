@@ -8,10 +8,9 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from rmrc.show import run_page
-from rmrc.show.axes import paints
 from rmrc.show.figures import MARKERS, entitle, explain, lettering, plain, sheet
-from rmrc.show.page import Page
-from rmrc.show.run_page import versions
+from rmrc.show.page import Page, Section, code, items, picture, table
+from rmrc.show.palette import paints
 from rmrc.study.dataset import Table, about_of, read_table
 from rmrc.study.pictures import sweep_page
 from rmrc.study.swept import Swept
@@ -36,9 +35,8 @@ def page(path: Path) -> Page:
     with reading(path, "an output of run, compare, sweep or tune"):
         if path.suffix != ".parquet":
             return run_page.page(path)
-        table = read_table(path)
-        is_search = "on_front" in table.column_names
-        return _of_search(table) if is_search else sweep_page(Swept.of(path, table))
+        rows = read_table(path)
+        return _of_search(rows) if "on_front" in rows.column_names else sweep_page(Swept.of(path, rows))
 
 
 def report(result: str | PathLike[str], path: str | PathLike[str] | None = None) -> Path:
@@ -61,25 +59,21 @@ def report(result: str | PathLike[str], path: str | PathLike[str] | None = None)
     return written
 
 
-def _of_search(table: Table) -> Page:
-    about, rows = json.loads(about_of(table.schema)), table.to_pylist()
+def _of_search(trials: Table) -> Page:
+    about, rows = json.loads(about_of(trials.schema)), trials.to_pylist()
     verdict, best = "No tried setting keeps the limits.", next(iter(named(rows)), None)
+    sections = [Section("Trials", [*map(table, sheets(about, rows)), items(about["lines"])], is_wide=True)]
     if best:
         result = f"{1e3 * best['error']:.3g} mm at a peak rate of {best['peak_rate']:.3g} rad/s"
         verdict = f"Recommended: {words(best)} ({numbers(best)}), with an error of {result}."
-    made = Page(f"Tuning of {about['name']}", verdict)
-    if best:
-        made.section("To paste", "The recommended control section.")
-        made.code(about["block"], "Copy the block")
-        made.section("Error against peak rate")
-        made.figure(front_figure(about["name"], rows), "Settings that keep the limits, and the Pareto front")
-    made.section("Trials")
-    for each in sheets(about, rows):
-        made.table(each)
-    made.items(about["lines"])
-    made.section("Made with")
-    made.table(versions(about["versions"]))
-    return made
+        drawn = picture(
+            front_figure(about["name"], rows), "Settings that keep the limits, and the Pareto front"
+        )
+        sections[:0] = [
+            Section("To paste: the recommended control section", [code(about["block"], "Copy the block")]),
+            Section("Error against peak rate", [drawn]),
+        ]
+    return Page(f"Tuning of {about['name']}", verdict, sections)
 
 
 def front_figure(name: str, rows: Sequence[Row]) -> Figure:

@@ -1,5 +1,5 @@
 "use strict";
-// Plots over time that share cursor and zoom, from the JSON block "traces"; and buttons that copy text.
+// Plots over time that share cursor and zoom, from the JSON block "data"; and a button that copies text.
 (() => {
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const paint = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -9,12 +9,9 @@
   // Values are little-endian 32-bit floats in base64; what is not finite is a gap.
   function values(text) {
     const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-    const view = new DataView(bytes.buffer), out = new Array(bytes.length / 4);
-    for (let i = 0; i < out.length; i++) {
-      const v = view.getFloat32(4 * i, true);
-      out[i] = Number.isFinite(v) ? v : null;
-    }
-    return out;
+    const view = new DataView(bytes.buffer);
+    return Array.from({length: bytes.length / 4}, (_, i) => view.getFloat32(4 * i, true))
+      .map((v) => Number.isFinite(v) ? v : null);
   }
 
   const plots = [];
@@ -22,79 +19,78 @@
   function zoomAll(from) {
     if (zooming) return;
     zooming = true;
-    for (const one of plots) if (one !== from) one.setScale("x", {min: from.scales.x.min, max: from.scales.x.max});
+    for (const plot of plots) if (plot !== from) plot.setScale("x", {min: from.scales.x.min, max: from.scales.x.max});
     zooming = false;
   }
 
-  function lines(panel) {
-    return (u) => {
-      const {ctx} = u, ratio = uPlot.pxRatio;
-      ctx.save();
+  // Limits are dotted lines. A status has its name above its times, each a pixel wide at least.
+  function marks(u, panel) {
+    const {ctx, bbox} = u, ratio = uPlot.pxRatio;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.lineWidth = ratio;
+    ctx.setLineDash([2 * ratio, 3 * ratio]);
+    for (const level of panel.levels) {
+      const y = u.valToPos(level.value, "y", true);
+      ctx.strokeStyle = level.color;
       ctx.beginPath();
-      ctx.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
-      ctx.clip();
-      for (const line of panel.lines) {
-        const y = u.valToPos(line.value, "y", true);
-        ctx.strokeStyle = paint("--soft");
-        ctx.lineWidth = ratio;
-        ctx.setLineDash([2 * ratio, 3 * ratio]);
-        ctx.beginPath();
-        ctx.moveTo(u.bbox.left, y);
-        ctx.lineTo(u.bbox.left + u.bbox.width, y);
-        ctx.stroke();
+      ctx.moveTo(bbox.left, y);
+      ctx.lineTo(bbox.left + bbox.width, y);
+      ctx.stroke();
+    }
+    ctx.font = `${12 * ratio}px system-ui, sans-serif`;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "middle";
+    panel.lanes.forEach((lane, i) => {
+      const top = bbox.top + i * 30 * ratio;
+      for (const span of lane.spans) {
+        const [begin, end] = span.map((time) => u.valToPos(time, "x", true));
+        ctx.fillStyle = lane.color;
+        ctx.fillRect(begin, top + 18 * ratio, Math.max(end - begin, ratio), 9 * ratio);
       }
-      ctx.restore();
-    };
+      ctx.fillStyle = paint("--ink");
+      ctx.fillText(lane.name, bbox.left + 4 * ratio, top + 9 * ratio);
+    });
+    ctx.restore();
   }
 
-  // All panels leave the same room on the left, so that times stand below each other.
-  function room(panels) {
-    const pen = document.createElement("canvas").getContext("2d");
-    pen.font = "12px system-ui";
-    return Math.max(75, ...panels.flatMap((one) => one.lanes).map((name) => pen.measureText(name).width + 20));
-  }
-
-  function pressed(u, i, change) {
-    if (i && change.show != null) u.root.querySelectorAll(".u-label")[i].setAttribute("aria-pressed", String(change.show));
-  }
-
-  // At most six powers of ten of an axis; where it has fewer than three, their double and fivefold too.
+  // At most six powers of ten of an axis.
   function powers(u, i, low, high) {
     const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9);
-    const step = Math.ceil((last - first + 1) / 6), found = [];
-    const parts = last - first < 2 ? [1, 2, 5] : [1];
-    for (let n = last - first < 2 ? first - 1 : first; n <= last; n += step || 1) {
-      for (const one of parts) found.push(one * 10 ** n);
-    }
-    return found.filter((one) => one >= low * (1 - 1e-9) && one <= high * (1 + 1e-9));
+    const step = Math.ceil((last - first + 1) / 6), all = [];
+    for (let n = first; n <= last; n += step) all.push(10 ** n);
+    return all;
   }
 
-  function power(value) {
-    return value < 1e-3 || value >= 1e4 ? value.toExponential(0) : String(Number(value.toPrecision(1)));
-  }
-
-  function draw(panel, place, first, left, isLast) {
-    const axis = {stroke: paint("--ink"), grid: {stroke: paint("--line"), width: 1}, ticks: {stroke: paint("--line")}};
-    const series = panel.series.map((one) => ({
-      label: one.label, stroke: dark.matches ? one.dark : one.light, width: one.width, dash: one.dash, show: one.shown,
-      spanGaps: one.spans, value: (u, v) => shown(v),
-      points: {show: false},
-    }));
-    const y = {distr: panel.logarithmic ? 3 : 1};
-    if (panel.range) y.range = () => panel.range;
+  function draw(panel, place) {
+    const lanes = panel.lanes.length, ink = paint("--ink"), line = paint("--line");
+    const axis = {stroke: ink, grid: {stroke: line, width: 1}, ticks: {stroke: line}};
+    const numbers = lanes ? {splits: () => []} : panel.logarithmic ?
+      {splits: powers, filter: (u, all) => all, values: (u, all) => all.map((v) => v.toExponential(0))} :
+      {values: (u, all) => all.map(shown)};
     const plot = new uPlot({
-      width: place.clientWidth, height: (panel.lanes.length ? 40 + 26 * panel.lanes.length : 200) + (isLast ? 22 : 0),
-      legend: {show: !panel.lanes.length},
+      width: place.clientWidth, height: lanes ? 47 + 30 * lanes : 250,
+      legend: {show: !lanes},
       cursor: {sync: {key: "time", scales: ["x", null]}, drag: {x: true, y: false}},
-      scales: {x: {time: false}, y},
-      axes: [{...axis, ...(isLast ? {label: "time [s]", labelSize: 22} : {}), size: 34},
-        {...axis, ...(panel.unit ? {label: panel.unit, labelSize: 24, size: left - 24} : {size: left}),
-        ...(panel.lanes.length ? {splits: () => panel.lanes.map((_, i) => i), values: () => panel.lanes} :
-          panel.logarithmic ? {splits: powers, filter: (u, all) => all, values: (u, all) => all.map(power)} :
-            {values: (u, all) => all.map(shown)})}],
-      series: [{label: "time [s]", value: (u, v) => shown(v)}, ...series],
-      hooks: {draw: [lines(panel)], setSeries: [pressed], setScale: [(u, key) => { if (key === "x") zoomAll(u); }]},
-    }, [first, ...panel.series.map((one) => values(one.values))], place);
+      scales: {x: {time: false}, y: {distr: panel.logarithmic ? 3 : 1, range: () => panel.range}},
+      axes: [{...axis, label: "time [s]", labelSize: 20, size: 30}, {...axis, size: 62, ...numbers}],
+      series: [{label: "time [s]", value: (u, v) => shown(v)}, ...panel.curves.map((curve) => ({
+        label: curve.label, stroke: curve.color, width: curve.width, dash: curve.dash, value: (u, v) => shown(v),
+        points: {show: false},
+      })), ...(lanes ? [{}] : [])],
+      hooks: {
+        draw: [(u) => marks(u, panel)],
+        setScale: [(u, key) => { if (key === "x") zoomAll(u); }],
+        setSeries: [(u, i, change) => {
+          if (i && change.show != null) {
+            u.root.querySelectorAll(".u-label")[i].setAttribute("aria-pressed", String(change.show));
+          }
+        }],
+      },
+    }, [values(panel.time), ...panel.curves.map((curve) => values(curve.values)),
+      ...(lanes ? [values(panel.time).fill(null)] : [])], place);
     const canvas = place.querySelector("canvas");
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `${panel.title} over time; its figures stand in the tables`);
@@ -102,7 +98,7 @@
       if (!i) continue;  // the time is never hidden
       name.tabIndex = 0;
       name.setAttribute("role", "button");
-      name.setAttribute("aria-pressed", String(plot.series[i].show));
+      name.setAttribute("aria-pressed", "true");
       name.addEventListener("keydown", (event) => {
         if (event.key !== "Enter" && event.key !== " ") return;
         event.preventDefault();
@@ -113,22 +109,16 @@
   }
 
   function drawAll() {
-    const block = document.getElementById("traces");
+    const block = document.getElementById("data");
     if (!block) return;
-    for (const one of plots.splice(0)) one.destroy();
-    const panels = JSON.parse(block.textContent), left = room(panels);
-    panels.forEach((panel, i) => {
-      draw(panel, document.getElementById(panel.place), values(panel.time), left, i === panels.length - 1);
-    });
+    for (const plot of plots.splice(0)) plot.destroy();
+    JSON.parse(block.textContent).forEach((panel, i) => draw(panel, document.getElementById(`plot-${i}`)));
   }
 
   function copy(button) {
     const text = document.getElementById(button.dataset.copies);
     const select = () => {
-      const range = document.createRange();
-      range.selectNodeContents(text);
-      getSelection().removeAllRanges();
-      getSelection().addRange(range);
+      getSelection().selectAllChildren(text);
       button.textContent = "Selected: copy it with the keyboard";
     };
     if (!navigator.clipboard) return select();
@@ -138,13 +128,10 @@
   drawAll();
   dark.addEventListener("change", drawAll);
   addEventListener("resize", () => {
-    for (const one of plots) one.setSize({width: one.root.parentElement.clientWidth, height: one.height});
+    for (const plot of plots) plot.setSize({width: plot.root.parentElement.clientWidth, height: plot.height});
   });
   document.getElementById("whole")?.addEventListener("click", () => {
-    for (const one of plots) {
-      const time = one.data[0];
-      one.setScale("x", {min: time[0], max: time[time.length - 1]});
-    }
+    for (const plot of plots) plot.setScale("x", {min: plot.data[0][0], max: plot.data[0].at(-1)});
   });
   for (const button of document.querySelectorAll("button[data-copies]")) button.addEventListener("click", () => copy(button));
 })();

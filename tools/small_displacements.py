@@ -1,5 +1,6 @@
-"""Pictures of the textbook's formulas, for the documents."""
+"""Draw `docs/figures/small_displacements.png`, or another file, of the textbook's formulas."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,19 +24,6 @@ NEAREST, FARTHEST = 0.003, 1.0
 STYLES = {"exact": ("-", 3.5, "0.7"), "inverse": ("--", 1.6, "black"), "notes": (":", 2.2, "black")}
 
 
-def small_displacements(paths: Sequence[Path]) -> None:
-    """Draw the joint displacements of a small tip displacement near full reach, for two links of 1 m.
-
-    The tip moves in frame {1} by 1 mm towards the base (−x) and across the arm (y). The curves are exact, by
-    J⁻¹ Δx, and by the first order in θ₂ [Khatib08]. Along the arm only the exact answer stays finite. A
-    millimeter outwards has no answer for θ₂ < 0.06, where it is out of reach.
-
-    Args:
-        paths: Files to write atomically, in the format of the suffix: `.png`, `.svg` or `.pdf`.
-    """
-    save(figure(), paths)
-
-
 def displacements(elbow: np.ndarray, displacement: Sequence[float]) -> dict[str, np.ndarray]:
     """Return [Δq₁, Δq₂] for two links of 1 m at q = (0, θ₂), by each of `STYLES`.
 
@@ -56,7 +44,12 @@ def displacements(elbow: np.ndarray, displacement: Sequence[float]) -> dict[str,
 
 
 def figure() -> Figure:
-    """Return the picture that `small_displacements` writes."""
+    """Return the picture of the joint displacements of a small tip displacement near full reach.
+
+    The tip of two links of 1 m moves in frame {1} by 1 mm towards the base (−x) and across the arm (y). The
+    curves are exact, by J⁻¹ Δx, and by the first order in θ₂ [Khatib08]. Along the arm only the exact answer
+    stays finite. A millimeter outwards has no answer for θ₂ < 0.06, where it is out of reach.
+    """
     picture = Figure(figsize=(10.0, 5.0), layout="constrained")
     panels = picture.subplots(1, 2, sharey=True)
     _panel(panels[0], (-DISPLACEMENT, 0.0), "1 mm towards the base")
@@ -90,3 +83,7 @@ def _panel(axes: Axes, displacement: tuple[float, float], title: str) -> None:
     axes.set_ylabel("joint displacement [rad]")
     axes.set_title(title)
     axes.grid(which="major", color="0.9", linewidth=0.8)
+
+
+if __name__ == "__main__":
+    save(figure(), [Path(sys.argv[1])])
