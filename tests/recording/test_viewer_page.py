@@ -6,6 +6,7 @@ import http.client
 import re
 import socket
 import threading
+from contextlib import contextmanager
 
 import pytest
 
@@ -38,14 +39,20 @@ def recording(tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="module")
-def server(recording):
-    with PageServer(FILES, recording, 0, None) as server:
+@contextmanager
+def serving(recording, at=None):
+    with PageServer(FILES, recording, 0, at) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
         thread.start()
         yield server
         server.shutdown()
         thread.join()
+
+
+@pytest.fixture(scope="module")
+def server(recording):
+    with serving(recording) as server:
+        yield server
 
 
 def ask(server, path="/", method="GET", host=None):
@@ -161,45 +168,26 @@ def test_a_browser_that_goes_away_in_the_middle_is_no_error(server, capfd):
 # Where the clock of the page stands -----------------------------------------------------------------
 
 
-def fields(message):
-    """Return the fields of a message of protocol buffers by their numbers: numbers, and bytes."""
-    found, i = {}, 0
-
-    def number():
-        nonlocal i
-        value = shift = 0
-        while True:
-            value, shift, i = value | (message[i] & 127) << shift, shift + 7, i + 1
-            if message[i - 1] < 128:
-                return value
-
-    while i < len(message):
-        key = number()
-        value = number()
-        if key & 7 == 2:
-            value, i = message[i : i + value], i + value
-        found[key >> 3] = value
-    return found
-
-
 @pytest.mark.parametrize("at", [0.0, 0.127e-6, 0.128e-6, 2.5, 1e9])
 def test_the_request_says_what_the_one_of_rerun_says(at):
-    """`ViewerClient.set_time("sim_time", duration=2.5, play_state="paused")` of rerun 0.41, as it was on the wire."""
-    wire = fields(fields(bytes.fromhex("3216120a0a0873696d5f74696d651a060880f28ba8092801"))[6])
-    request = fields(fields(bytes(seek(at)))[6])
-    assert fields(wire[3]) == {1: 2_500_000_000}
-    assert fields(request[3]) == {1: round(at * 1e9)}
-    assert {**request, 3: b""} == {**wire, 3: b""}
+    """`ViewerClient.set_time("sim_time", duration=2.5, play_state="paused")` of rerun 0.41, as it was on the wire.
+
+    The time is a varint: seven bits a byte, the lowest first, and all but the last marked. Ours has all ten bytes.
+    """
+    wire = bytes.fromhex("3216120a0a0873696d5f74696d651a060880f28ba8092801")
+    digits = bytes(seek(at)[17:27])
+    assert sum((digit & 127) << 7 * i for i, digit in enumerate(digits)) == round(at * 1e9)
+    assert all(digit & 128 for digit in digits[:-1]) and digits[-1] == 0
+    assert sum((digit & 127) << 7 * i for i, digit in enumerate(wire[17:22])) == 2_500_000_000
+    more = 5  # bytes
+    ours = [seek(at)[0], seek(at)[1] - more, *seek(at)[2:15], seek(at)[15] - more, *seek(at)[16:17]]
+    assert bytes([*ours, *wire[17:22], *seek(at)[27:]]) == wire
 
 
 def test_the_script_that_seeks_is_one_that_the_policy_knows(recording):
-    with PageServer(FILES, recording.with_name("gone.rrd"), 0, 2.5) as seeking:
-        thread = threading.Thread(target=seeking.serve_forever, kwargs={"poll_interval": 0.01})
-        thread.start()
+    with serving(recording.with_name("gone.rrd"), 2.5) as seeking:
         page = ask(seeking)[2].decode()
         assert ask(seeking, "/recording.rrd")[0] == 404
-        seeking.shutdown()
-        thread.join()
     script = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)[1]
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     assert f"'sha256-{digest}'" in seeking.policy
