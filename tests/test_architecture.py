@@ -39,7 +39,7 @@ OWNERS = {
         "rmrc.plants",
         "rmrc.law.controller",
         "rmrc.simulation.world",
-        "rmrc.film.renderer",
+        "rmrc.film",
     ),
     "numba": ("rmrc.law.compiling",),
     "llvmlite": ("rmrc.law.compiling",),  # comes with numba
@@ -57,7 +57,6 @@ OWNERS = {
             "rmrc.study.pictures",
             "rmrc.tuning.page",
             "rmrc.film.film",
-            "rmrc.film.strip",
         ),
         *(
             "rmrc.analysis.identify.report",
@@ -74,7 +73,7 @@ OWNERS = {
     "typer": ("rmrc.cli",),
     "distributed": ("rmrc.study.dask",),
     "pandas": ("rmrc.results.notebook",),
-    "PIL": ("rmrc.film.film", "rmrc.film.encode"),
+    "PIL": ("rmrc.film",),
     "imageio_ffmpeg": ("rmrc.film.encode",),
 }
 

@@ -24,7 +24,7 @@ SIZE, COLORS = "420x420", 96
 HEAD = """# Gallery
 
 Every scenario that comes with the program, where its arm is nearest to a singularity: the arm by MuJoCo's
-renderer, with the wanted path (dashed), the trail (red near a singularity) and the velocity ellipsoid of the
+renderer, with the wanted path (dark), the trail (red near a singularity) and the velocity ellipsoid of the
 tip (green), and below it the joint rates against their limits. The command below a picture draws it; with an
 output that ends in `.gif` it makes the film. `python tools/gallery.py --write` writes this page.
 
@@ -79,7 +79,6 @@ def is_stale(scenario: Path) -> bool:
 def draw(scenario: Path) -> None:
     """Draw the picture of a scenario, in few colors, with its stamp."""
     from rmrc import render
-    from rmrc.film.encode import few_colors
 
     path = picture(scenario)
     width, height = map(int, SIZE.split("x"))
@@ -87,7 +86,7 @@ def draw(scenario: Path) -> None:
     known = PngImagePlugin.PngInfo()
     known.add_text("stamp", stamp(scenario))
     with Image.open(path) as image:
-        few = few_colors(image.convert("RGB"), COLORS)
+        few = image.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE)
     few.save(path, "PNG", optimize=True, pnginfo=known)
 
 

@@ -1,9 +1,12 @@
 """Pictures and films: what is drawn is where it should be, files are as asked for, and mistakes are one line."""
 
+import copy
 import ctypes.util
+import os
+import subprocess
 import sys
-from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,12 +15,12 @@ from PIL import Image
 
 import rmrc
 from project import ROOT
-from rmrc.film import camera, opengl
-from rmrc.film.film import Cut, Film, render
-from rmrc.film.opengl import PictureError
+from rmrc.film import PictureError, encode, film, shot
+from rmrc.film.film import Cut, Strip, instants
+from rmrc.film.shot import Shot, fitted
 from rmrc.scenario import loads
+from rmrc.show.panels import panels
 from rmrc.study.pictures import worlds_of
-from rmrc.support.errors import QuestionError
 from wording import says
 
 # A tip that goes out and back in a second, without physics.
@@ -31,15 +34,16 @@ plant: {{kind: ideal}}
 """
 MODEL = ROOT / "models/planar_2link.xml"
 
-
-@pytest.fixture(scope="module")
-def opened():
-    """Skip, visibly, where this machine has no OpenGL."""
-    try:
-        opengl.refuse_missing()
-        opengl.opened(8, 8).free()
-    except PictureError as error:
-        pytest.skip(str(error))
+# A turn about z, a slide along x, and a tip behind it; no geometry at all.
+BARE = """<robot name="bare"><link name="base"/>
+<link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="tip"/>
+<joint name="turn" type="revolute"><parent link="base"/><child link="a"/><origin xyz="0 0 0.3"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="9" velocity="3"/></joint>
+<joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="0.2 0 0"/><axis xyz="1 0 0"/>
+<limit lower="0" upper="1" effort="9" velocity="3"/></joint>
+<joint name="end" type="fixed"><parent link="b"/><child link="tip"/><origin xyz="0.1 0 0"/></joint></robot>"""
 
 
 @pytest.fixture(scope="module")
@@ -48,103 +52,155 @@ def worlds():
     return worlds_of(loads(SCENARIO.format(model=MODEL)))
 
 
-def projected(renderer, point):
-    """Return the pixel of a point as MuJoCo's camera has it."""
-    eye, other = renderer._scene.camera  # for each eye; the picture is from between them
-    right = np.cross(eye.forward, eye.up)
-    x, y, depth = np.array([right, eye.up, eye.forward]) @ (point - (eye.pos + other.pos) / 2)
-    scale = 0.5 * renderer.height * eye.frustum_near / eye.frustum_top
-    return np.array([renderer.width / 2 + scale * x / depth, renderer.height / 2 - scale * y / depth])
-
-
-@pytest.mark.usefixtures("opened")
-def test_marks_are_in_the_pixels_where_the_camera_of_mujoco_sees_them(worlds):
-    film = Film(worlds, None)
-    (shot,) = film._shots
-    with film:
-        (renderer,), (eye,) = film._renderers, film._cameras
-        at = float(shot.run["time"][shot.run["pose"][:, 0].argmax()])  # outermost
-        picture = shot.picture(at, renderer, eye).astype(int)
-        early = shot.picture(0.0, renderer, eye).astype(int)
-        tip, passed = shot.run["pose"][shot.row(at), :3], np.array([1.2, 0.0, 0.0])
-        for point in (tip, passed):
-            np.testing.assert_allclose(
-                eye.pixels(point, renderer.width, renderer.height)[0], projected(renderer, point), atol=0.01
-            )  # MuJoCo's camera has single precision
-        column, row = projected(renderer, tip).astype(int)
-        red, green, blue = picture[row, column]
-        assert red > green > blue + 60  # the ball at the tip is orange
-        column, row = projected(renderer, passed).astype(int)
-        trail, before = picture[row - 2 : row + 3, column], early[row - 2 : row + 3, column]
-        assert (trail[:, 2] > trail[:, 0] + 60).any()  # the trail is blue
-        assert not (before[:, 2] > before[:, 0] + 60).any()  # and was not there before the tip
-        assert (early[row - 3 : row + 4, column - 12 : column + 13].sum(axis=-1) < 300).any()  # dashes, dark
-        assert (picture[0, 0] == 255).all()  # paper
-
-
-@pytest.mark.usefixtures("opened")
-def test_nothing_of_the_arm_is_cut_off(worlds):
-    film = Film(worlds, (320, 320))
-    with film:
-        for time in np.linspace(0.0, film.end, 5):
-            picture = film._shots[0].picture(time, film._renderers[0], film._cameras[0])
-            edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]])
-            assert (edge == 255).all()
-            assert (picture < 128).any(axis=-1).mean() > 0.01
+def seen_by_mujoco(camera, points, aspect):
+    """Points in the picture of MuJoCo's own camera: from -1 to 1 within it, (p, 2); it needs no OpenGL."""
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    model.vis.global_.fovy, data = np.degrees(shot.ANGLE), mujoco.MjData(model)
+    scene = mujoco.MjvScene(model, 10)
+    every = mujoco.mjtCatBit.mjCAT_ALL
+    mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, camera, every, scene)
+    eye, other = scene.camera  # for each eye; the picture is from between them
+    right, up = np.cross(eye.forward, eye.up), np.array(eye.up)
+    x, y, depth = np.array([right, up, eye.forward]) @ (points - (eye.pos + other.pos) / 2).T
+    high = eye.frustum_top / eye.frustum_near
+    return np.stack([x / depth / high / aspect, y / depth / high], axis=1)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([None, 0, 1, 2]), st.floats(0.3, 3.0))
 def test_the_camera_sees_all_points_and_is_no_farther_than_it_must(seed, normal, aspect):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(20, 3)) * rng.uniform(0.1, 3.0, 3) + rng.normal(size=3)
-    width, height = 1000.0 * aspect, 1000.0
-    seen = camera.fitted(points, normal, aspect).pixels(points, width, height)
-    inside = np.stack([seen[:, 0] / width, seen[:, 1] / height], axis=1)
-    margins = np.minimum(inside, 1.0 - inside).min(axis=0)
-    np.testing.assert_allclose(margins.min(), camera.MARGIN / 2, atol=1e-9)  # one direction binds
+    seen = seen_by_mujoco(fitted(points, normal, aspect), points, aspect)
+    # One direction binds, at both ends. MuJoCo's camera has single precision.
+    np.testing.assert_allclose(np.abs(seen).max(), 1.0 / shot.ROOM, atol=1e-5)
+    ends = np.stack([seen.min(axis=0), seen.max(axis=0)])
+    assert (np.abs(ends).min(axis=0) > 1.0 / shot.ROOM - 1e-5).any()
 
 
-@pytest.mark.usefixtures("opened")
-def test_a_film_has_the_frames_and_the_pace_asked(worlds, tmp_path):
-    end = float(next(iter(worlds.values()))[1]["time"][-1])
-    render(worlds, tmp_path / "a.gif", Cut(fps=12.5, speed=4.0), (200, 200))
-    with Image.open(tmp_path / "a.gif") as film:
-        assert film.n_frames == int(np.ceil(end / 0.32 - 1e-9)) + 1
-        durations = [film.seek(i) or film.info["duration"] for i in range(film.n_frames)]
-    assert durations == [80] * (len(durations) - 1) + [1500]
+def drawn(part, row):
+    """What a shot adds to a scene at a tick: (color, radius, ends) of its rods, and its ellipsoids."""
+    arm, model = part.arm, copy.copy(part.arm.model)
+    data, scene = arm.data_at(part.run["qpos"][row]), mujoco.MjvScene(model, 2000)
+    model.vis.global_.ipd = 0.0
+    camera, every = fitted(part.points, part.scene.normal, 1.5), mujoco.mjtCatBit.mjCAT_ALL
+    mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, camera, every, scene)
+    before, eye = scene.ngeom, np.array(scene.camera[0].pos)
+    part.draw(scene, data, row)
+    rods, balls = [], []
+    for geom in scene.geoms[before : scene.ngeom]:
+        center, size = eye + (geom.pos - eye) / shot.FRONT, geom.size / shot.FRONT
+        color = [round(255 * channel) for channel in geom.rgba[:3]]
+        if geom.type == mujoco.mjtGeom.mjGEOM_CAPSULE:
+            half = size[2] * geom.mat[:, 2]
+            rods.append((color, size[0], center - half, center + half))
+        else:
+            balls.append((color, size, center, geom.mat))
+    return rods, balls
 
 
-@pytest.mark.usefixtures("opened")
-def test_variants_stand_side_by_side_on_one_scale(worlds):
+def test_marks_are_where_the_arm_and_its_tip_are(worlds):
     ((world, run),) = worlds.values()
-    film = Film({"one": (world, run), "two": (world, run)}, (400, 200))
-    with film:
-        frame = film.frame(0.3)
-    assert frame.shape == (200, 400, 3)
-    title = 44
-    assert (frame[title:, :200] == frame[title:, 200:]).all()  # all but their labels
-    assert (frame[:title, :200] != frame[:title, 200:]).any()
+    part = Shot("there", world, run)
+    row = len(run) // 2
+    first, second = run["q"][row]
+    elbow = np.array([np.cos(first), np.sin(first), 0.0])
+    tip = elbow + np.array([np.cos(first + second), np.sin(first + second), 0.0])
+    np.testing.assert_allclose(tip[:2], run["pose"][row, :2], atol=1e-9)
+    rods, balls = drawn(part, row)
+    # The scene has single precision, three meters away.
+    bones = [rod for rod in rods if np.isclose(rod[1], shot.BONE * part.scene.reach, rtol=1e-4)]
+    np.testing.assert_allclose([rod[2:] for rod in bones], [[np.zeros(3), elbow], [elbow, tip]], atol=1e-5)
+    colors = [curve.color >> 8 for curve in panels(run, ["rates"])[0].curves if curve.role == "measured"]
+    assert [int.from_bytes(bytes(rod[0])) for rod in bones] == colors  # as their curves below
+    trail = [rod for rod in rods if np.isclose(rod[1], shot.TRAIL * part.scene.reach, rtol=1e-4)]
+    np.testing.assert_allclose(trail[0][2], run["pose"][0, :3], atol=1e-5)
+    np.testing.assert_allclose(trail[-1][3], tip, atol=1e-5)
+    np.testing.assert_allclose(balls[-1][2], tip, atol=1e-5)
+    # The ellipsoid has the half axes 0.2 s · σ_i along u_i of J.
+    J = np.array([[-tip[1], elbow[1] - tip[1]], [tip[0], tip[0] - elbow[0]]])
+    u, sigma, _ = np.linalg.svd(J)
+    _, size, center, mat = balls[0]
+    np.testing.assert_allclose(center, tip, atol=1e-5)
+    np.testing.assert_allclose(size[:2], 0.2 * sigma, atol=1e-5)
+    np.testing.assert_allclose(np.abs(mat[:2, 0] @ u[:, 0]), 1.0, atol=1e-5)
 
 
-def test_without_ffmpeg_one_line_names_the_extra(worlds, tmp_path, monkeypatch):
+def test_an_arm_without_geometries_has_a_skeleton_along_its_slide_too(tmp_path):
+    (tmp_path / "bare.urdf").write_text(BARE, "utf-8")
+    text = f"arm: {{model: {tmp_path / 'bare.urdf'}, body: tip, start: [0.5, 0.4]}}\ntask: {{axes: [x, y]}}\n"
+    text += "target: {path: [{line: {by: [0.02, 0.01]}}]}\nplant: {kind: ideal}\nname: bare\n"
+    ((world, run),) = worlds_of(loads(text)).values()
+    rods, _ = drawn(Shot("bare", world, run), 0)
+    along, turn = np.array([np.cos(0.5), np.sin(0.5), 0.0]), np.array([0.0, 0.0, 0.3])
+    ends = [turn, turn + 0.2 * along, turn + 0.7 * along]  # the slide's axis, then the tip 0.4 + 0.1 m along
+    np.testing.assert_allclose([rod[2:] for rod in rods[:2]], [ends[:2], ends[1:]], atol=1e-5)
+
+
+# Instants, the rates below, and files ----------------------------------------------------------------
+
+
+def test_instants_have_the_pace_asked_and_end_with_the_run(worlds):
+    ((_, run),) = worlds.values()
+    end = float(run["time"][-1])
+    (at,) = instants([run], Cut(), ".png")
+    assert run["sigma"][round(at / 0.01), -1] == run["sigma"][:, -1].min()
+    times = instants([run], Cut(begin=0.1, fps=12.5, speed=4.0), ".gif")
+    np.testing.assert_allclose(np.diff(times[:-1]), 0.32)
+    assert (times[0], times[-1]) == (0.1, end)
+    assert len(times) == int(np.ceil((end - 0.1) / 0.32 - 1e-9)) + 1
+
+
+def test_the_cursor_below_moves_with_time_and_changes_nothing_else(worlds):
+    ((_, run),) = worlds.values()
+    (panel,) = panels(run, ["rates"])
+    end = float(run["time"][-1])
+    strip = Strip(panel, panel.range, end, 400, 160)
+    assert strip.at(0.0).shape == (160, 400, 3)
+    columns = []
+    for time in (0.25 * end, 0.5 * end, 0.75 * end):
+        is_new = (strip.at(time) != strip.at(end)).any(axis=(0, 2))
+        columns.append(np.flatnonzero(is_new).min())
+        assert is_new.sum() <= 4  # two columns each
+    assert abs(columns[2] - 2 * columns[1] + columns[0]) <= 1
+
+
+def gray(time):
+    """A frame that is as bright as it is late, half of it white."""
+    frame = np.full((40, 60, 3), 255, np.uint8)
+    frame[:20] = round(200 * time)
+    return frame
+
+
+def test_a_gif_has_the_frames_in_order_and_stays_at_the_last(tmp_path):
+    times = [0.0, 0.25, 0.5, 0.75, 1.0]
+    encode.write_gif(tmp_path / "a.gif", gray, times, 12.5)
+    with Image.open(tmp_path / "a.gif") as picture:
+        durations, frames = [], []
+        for i in range(picture.n_frames):
+            picture.seek(i)
+            durations.append(picture.info["duration"])
+            frames.append(np.asarray(picture.convert("RGB")).astype(int))
+    assert durations == [80, 80, 80, 80, 1500]
+    assert np.abs(np.array(frames) - [gray(time) for time in times]).max() <= 2  # of the palette
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # its reader leaves pipes
+def test_an_mp4_has_the_frames_too(tmp_path):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    encode.write_mp4(tmp_path / "a.mp4", gray, [0.0, 0.5, 1.0], 10.0)
+    reader = ffmpeg.read_frames(str(tmp_path / "a.mp4"))
+    assert next(reader)["size"] == (60, 40)
+    frames = [np.frombuffer(frame, np.uint8).reshape(40, 60, 3).astype(int) for frame in reader]
+    assert [round(frame[5:15].mean()) for frame in frames] == pytest.approx([0, 100, 200], abs=4)
+
+
+def test_without_ffmpeg_one_line_names_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(QuestionError, match=r"rmrc\[film\]"):
-        render(worlds, tmp_path / "a.mp4")
+    with pytest.raises(PictureError, match=r"rmrc\[film\]"):
+        encode.write_mp4(tmp_path / "a.mp4", gray, [0.0, 1.0], 10.0)
 
 
-def test_without_opengl_one_line_names_the_packages(worlds, tmp_path, monkeypatch):
-    monkeypatch.setenv("MUJOCO_GL", "egl")
-    monkeypatch.setattr(ctypes.util, "find_library", lambda _: None)
-    with pytest.raises(PictureError, match=r"^[^\n]*libegl1 and libgl1-mesa-dri[^\n]*libosmesa6[^\n]*$"):
-        opengl.refuse_missing()
-
-    def opens(*_):
-        raise AttributeError("'NoneType' object has no attribute 'eglQueryString'\nmore")
-
-    monkeypatch.setattr(opengl, "import_module", lambda _: SimpleNamespace(GLContext=opens))
-    with pytest.raises(PictureError, match=r"eglQueryString.*libegl1"):
-        render(worlds, tmp_path / "a.png")
-    assert not list(tmp_path.iterdir())
+# The command line -----------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -158,16 +214,42 @@ def left(tmp_path_factory):
     return folder
 
 
-@pytest.mark.usefixtures("opened")
-def test_what_a_run_left_is_drawn_with_the_model_that_it_names(rmrc, left, tmp_path):
-    out = tmp_path / "x.png"
-    asked = ("render", str(left / "there.json"), "-o", str(out), "--size", "200x220", "--at")
-    pictures = []
-    for at in ("0.1", "0.5"):
-        assert rmrc(*asked, at) == (0, f"wrote {out}\n", "")
-        with Image.open(out) as picture:
-            assert picture.size == (200, 220)
+def rendered(way, *arguments):
+    """Return (exit code, stderr) of `render` in a process of its own: MuJoCo looks for OpenGL once, on import."""
+    command = [sys.executable, "-m", "rmrc", "render", "-q", *map(str, arguments)]
+    environment = {**os.environ, "MUJOCO_GL": way}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    return done.returncode, done.stderr
+
+
+def test_without_opengl_one_line_names_the_way_out(left, tmp_path):
+    code, err = rendered("nothing", left / "there.npz", "-o", tmp_path / "x.png")
+    assert code == 2
+    assert err == says("rmrc: error: … no OpenGL … MUJOCO_GL=egl … libegl1 … MUJOCO_GL=osmesa … libosmesa6\n")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(ctypes.util.find_library("EGL") is None, reason="there is no OpenGL here")
+def test_a_picture_is_drawn(left, tmp_path):
+    """The tip is orange where MuJoCo's camera sees it, on white paper, and moves."""
+    width, height, tall = 480, 480, 480 - film.TITLE - round(480 * film.RATES)
+    ((world, run),) = worlds_of(str(left / "there.json")).values()
+    part, pictures = Shot("there", world, run), []
+    camera = fitted(part.points, part.scene.normal, width / tall)
+    for at in (0.0, 0.5):
+        code, err = rendered("egl", left / "there.json", "-o", tmp_path / "x.png", "--at", at)
+        if code == 2 and "no OpenGL" in err:
+            pytest.skip(err)
+        assert (code, err) == (0, "")
+        with Image.open(tmp_path / "x.png") as picture:
             pictures.append(np.asarray(picture).astype(int))
+        assert pictures[-1].shape == (height, width, 3)
+        (place,) = seen_by_mujoco(camera, run["pose"][[part.row(at)], :3], width / tall)
+        column, row = round(width * (1 + place[0]) / 2), film.TITLE + round(tall * (1 - place[1]) / 2)
+        red, green, blue = pictures[-1][row, column]
+        assert red > green > blue
+        arm = pictures[-1][film.TITLE : film.TITLE + tall]
+        assert (np.concatenate([arm[0], arm[-1], arm[:, 0], arm[:, -1]]) == 255).all()  # nothing is cut off
     assert np.abs(pictures[0] - pictures[1]).max() > 100
 
 
@@ -179,7 +261,7 @@ def test_a_model_that_changed_since_or_is_gone_is_one_line(rmrc, left):
     try:
         model.write_text(changed, "utf-8")
         code, _, err = rmrc(*asked)
-        assert (code, err) == (2, says("rmrc: error: there: … no longer the model … 10 mm away; …\n"))
+        assert (code, err) == (2, says("rmrc: error: there: … no longer the model … run it again\n"))
         model.unlink()
         code, _, err = rmrc(*asked)
         assert (code, err.count("\n")) == (2, 1)

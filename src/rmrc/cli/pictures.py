@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from typer import Argument, Option
 
 from rmrc.cli import options
@@ -29,8 +28,8 @@ def plot(
 ) -> None:
     """Plot a run, or variants side by side, for a paper: path, rates, singular values, errors, status.
 
-    Writes NAME.pdf, or FILE in .pdf, .svg or .png. Panels are path, rates, sigma, error, torque, pace, status
-    and g, drawn in this order from the top. Those of a sweep are distributions, of its metrics, and keys: the
+    Writes NAME.pdf, or FILE in .pdf, .svg or .png. Panels are arm, path, rates, sigma, error, turn_error,
+    torque, pace, belief, joints, status and g, drawn in this order from the top. Those of a sweep are distributions, of its metrics, and keys: the
     first metric over each varied key. Default size: 7.16in, 8 pt.
     """
     from rmrc.show.figure import NAMES
@@ -87,12 +86,9 @@ def render(
 ) -> None:
     """Draw a run, or variants side by side, as a picture or a film: the arm above its joint rates.
 
-    Writes NAME.gif, or FILE in .gif, .png or, with the extra `film`, .mp4. MuJoCo renders off screen through
-    EGL or OSMesa; without either the exit code is 2.
+    Writes NAME.gif, or FILE in .gif, .png or, with the extra `film`, .mp4. MuJoCo renders off screen: without
+    a display set MUJOCO_GL=egl or osmesa.
     """
-    from rmrc.film.opengl import refuse_missing
-
-    refuse_missing()  # before MuJoCo is imported
     from rmrc.film import film
     from rmrc.study.pictures import worlds_of
 
@@ -134,4 +130,4 @@ def replay(
     """
     from rmrc.recording import viewer
 
-    raise typer.Exit(viewer.replay(recording, web, at, port))
+    viewer.replay(recording, web, at, port)

@@ -1,44 +1,43 @@
 """Runs as a picture or a film: each arm with its title above and its rates below, several side by side."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib import get_data_path
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from rmrc.film import encode
-from rmrc.film.camera import fitted
-from rmrc.film.opengl import PictureError
-from rmrc.film.renderer import Renderer
-from rmrc.film.shot import Shot
-from rmrc.film.strip import Strip, share_scale
+from rmrc.film import PictureError
+from rmrc.film.encode import delay_of, write_gif, write_mp4, write_png
+from rmrc.film.shot import Shot, fitted, renderer_of
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
+from rmrc.show.figure import draw
+from rmrc.show.panels import Panel, in_words, panels
 from rmrc.simulation.prepare import Prepared
-from rmrc.support.legible import quoted, visible
+from rmrc.support.files import written_whole
+from rmrc.support.legible import visible
 
-Worlds = Mapping[str, tuple[Prepared, Run]]
 Frame = NDArray[np.uint8]
+Worlds = Mapping[str, tuple[Prepared, Run]]
 Watch = Callable[[int], AbstractContextManager[Callable[[int], None]]]
 
-KINDS = (".png", ".gif", ".mp4")
-# Largest number of runs side by side: more would be too small.
-MOST_RUNS = 9
-# Sizes of one run's part of the picture [pixels]: default, and minimum.
-WIDTH, HEIGHT, LEAST_WIDTH, LEAST_HEIGHT, MOST_SIZE = 480, 480, 200, 200, 4096
-# Largest number of frames of a film: some ten minutes of drawing.
-MOST_FRAMES = 6000
-# Heights of the title and of the rates below, relative to the whole; largest height of the title [pixels].
-TITLE, RATES, TITLE_MOST = 0.12, 0.4, 44
-# Size of a subscript, relative to the letters.
-SUBSCRIPT = 0.7
-# Number of frames from which the palette of a GIF is made.
-SAMPLES = 8
+WRITERS = {".png": write_png, ".gif": write_gif, ".mp4": write_mp4}
+# Sizes of one run's part of the picture [pixels]: default, and minimum; maximum of the whole.
+SIZE, LEAST, MOST = 480, 200, 4096
+# Largest number of runs in a line, and of frames of a film: some ten minutes of drawing.
+COLUMNS, MOST_FRAMES = 3, 6000
+# Height of the title and of its letters [pixels], and height of the rates relative to the whole.
+TITLE, LETTERS, RATES = 44, 15, 0.4
+# Of the rates: pixels per inch, size of letters [pt], least height with a legend [pixels], color of cursor.
+DPI, SMALL, ROOMY, CURSOR = 100.0, 8.0, 150, (230, 71, 77)
 
 
 class Cut(NamedTuple):
@@ -60,12 +59,9 @@ class Cut(NamedTuple):
 
 
 def render(
-    worlds: Worlds,
-    path: Path,
-    cut: Cut = Cut(),  # noqa: B008 (frozen)
-    size: tuple[int, int] | None = None,
-    watch: Watch = lambda _: nullcontext(lambda _: None),
-) -> None:
+    worlds: Worlds, path: Path, cut: Cut = Cut(),  # noqa: B008 (frozen)
+    size: tuple[int, int] | None = None, watch: Watch | None = None,
+) -> None:  # fmt: skip
     """Draw runs into a file, atomically.
 
     Args:
@@ -74,181 +70,110 @@ def render(
         cut: The instants.
         size: Width and height of the whole [pixels]; None: 480 × 480 for each run.
         watch: Called with the number of frames; it yields a function that is called with the number drawn.
+            None: nobody watches.
 
     Raises:
-        PictureError: OpenGL is missing, a model is not the one that ran, a run is empty, or the size does not
-            fit.
-        QuestionError: MP4 cannot be written here.
+        PictureError: OpenGL or ffmpeg is missing, a model is not the one that ran, a run is empty, or the
+            size or the instants do not fit.
     """
-    kind = path.suffix
-    if kind not in KINDS:
-        kinds = ", ".join(KINDS[:-1])
-        raise PictureError(f"--out {visible(str(path))}: must end in {kinds} or {KINDS[-1]}")
-    for label, (_, run) in worlds.items():
-        if not len(run):
-            raise PictureError(f"{quoted(label)} has no ticks to draw")
-    if kind == ".mp4":
-        encode.mp4_writer()
-    film = Film(worlds, size, even=kind == ".mp4")
-    times = film.instants(cut, kind)
-    some = np.linspace(0, len(times) - 1, min(SAMPLES, len(times))).round().astype(int)
-    sampled = [times[i] for i in some] if kind == ".gif" else []
-    with film, watch(len(times) + len(sampled)) as on_frames:
+    runs = [run for _, run in worlds.values()]
+    if path.suffix not in WRITERS:
+        raise PictureError(f"--out {visible(str(path))}: must end in {', '.join(WRITERS)}")
+    if not all(map(len, runs)):
+        raise PictureError("a run without ticks cannot be drawn")
+    columns = min(len(runs), COLUMNS)
+    lines = -(-len(runs) // columns)
+    across, down = size or (SIZE * columns, SIZE * lines)
+    width, height = across // columns, down // lines
+    if min(width, height) < LEAST or max(across, down) > MOST:
+        limits = f"from {LEAST * columns}x{LEAST * lines} to {MOST}x{MOST}"
+        raise PictureError(f"--size must be {limits} here, got {across}x{down}")
+    if path.suffix == ".mp4" and (across % 2 or down % 2):
+        raise PictureError(f"--size of an MP4 must be even, got {across}x{down}")
+    times = instants(runs, cut, path.suffix)
+    shots, rates = [Shot(label, *world) for label, world in worlds.items()], round(RATES * height)
+    points, tall = np.vstack([shot.points for shot in shots]), height - TITLE - rates
+    camera = fitted(points, shots[0].scene.normal, width / tall)  # one for all, so that they can be compared
+    described = [panels(run, ["rates"])[0] for run in runs]
+    ends = min(panel.range[0] for panel in described), max(panel.range[1] for panel in described)
+    last = max(float(run["time"][-1]) for run in runs)
+    strips = [Strip(panel, ends, last, width, rates) for panel in described]
+    renderers = [renderer_of(shot.arm.model, width, tall) for shot in shots]
 
-        def frames(instants: Sequence[float]) -> Iterator[Frame]:
-            for time in instants:
-                yield film.frame(time)
-                on_frames(1)
-
-        if kind == ".png":
-            encode.write_png(path, next(frames(times)))
-        elif kind == ".gif":
-            delay = encode.delay_of(kind, cut.fps)
-            encode.write_gif(path, frames(times), list(frames(sampled)), delay)
-        else:
-            encode.write_mp4(path, frames(times), film.size, cut.fps)
-
-
-class Film:
-    """Frames of some runs; a context manager.
-
-    Attributes:
-        size: Width and height of a frame [pixels].
-        columns: Columns of runs.
-    """
-
-    def __init__(self, worlds: Worlds, size: tuple[int, int] | None, even: bool = False) -> None:
-        """Examine the runs.
-
-        Args:
-            worlds: World and run of each, by label.
-            size: Size of a frame; None: 480 × 480 for each run.
-            even: Whether width and height must be even.
-
-        Raises:
-            PictureError: They are too many, a model is not the one that ran, or the size does not fit.
-        """
-        if len(worlds) > MOST_RUNS:
-            raise PictureError(
-                f"{len(worlds)} runs do not fit into one picture, which takes {MOST_RUNS} ; compare fewer "
-                "variants"
-            )
-        self._labels = list(worlds)
-        self.columns = len(worlds) if len(worlds) <= 3 else math.ceil(math.sqrt(len(worlds)))
-        self._lines = math.ceil(len(worlds) / self.columns)
-        width, height = size or (WIDTH * self.columns, HEIGHT * self._lines)
-        least = LEAST_WIDTH * self.columns, LEAST_HEIGHT * self._lines
-        if not (least[0] <= width <= MOST_SIZE and least[1] <= height <= MOST_SIZE):
-            raise PictureError(
-                f"--size must be from {least[0]}x{least[1]} to {MOST_SIZE}x{MOST_SIZE} here, got "
-                f"{width}x{height}"
-            )
-        if even and (width % 2 or height % 2):
-            raise PictureError(f"--size of an MP4 must be even, got {width}x{height}")
-        self.size = width, height
-        self._cell = width // self.columns, height // self._lines
-        self._shots = [Shot(label, *world) for label, world in worlds.items()]
-        self.end = max(float(shot.run["time"][-1]) for shot in self._shots)
-        self._heights = self._parts(self._cell[1])
-        self._strips = [Strip(shot.run, self.end, self._cell[0], self._heights[2]) for shot in self._shots]
-        share_scale(self._strips)
-        folder = Path(get_data_path()) / "fonts" / "ttf"
-        pixels = max(10, round(0.34 * self._heights[0]))
-        self._bold, self._plain, self._oblique, self._low = (
-            ImageFont.truetype(folder / f"DejaVuSans{name}.ttf", round(share * pixels))
-            for name, share in (("-Bold", 1.0), ("", 1.0), ("-Oblique", 1.0), ("", SUBSCRIPT))
-        )
-
-    @staticmethod
-    def _parts(height: int) -> tuple[int, int, int]:
-        """Return the heights of title, arm and rates [pixels]."""
-        title, rates = min(TITLE_MOST, round(TITLE * height)), round(RATES * height)
-        return title, height - title - rates, rates
-
-    def instants(self, cut: Cut, kind: str) -> list[float]:
-        """Return the times of the frames [s].
-
-        Raises:
-            PictureError: There are none, or too many.
-        """
-        if kind == ".png":
-            run = self._shots[0].run
-            at = float(run["time"][int(np.argmin(run["sigma"][:, -1]))]) if cut.at is None else cut.at
-            if not 0.0 <= at <= self.end:
-                raise PictureError(f"--at must be from 0 to {self.end:g} s, the end of the run, got {at:g}")
-            return [at]
-        end = self.end if cut.end is None else min(cut.end, self.end)
-        if not 0.0 <= cut.begin < end:
-            raise PictureError(
-                f"--from and --to must be in this order between 0 and {self.end:g} s, the end of the run, "
-                f"got {cut.begin:g} and {end:g}"
-            )
-        step = cut.speed * encode.delay_of(kind, cut.fps)
-        count = math.ceil((end - cut.begin) / step - 1e-9)
-        if count >= MOST_FRAMES:
-            raise PictureError(
-                f"{count} frames exceed the limit of {MOST_FRAMES} ; give a lower --fps, a higher --speed, "
-                "or --from and --to"
-            )
-        return [cut.begin + i * step for i in range(count)] + [end]
-
-    def __enter__(self) -> "Film":
-        """Open the renderers: one for each run, as models may differ.
-
-        Raises:
-            PictureError: There is no OpenGL here.
-        """
-        with ExitStack() as stack:
-            width, height = self._cell[0], self._heights[1]
-            self._renderers = [
-                stack.enter_context(Renderer(shot.model, width, height)) for shot in self._shots
-            ]
-            pairs = zip(self._shots, self._renderers, strict=True)
-            seen = [shot.points(renderer) for shot, renderer in pairs]
-            # One camera for all, so that they can be compared, unless the arms want different views.
-            normals = {shot.scene.normal for shot in self._shots}
-            self._cameras = [
-                fitted(np.vstack(seen) if len(normals) == 1 else points, shot.scene.normal, width / height)
-                for shot, points in zip(self._shots, seen, strict=True)
-            ]
-            self._stack = stack.pop_all()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close it."""
-        self._stack.close()
-
-    def frame(self, time: float) -> Frame:
-        """Return the frame of a time [s], (height, width, 3)."""
-        width, height = self.size
-        whole = np.full((height, width, 3), 255, np.uint8)
-        for i in range(len(self._shots)):
-            line, column = divmod(i, self.columns)
-            cell = self._part(i, time)
-            top, left = line * self._cell[1], column * self._cell[0]
-            whole[top : top + cell.shape[0], left : left + cell.shape[1]] = cell
+    def frame_at(time: float) -> Frame:
+        whole = np.full((down, across, 3), 255, np.uint8)
+        for i, (shot, strip, renderer) in enumerate(zip(shots, strips, renderers, strict=True)):
+            top, left = i // columns * height, i % columns * width
+            parts = [_title(shot, time, width), shot.picture(time, renderer, camera), strip.at(time)]
+            whole[top : top + height, left : left + width] = np.concatenate(parts)
+        on_frames(1)
         return whole
 
-    def _part(self, i: int, time: float) -> Frame:
-        """Return the part of a run at a time, (height, width, 3): title, arm, rates."""
-        shot = self._shots[i]
-        arm = shot.picture(time, self._renderers[i], self._cameras[i])
-        return np.concatenate([self._title(i, time), arm, self._strips[i].at(time)])
+    progress = watch(len(times)) if watch else nullcontext(lambda _: None)
+    with progress as on_frames, written_whole(path) as temporary:
+        WRITERS[path.suffix](temporary, frame_at, times, cut.fps)
 
-    def _title(self, i: int, time: float) -> Frame:
-        """Return label, time, σ_min and the status of the law, (height, width, 3)."""
-        run, row, (title, _, _) = self._shots[i].run, self._shots[i].row(time), self._heights
-        image = Image.new("RGB", (self._cell[0], title), "white")
-        draw, margin = ImageDraw.Draw(image), max(4, self._cell[0] // 60)
-        draw.text((margin, 0.06 * title), self._labels[i], "black", self._bold)
-        flags = int(run["status"][row])
-        words = [str(flag.name).lower().replace("_", " ") for flag in Status if flag and int(flag) & flags]
-        after = f" {run['sigma'][row, -1]:.3f}   {', '.join(words[:2])}"
-        x, base, lower = float(margin), 0.54 * title + self._plain.getmetrics()[0], 0.2 * self._low.size
-        for text, font, drop in (
-            (f"{run['time'][row]:.2f} s   ", self._plain, 0.0), ("σ", self._oblique, 0.0),
-            ("min", self._low, lower), (after, self._plain, 0.0),
-        ):  # fmt: skip
-            draw.text((x, base + drop), text, "#444", font, anchor="ls")
-            x += font.getlength(text)
-        return np.asarray(image)
+
+def instants(runs: Sequence[Run], cut: Cut, kind: str) -> list[float]:
+    """Return the times of the frames [s].
+
+    Raises:
+        PictureError: There are none, or too many.
+    """
+    last = max(float(run["time"][-1]) for run in runs)
+    if kind == ".png":
+        at = float(runs[0]["time"][runs[0]["sigma"][:, -1].argmin()]) if cut.at is None else cut.at
+        if not 0.0 <= at <= last:
+            raise PictureError(f"--at must be from 0 to {last:g} s, the end of the run, got {at:g}")
+        return [at]
+    end = last if cut.end is None else min(cut.end, last)
+    if not 0.0 <= cut.begin < end:
+        span = f"in this order between 0 and {last:g} s, the end of the run"
+        raise PictureError(f"--from and --to must be {span}, got {cut.begin:g} and {end:g}")
+    step = cut.speed * delay_of(kind, cut.fps)
+    count = math.ceil((end - cut.begin) / step - 1e-9)
+    if count >= MOST_FRAMES:
+        way = "give a lower --fps, a higher --speed, or --from and --to"
+        raise PictureError(f"{count} frames exceed the limit of {MOST_FRAMES}; {way}")
+    return [cut.begin + i * step for i in range(count)] + [end]
+
+
+class Strip:
+    """The panel of the rates of a run, drawn once."""
+
+    def __init__(self, panel: Panel, ends: tuple[float, float], last: float, width: int, height: int) -> None:
+        """Draw a panel with the ends of its axis, until a time [s], at a size [pixels]."""
+        with mpl.rc_context({"font.size": SMALL, "legend.fontsize": SMALL}):
+            figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, layout="constrained")
+            self._axes = axes = figure.add_subplot(xlim=(0.0, last), xlabel="time [s]")
+            draw(axes, panel, 72.0 * width / DPI)
+            axes.set_ylim(ends)
+            if legend := axes.get_legend():  # beside the curves, which are low
+                names = [text.get_text() for text in legend.get_texts()]
+                lines = [*filter(None, legend.legend_handles)]
+                axes.set_title(legend.get_title().get_text(), loc="left", fontsize=SMALL)
+                if height >= ROOMY:
+                    figure.legend(lines, names, loc="outside right upper", frameon=False)
+                legend.remove()
+            canvas = FigureCanvasAgg(figure)
+            canvas.draw()  # type: ignore[no-untyped-call]
+        self._picture = np.asarray(canvas.buffer_rgba())[:, :, :3]  # type: ignore[no-untyped-call]
+
+    def at(self, time: float) -> Frame:
+        """Return it with a cursor at a time [s], (height, width, 3)."""
+        picture, box = self._picture.copy(), self._axes.get_window_extent()
+        column = round(self._axes.transData.transform((time, self._axes.get_ylim()[0]))[0])
+        rows = slice(len(picture) - round(box.y1), len(picture) - round(box.y0))
+        picture[rows, column - 1 : column + 1] = CURSOR
+        return picture
+
+
+def _title(shot: Shot, time: float, width: int) -> Frame:
+    """Return label, time, σ_min and the status of the law, (TITLE, width, 3)."""
+    run, row = shot.run, shot.row(time)
+    words = [in_words(flag) for flag in Status if flag and int(flag) & int(run["status"][row])]
+    numbers = f"{run['time'][row]:.2f} s   σ_min {run['sigma'][row, -1]:.3f}   {', '.join(words[:2])}"
+    image = Image.new("RGB", (width, TITLE), "white")
+    font = ImageFont.truetype(Path(get_data_path(), "fonts/ttf/DejaVuSans.ttf"), LETTERS)
+    ImageDraw.Draw(image).text((8, 3), f"{shot.label}\n{numbers}", "black", font)
+    return np.asarray(image)

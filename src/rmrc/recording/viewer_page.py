@@ -8,34 +8,32 @@ recording from the same address, so that the page needs no other server.
 import base64
 import hashlib
 import re
-import shutil
-from collections.abc import Mapping
+import tempfile
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
-from rmrc.recording.viewer_process import LOOPBACK
+LOOPBACK = "127.0.0.1"
 
 # The files of the viewer's page. Nothing else is served but the recording.
-TYPES = {
-    "/": "text/html; charset=utf-8",
-    "/re_viewer.js": "text/javascript; charset=utf-8",
-    "/re_viewer_bg.wasm": "application/wasm",
-    "/favicon.ico": "image/x-icon",
-    "/apple-touch-icon.png": "image/png",
-}
+PAGE = "index.html"
+FILES = (PAGE, "re_viewer.js", "re_viewer_bg.wasm", "favicon.ico", "apple-touch-icon.png")
 RECORDING = "/recording.rrd"
 
 # Headers of every answer. CORP keeps other pages from reading it, and the browser caches no recording.
 HEADERS = {
-    "X-Content-Type-Options": "nosniff",
-    "X-DNS-Prefetch-Control": "off",
     "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+# The page may only load from its own server, run its own scripts, and compile WebAssembly.
+POLICY = (
+    "default-src 'none'; script-src 'self' 'wasm-unsafe-eval' {scripts}; connect-src 'self'; "
+    "img-src 'self' data: blob:; font-src 'self' data:; style-src 'self' 'unsafe-inline'; "
+    "worker-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
 
 # A request names the host that the browser was given. A foreign page whose name leads to this machine (DNS
 # rebinding) gives that name. Any port is accepted: ssh may forward it.
@@ -45,77 +43,42 @@ OUR_NAMES = re.compile(r"(?:127\.0\.0\.1|localhost)(?::\d{1,5})?", re.IGNORECASE
 FOREIGN_LINK = re.compile(r"<link\b[^>]*\bhref\s*=\s*[\"']?(?:https?:)?//[^>]*>", re.IGNORECASE)
 INLINE_SCRIPT = re.compile(r"<script\s*>(.*?)</script\s*>", re.IGNORECASE | re.DOTALL)
 
-
-# Stops the viewer's clock at a time, until that lasts for ten seconds or the user takes over: each layout of
-# the recording starts the clock again.
-SEEK = """
+# Stops the viewer's clock at a time for ten seconds after the recording has come, or until the user takes
+# over: a layout of the recording starts the clock again.
+SEEK = """<script>
 (async () => {
-  const request = new Uint8Array(%s), time = "%s", taken = {by: null};
+  let taken = false;
   for (const kind of ["pointerdown", "keydown", "wheel"])
-    addEventListener(kind, (event) => { taken.by = event; }, {capture: true});
-  for (let calm = 0; calm < 40 && !taken.by; ) {
+    addEventListener(kind, () => { taken = true; }, {capture: true});
+  for (let sent = 0; sent < 40 && !taken; ) {
     await new Promise((done) => setTimeout(done, 250));
-    if (!window._handle) continue;
-    try {
-      const is_there = Array.from(window._handle.viewer_state()).join().includes(time);
-      calm = is_there ? calm + 1 : 0;
-      if (!is_there) await window._handle.viewer_control(request);
-    } catch (error) { /* nothing is loaded yet */ }
+    try { await window._handle.viewer_control(new Uint8Array(%s)); sent++; } catch (error) { /* not yet */ }
   }
 })();
-"""
+</script></body>"""
 
 
-def seek(at: float) -> bytes:
-    """Return the request to rerun's viewer to stand still at a time [s] of `sim_time`.
+def seek(at: float) -> list[int]:
+    """Return the bytes that tell rerun's viewer to stand still at a time [s] of `sim_time`.
 
-    It is a `ViewerControlRequest` of its protocol, as `rerun.experimental.ViewerClient.set_time` sends it:
-    6: {2: {1: timeline}, 3: {1: nanoseconds}, 5: 1 for paused}.
+    They are a `ViewerControlRequest` of its protocol, as `rerun.experimental.ViewerClient.set_time` sends it:
+    6: {2: {1: timeline}, 3: {1: nanoseconds}, 5: 1 for paused}. The number has all ten bytes of its kind.
     """
-    left, digits = round(at * 1e9), bytearray()
-    while left > 127:
-        digits.append(left & 127 | 128)
-        left >>= 7
-    digits.append(left)
-    name, time = b"\x0a\x08sim_time", bytes([8, *digits])
-    body = bytes([0x12, len(name), *name, 0x1A, len(time), *time, 0x28, 1])
-    return bytes([0x32, len(body), *body])
-
-
-def without_foreign_links(page: str) -> str:
-    """Return a page without the links that a browser follows by itself to other machines."""
-    return FOREIGN_LINK.sub("", page)
+    digits = [round(at * 1e9) >> 7 * i & 127 | 128 for i in range(9)]
+    return [0x32, 27, 0x12, 10, 0x0A, 8, *b"sim_time", 0x1A, 11, 8, *digits, 0, 0x28, 1]
 
 
 def policy(page: str) -> str:
-    """Return the Content-Security-Policy of a page: it may only load from its own server.
-
-    Only its own inline scripts run, identified by their digests. WebAssembly may be compiled, but no text may
-    be evaluated.
-    """
+    """Return the Content-Security-Policy of a page, which knows its own inline scripts by their digests."""
     digests = (hashlib.sha256(script.encode()).digest() for script in INLINE_SCRIPT.findall(page))
-    scripts = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
-    return "; ".join(
-        (
-            "default-src 'none'",
-            f"script-src 'self' 'wasm-unsafe-eval' {scripts}",
-            "connect-src 'self'",
-            "img-src 'self' data: blob:",
-            "font-src 'self' data:",
-            "style-src 'self' 'unsafe-inline'",
-            "worker-src 'self' blob:",
-            "base-uri 'none'",
-            "form-action 'none'",
-            "frame-ancestors 'none'",
-        )
-    )
+    return POLICY.format(scripts=" ".join(f"'sha256-{base64.b64encode(d).decode()}'" for d in digests))
 
 
 class PageServer(ThreadingHTTPServer):
-    """Serves the viewer's page and one recording on a free port of 127.0.0.1.
+    """Serves the viewer's page and one recording on a port of 127.0.0.1, until its block ends.
 
     Args:
-        files: The files that `TYPES` names, as rerun serves them.
+        files: The files that `FILES` names, as rerun serves them.
         recording: The recording, read anew for each request.
         port: The port; 0: a free one.
         at: Time at which the page's clock stops when the page has the recording [s]; None: it runs.
@@ -123,102 +86,57 @@ class PageServer(ThreadingHTTPServer):
 
     daemon_threads = True  # a browser that reads slowly does not delay the end
 
-    def __init__(
-        self, files: Mapping[str, bytes], recording: Path, port: int = 0, at: float | None = None
-    ) -> None:
-        """Take a port; `serve_forever` answers."""
+    def __init__(self, files: dict[str, bytes], recording: Path, port: int, at: float | None) -> None:
+        """Take the port; `serve_forever` answers."""
         super().__init__((LOOPBACK, port), _Answer)
-        page = without_foreign_links(files["/"].decode())
+        page = FOREIGN_LINK.sub("", files[PAGE].decode())
         if at is not None:
-            request = seek(at)
-            script = SEEK % (list(request), ",".join(map(str, request[16:-2])))
-            page = page.replace("</body>", f"<script>{script}</script></body>")
-        self.files = {**files, "/": page.encode()}
-        self.policy = policy(page)
-        self.recording = recording
-
-    @property
-    def origin(self) -> str:
-        """Return its address: http://127.0.0.1:PORT."""
-        return f"http://{LOOPBACK}:{self.server_port}"
+            page = page.replace("</body>", SEEK % seek(at))
+        self.policy, self.recording = policy(page), recording
+        self._folder = tempfile.TemporaryDirectory(prefix="rmrc-")
+        self.folder = self._folder.name
+        for name, content in {**files, PAGE: page.encode()}.items():
+            Path(self.folder, name).write_bytes(content)
 
     @property
     def url(self) -> str:
         """Return the address of the page that shows the recording."""
-        return f"{self.origin}?url={quote(self.origin + RECORDING, safe='')}&hide_welcome_screen"
+        origin = f"http://{LOOPBACK}:{self.server_port}"
+        return f"{origin}?url={quote(origin + RECORDING, safe='')}&hide_welcome_screen"
+
+    def server_close(self) -> None:
+        """Leave the port, and remove the files."""
+        super().server_close()
+        self._folder.cleanup()
+
+    def handle_error(self, *_: object) -> None:
+        """Do nothing: a browser that disconnects in the middle is no error."""
 
 
-class _Answer(BaseHTTPRequestHandler):
-    """Answers one request, by HTTP/1.0: one connection per request."""
+class _Answer(SimpleHTTPRequestHandler):
+    """Answers one request with a file of the page, or the recording."""
 
     server: PageServer
-    server_version, sys_version = "rmrc", ""
-    timeout = 60  # seconds that a client may be silent
 
-    def do_GET(self) -> None:
-        """Answer with a file or the recording."""
-        self._answer(with_body=True)
+    def __init__(self, request: Any, client: Any, server: PageServer) -> None:
+        super().__init__(request, client, server, directory=server.folder)
 
-    def do_HEAD(self) -> None:
-        """Answer as to GET, without the body."""
-        self._answer(with_body=False)
+    def translate_path(self, path: str) -> str:
+        """Return the file that a path names."""
+        return str(self.server.recording) if path == RECORDING else super().translate_path(path)
 
-    def _refuse(self) -> None:
-        self.send_response(HTTPStatus.METHOD_NOT_ALLOWED)
-        self.send_header("Allow", "GET, HEAD")
-        self.send_header("Content-Length", "0")
-        self.end_headers()
-
-    do_POST = do_PUT = do_PATCH = do_DELETE = do_OPTIONS = do_TRACE = do_CONNECT = _refuse
-
-    def _answer(self, with_body: bool) -> None:
-        hosts = self.headers.get_all("Host", [])
-        if len(hosts) > 1 or not all(OUR_NAMES.fullmatch(host.strip()) for host in hosts):
-            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
-            return
-        path = self.path.partition("?")[0]
-        if path == RECORDING:
-            self._send_recording(with_body)
-        elif path in self.server.files:
-            content = self.server.files[path]
-            self._begin(TYPES[path], len(content))
-            if with_body:
-                self.wfile.write(content)
-        else:
-            self.send_error(HTTPStatus.NOT_FOUND)
-
-    def _send_recording(self, with_body: bool) -> None:
-        try:
-            file = self.server.recording.open("rb")
-        except OSError:
-            self.send_error(HTTPStatus.NOT_FOUND)
-            return
-        with file:
-            self._begin("application/octet-stream", file.seek(0, 2))
-            if with_body:
-                file.seek(0)
-                shutil.copyfileobj(file, self.wfile, 1 << 20)
-
-    def _begin(self, kind: str, length: int) -> None:
-        self.send_response(HTTPStatus.OK)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(length))
-        self.send_header("rerun-final-length", str(length))  # the page shows how much is loaded by this
-        self.end_headers()
+    def send_head(self) -> Any:
+        """Answer, unless the request names another host."""
+        if all(OUR_NAMES.fullmatch(host.strip()) for host in self.headers.get_all("Host", [])):
+            return super().send_head()
+        self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
+        return None
 
     def end_headers(self) -> None:
         """End the headers of any answer, errors included, with those that confine the page to this server."""
-        self.send_header("Content-Security-Policy", self.server.policy)
-        for name, value in HEADERS.items():
+        for name, value in {"Content-Security-Policy": self.server.policy, **HEADERS}.items():
             self.send_header(name, value)
         super().end_headers()
-
-    def handle(self) -> None:
-        """Answer; a browser that disconnects in the middle is no error."""
-        try:
-            super().handle()
-        except OSError:
-            self.close_connection = True
 
     def log_message(self, *_: object) -> None:
         """Print nothing: the terminal shows only the address."""

@@ -172,7 +172,7 @@ def hold_wrench(
         )
     for j in np.flatnonzero(arm.inertia <= 0.0):
         raise QuestionError(
-            f'cannot hold: joint "{arm.joints[j]}" must have an inertia above 0 at home, got '
+            f'cannot hold: joint "{arm.joints[j]}" must have an inertia > 0 at home, got '
             f"{arm.inertia[j]:.6g}; correct the masses or the armature of the model"
         )
     prepared = prepare(hold_scenario(wanted, seconds), Cache(arm))
