@@ -16,7 +16,7 @@ from rmrc.support.shipped import Folder, found
 KINDS = {
     "a scenario": ((".yaml", ".yml"), "run"),
     "a model": ((".xml", ".mjcf", ".urdf"), "inspect"),
-    "a recording": ((".rrd", ".part"), "replay"),
+    "a recording": ((".rrd",), "replay"),
     "a result": ((".npz", ".json", ".parquet"), "report"),
 }
 SHIPPED: dict[str, Folder] = {"a scenario": "scenarios", "a model": "models"}

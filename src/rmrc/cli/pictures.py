@@ -29,8 +29,8 @@ def plot(
     """Plot a run, or variants side by side, for a paper: path, rates, singular values, errors, status.
 
     Writes NAME.pdf, or FILE in .pdf, .svg or .png. Panels are arm, path, rates, sigma, error, turn_error,
-    torque, pace, belief, joints, status and g, drawn in this order from the top. Those of a sweep are distributions, of its metrics, and keys: the
-    first metric over each varied key. Default size: 7.16in, 8 pt.
+    torque, pace, belief, joints, status and g, drawn in this order from the top. Those of a sweep are
+    distributions, of its metrics, and keys: the first metric over each varied key. Default: 7.16in, 8 pt.
     """
     from rmrc.show.figure import NAMES
     from rmrc.study import pictures

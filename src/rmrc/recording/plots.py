@@ -118,7 +118,7 @@ class Plot:
         """Yield limits and marks as curves over a few times: their entity, and the shape of points."""
         panel, ends = self.panel, np.array([0.0, self._end])
         levels = [
-            Curve(line.name.removeprefix("limit, "), ends, np.full(2, line.value), line.color, role="second")
+            Curve(line.name.removeprefix("limit, "), ends, np.full(2, line.value), line.color, role="plain")
             for line in panel.levels
         ]
         if levels:
