@@ -133,7 +133,7 @@ MISTAKES = {
     "an unknown option": (["run", "quick.yaml", "--method", "x"], "…--method…; see rmrc run --help"),
     "no number": (["tune", "quick.yaml", "--perturbed", "x"], "…'--perturbed'…; see rmrc tune --help"),
     "beyond a bound": (["inspect", TWO, "--length", "inf"], "--length … 1e-06 and 1e+06… inf"),
-    "no choice": (["workspace", TWO, "--map", "w"], "…'--map'… 'w' … 'sigma_min', 'manipulability', …"),
+    "no choice": (["workspace", TWO, "--map", "w"], "…'--map'… 'w' … 'sigma_min', 'manipulability'…"),
     "no such file": (["run", "quik.yaml"], 'quik.yaml: … file… "quick.yaml"…'),
     "a package": (["inspect", TWO, "--package", "a=gone"], "--package … NAME=FOLDER … 'a=gone'"),
 }  # fmt: skip

@@ -50,12 +50,12 @@ def show(
     Raises:
         typer.Exit: The condition is not met.
     """
-    from rmrc.show.terminal import render
-
     paths = [str(file) for file in files if file is not None]
     if as_json:
         print_json(report.json | {"files": paths} if paths else report.json)
     elif not quiet:
+        from rmrc.show.terminal import render
+
         is_known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()
         screen = Console(width=None if is_known else PIPE_WIDTH)
         screen.width = max(screen.width, LEAST_WIDTH)

@@ -54,7 +54,7 @@ def new(
     package: options.Packages = None,
     joints: options.Joints = None,
     length: options.Length = None,
-    plant: Annotated[str, Option(help="Plant of the scenario: ideal, servo or torque.")] = "servo",
+    plant: Annotated[str, Option(help="Plant: ideal, servo, torque or model.")] = "servo",
     force: Annotated[bool, Option("--force", help="Overwrite the file.")] = False,
     as_json: options.AsJson = False,
     quiet: options.Quiet = False,

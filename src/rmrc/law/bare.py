@@ -8,6 +8,8 @@
 `resolve_rates` applies one inverse to one Jacobian and one twist.
 """
 
+from __future__ import annotations
+
 import math
 import threading
 import time

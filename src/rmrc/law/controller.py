@@ -8,6 +8,8 @@ while True:
     ...
 """
 
+from __future__ import annotations
+
 import os
 import time
 import warnings
@@ -193,7 +195,7 @@ class Controller(SteppedLaw):
         takes_positions = np.array([servo.command == DriveKind.POSITION for servo in servos])
         return takes_positions, np.array([s.slope for s in servos]), np.array([s.offset for s in servos])
 
-    def reset(self, q: "ArrayLike | mujoco.MjData | Sequence[mujoco.MjData] | None" = None) -> None:
+    def reset(self, q: ArrayLike | mujoco.MjData | Sequence[mujoco.MjData] | None = None) -> None:
         """Forget all steps: the next one is the first, from rest.
 
         Args:
@@ -249,7 +251,7 @@ class Controller(SteppedLaw):
         self._data = []
         self._worlds["input"]["sites"], self._worlds["task"]["base"] = CHAIN_ALONE, self.task.view.base
 
-    def _look_at(self, data: "mujoco.MjData | Sequence[mujoco.MjData]") -> None:
+    def _look_at(self, data: mujoco.MjData | Sequence[mujoco.MjData]) -> None:
         """Have steps read state and kinematics from MuJoCo's data, one object per world.
 
         Raises:
@@ -354,7 +356,7 @@ class Controller(SteppedLaw):
 
     def step_data(
         self,
-        data: "mujoco.MjData | Sequence[mujoco.MjData]",
+        data: mujoco.MjData | Sequence[mujoco.MjData],
         *,
         pose: ArrayLike | None = None,
         twist: ArrayLike | None = None,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rmrc.results.expectations import Case
-from rmrc.show.sheets import Sheet
+from rmrc.show.sheets import Sheet, as_markdown
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,10 @@ class Report:
     problem: str = ""
     block: str = ""
     cases: Sequence[Case] = ()
+
+    def _repr_markdown_(self) -> str:
+        """Return the tables, as a notebook shows them."""
+        return "\n\n".join(map(as_markdown, self.sheets))
 
 
 def plain(value: Any) -> Any:

@@ -33,24 +33,28 @@ def few(card: "Scorecard", outcomes: Sequence["Outcome"] = (), baseline: "Scorec
         outcomes: Outcomes of the scenario's expectations.
         baseline: The metrics of its baseline, if it has one.
     """
-    rows, expected = [], {one.name: one for one in outcomes}
-    telling = _telling(card, baseline)
+    rows, also, telling = [], list[str](), _telling(card, baseline)
+    expected = {one.name: one for one in outcomes}
     for name in dict.fromkeys((*(name for name in FEW if name in telling), *expected)):
         unit, outcome = _unit(card, name), expected.get(name)
         value = _text(card, name) if name in card or outcome is None else number(outcome.value)
+        if outcome is not None and outcome.ok and name not in FEW:
+            also.append(f"{name} {value} {unit}".strip())
+            continue
         wanted = ""
         if outcome is not None:
             wanted = f"{'ok' if outcome.ok else 'MISSED'}, {outcome.wanted.removesuffix(f' {unit}')}"
         beside = ("",) * bool(baseline) if name.startswith(PLAIN) else _beside(baseline, name)
         rows.append((name, value, unit, wanted, *beside))
-    times = [
-        f"{title}{', '.join(f'{name} {_text(each, STATUS + name)} s' for name in _statuses(each))}"
-        for title, each in (("", card), ("baseline: ", baseline))
-        if each is not None
-    ]
     notes = [f"{PLAIN}: of the plain inverse, at this run's own states"] * (f"{PLAIN}.peak" in telling)
+    notes += [f"also ok: {', '.join(also)}"] * bool(also)
+    for title, each in (("", card), ("baseline: ", baseline)):
+        if each is not None:
+            names = [name for name in each if name.startswith(STATUS) and each[name].value]
+            times = [f"{name.removeprefix(STATUS)} {_text(each, name)} s" for name in names]
+            notes += [f"{title}{', '.join(times)}"] * bool(times)
     headings = ("", "value", "unit", "expected" if outcomes else "", *_over(baseline))
-    return Sheet("", headings, rows, frozenset({0, 2, 3}), (*notes, *filter(None, times)))
+    return Sheet("", headings, rows, frozenset({0, 2, 3}), tuple(notes))
 
 
 def sheets(
@@ -124,10 +128,6 @@ def _telling(*cards: "Scorecard | None") -> set[str]:
             and (figure.value or not name.startswith(STATUS))
         }
     return telling
-
-
-def _statuses(card: "Scorecard") -> list[str]:
-    return [name.removeprefix(STATUS) for name in card if name.startswith(STATUS) and card[name].value]
 
 
 def _beside(baseline: "Scorecard | None", name: str) -> tuple[str, ...]:

@@ -9,8 +9,6 @@ from contextlib import contextmanager
 # Sent by `rmrc.law.compiling` while it compiles, with the name of the compiled part.
 COMPILING = "compiling {} ({}) ..."
 KEPT, NOT_KEPT = "once; kept for the next time", "this time and each other time; it cannot be kept"
-# Sent by verbs that wait for a model, if that takes long.
-READING = "reading the model ..."
 
 _listeners: list[Callable[[str, str], None]] = []
 

@@ -4,6 +4,8 @@ It is a search (`rmrc.simulation.inverse_kinematics`) from a start and from rand
 MuJoCo's forward kinematics proves its results; other solutions may still exist.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

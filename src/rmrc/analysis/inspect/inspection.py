@@ -1,5 +1,7 @@
 """An arm at one configuration: pose, Jacobian, lost directions, ellipsoids, errors of joints at the site."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import comb

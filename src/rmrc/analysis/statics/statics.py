@@ -6,6 +6,8 @@ singular or not, as joint servos do. The actuators are read once all is at rest,
 `rmrc.analysis.statics.balance` at the joint positions of rest.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,6 +4,8 @@ Random configurations are examined, and more near the cells at the edge until no
 edge is reached in a part that is not known, and counts half.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -150,7 +152,7 @@ class Workspace:
     families: tuple[Rule, ...]
     free: Reach
     limited: Reach
-    others: tuple["Workspace", ...] = ()
+    others: tuple[Workspace, ...] = ()
 
 
 def workspace(
