@@ -404,7 +404,7 @@ def test_rates_and_torques_are_drawn_from_the_columns_and_the_rest_is_what_they_
         ("columns", "columns", ".qdot_cmd[]", run.joints),
     } < {*curves}
     assert -low == high >= np.abs(run["qdot"]).max()
-    title, _, (low, high), _ = plot_of(path, "Smallest singular value")
+    title, _, (low, high), _ = plot_of(path, "Singular value")
     assert "log₁₀" in title
     drawn = rrd.table(path, component="curves")
     np.testing.assert_allclose(
@@ -428,7 +428,7 @@ def test_lines_keep_their_peaks_and_each_color_has_one_name(recorded):
     for table in rrd.layout(recorded[2]).values():
         if "SeriesLines:colors" in table and "VisualizerInstruction:component_map" in table:
             assert table["SeriesLines:aggregation_policy"] is not None
-    for *_, curves in (plot_of(recorded[2], start) for start in ("Joint rates", "Smallest")):
+    for *_, curves in (plot_of(recorded[2], start) for start in ("Joint rates", "Singular")):
         names = [name for *_, some in curves for name in some]
         assert not [name for name in names if "commanded" in name]
 
@@ -438,7 +438,7 @@ def test_a_peak_beyond_the_axis_is_in_the_title_and_marked_at_the_edge(planar, t
     run.columns["qdot_cmd"][150, 1] = -12658.02
     path = recorded_alone(tmp_path, (prepared, run))
     title, _, (low, _), _ = plot_of(path, "Joint rates")
-    assert title.endswith("elbow, commanded: peak 12,658 rad/s ↓")
+    assert title.endswith("elbow, cmd: peak 12,658 rad/s ↓")
     marks, ticks = rrd.rows(path, "peaks/rates/0")
     assert marks["Scalars:scalars"] == [[pytest.approx(EDGE * low)]]
     assert ticks["Scalars:scalars"].tolist() == [150]
@@ -462,7 +462,7 @@ def test_several_runs_are_drawn_by_their_largest_values(planar, tmp_path):
     for label, factor in (("a", 1.0), ("b", 2.0)):
         drawn = rrd.table(tmp_path / "x.rrd", rrd.prefix_of(label), "curves")["rates"]
         np.testing.assert_allclose(drawn[:, 0], factor * np.abs(run["qdot_cmd"]).max(axis=1), rtol=1e-6)
-    *_, curves = plot_of(tmp_path / "x.rrd", "Largest commanded rate")
+    *_, curves = plot_of(tmp_path / "x.rrd", "Largest rate")
     assert {(entity, names) for entity, component, _, names in curves if component} == {
         ("variants/a/columns", ("a",)),
         ("variants/b/columns", ("b",)),
@@ -497,7 +497,7 @@ LOOKS = {  # title of the plot, what is marked at each tick, and how remarkable 
         lambda run: 1e3 * np.linalg.norm(run["pose_error"][:, 3:], axis=1)[:, None],
         lambda run: np.linalg.norm(run["pose_error"][:, 3:], axis=1),
     ),
-    "sigma": ("Smallest", lambda run: np.log10(run["sigma"][:, -1:]), lambda run: -run["sigma"][:, -1]),
+    "sigma": ("Singular", lambda run: np.log10(run["sigma"][:, -1:]), lambda run: -run["sigma"][:, -1]),
 }
 
 

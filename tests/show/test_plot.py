@@ -156,7 +156,7 @@ def test_verbs_take_a_width_and_a_font(rmrc, tmp_path):
     width = float(re.search(r'<svg [^>]*?width="([0-9.]+)pt"', path.read_text("utf-8"))[1])
     assert width == pytest.approx(72 * 88 / 25.4, abs=0.1)
     code, _, err = rmrc("inspect", "planar_2link", *options, "88")
-    assert (code, err) == (2, says("rmrc: error: --width must be a length such as 3.5in…\n"))
+    assert (code, err) == (2, says("rmrc: error: …--width… 2in … 40in, … 3.5in…\n"))
 
 
 def test_methods_that_do_the_same_are_nested_rings():

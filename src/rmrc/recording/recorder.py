@@ -27,7 +27,7 @@ from rmrc.recording.plots import BASELINE, Plot
 from rmrc.recording.stream import Stream, struct
 from rmrc.results.run import Run
 from rmrc.show.palette import distinct
-from rmrc.show.panels import NAMES, panels
+from rmrc.show.panels import panels
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.files import written_whole
 
@@ -95,7 +95,8 @@ def _write(
     runs = {label: picture.run for label, picture in pictures.items()}
     prefixes = {label: picture.stream.prefix for label, picture in pictures.items()}
     scenario = first.prepared.scenario
-    plots = [Plot(panel, runs, prefixes, scenario.look) for panel in panels(runs, NAMES)]
+    described = [*panels(runs), *panels(runs, ["joints"])]
+    plots = [Plot(panel, runs, prefixes, scenario.look) for panel in described]
     instants = next((plot.instants for plot in plots if plot.instants), {})
     yaml = [f"```yaml\n{picture.prepared.scenario.to_yaml()}```\n" for picture in pictures.values()]
     texts = {"Legend": LEGEND, **texts, "Scenario": "\n".join(yaml)}
