@@ -1,5 +1,7 @@
 """What an inspection says is so: against closed forms, defining equations and other answers of the program."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -251,3 +253,12 @@ def test_outside_of_limits_is_a_warning():
     assert rmrc.inspect(model("planar_2link"), np.radians([170, -160])).warnings == ()
     # A limit of eight digits is not passed by its ninth, but by a thousandth of a degree.
     assert len(rmrc.inspect(model("planar_2link"), np.radians([170.001, -160])).warnings) == 1
+
+
+def test_a_notebook_shows_what_was_found():
+    shown = rmrc.inspect("planar_2link", [0.0, 0.0])._repr_markdown_()
+    assert "| condition kappa | inf |" in shown and "| lost | cannot move along x" in shown
+    reached = rmrc.workspace("planar_2link", cells=40)._repr_markdown_()
+    assert reached.startswith("## planar_2link.xml, site tip, slice xy")
+    area = float(re.search(r"\| without limits \| ([\d.]+) \|", reached)[1])
+    assert abs(area - 4 * np.pi) < 0.2  # 4 π l₁ l₂, by cells of 0.1 m

@@ -42,17 +42,6 @@ class Survey:
     pose: Array
     sigma: Array
 
-    @property
-    def manipulability(self) -> Array:
-        """Manipulability w = ∏ σ, (N,) [Yoshikawa85]."""
-        return np.asarray(np.prod(self.sigma, axis=1))
-
-    @property
-    def condition(self) -> Array:
-        """κ = σ_1/σ_k, (N,), infinite where σ_k = 0."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(self.sigma[:, -1] > 0.0, self.sigma[:, 0] / self.sigma[:, -1], np.inf)
-
 
 def survey(task: Task, q: Array, threads: int | None = None) -> Survey:
     """Find pose and singular values at many configurations.

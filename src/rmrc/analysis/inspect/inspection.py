@@ -17,6 +17,7 @@ from rmrc.analysis.subject import Model, Packages, axes_of, numbers, subject
 from rmrc.arm import Arm
 from rmrc.arm.inventory import Mechanism, find_mechanism
 from rmrc.law.task import Array, Task
+from rmrc.show.sheets import Sheet, as_markdown, number
 from rmrc.support.brief import brief
 from rmrc.support.spatial import AXES, quat_to_matrix
 from rmrc.textbook.displacement import tip_covariance, tip_error
@@ -90,6 +91,16 @@ class Inspection:
     tip_error: Mapping[str, Array] | None
     mechanism: Mechanism | None
     warnings: tuple[str, ...]
+
+    def _repr_markdown_(self) -> str:
+        """Return what a notebook shows of it."""
+        rows = [
+            ("q", ", ".join(map(number, self.q))), ("sigma", ", ".join(map(number, self.sigma))),
+            ("condition kappa", number(self.condition)), ("manipulability w", number(self.manipulability)),
+            *(("lost", each.words) for each in self.lost),
+        ]  # fmt: skip
+        title = f"{self.arm.path.name}, site {self.arm.site}"
+        return as_markdown(Sheet(title, ("", "value"), rows, frozenset({0, 1})))
 
 
 def inspect(

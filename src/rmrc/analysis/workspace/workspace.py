@@ -20,6 +20,7 @@ from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
 from rmrc.analysis.workspace.slices import Slice, choose_slices
 from rmrc.arm import Arm
 from rmrc.law.task import Array, Task, choose
+from rmrc.show.sheets import Sheet, as_markdown, number
 from rmrc.simulation.footprint import LIBRARIES
 from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError
@@ -153,6 +154,13 @@ class Workspace:
     free: Reach
     limited: Reach
     others: tuple[Workspace, ...] = ()
+
+    def _repr_markdown_(self) -> str:
+        """Return what a notebook shows of it."""
+        sets = {"without limits": self.free, "with limits": self.limited}
+        rows = [(name, number(each.area), number(each.accuracy)) for name, each in sets.items()]
+        title = f"{self.task.arm.path.name}, site {self.task.arm.site}, slice {self.part.name}"
+        return as_markdown(Sheet(title, ("reached", "area [m²]", "± [m²]"), rows))
 
 
 def workspace(
