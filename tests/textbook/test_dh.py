@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from rmrc.support.errors import ModelError
 from rmrc.textbook.dh import DHChain, dh_transform, modified_dh_transform
 
 # Products of a dozen matrices of order one.
@@ -92,46 +91,3 @@ def test_the_conventions_describe_one_arm_by_shifted_rows(case, last_alpha, last
     assert_allclose(modified.frames(q)[-1] @ end, standard.frames(q)[-1], atol=ROUNDING)
     in_modified = (end @ [*point, 1.0])[:3]
     assert_allclose(modified.jacobian(q, point=in_modified), standard.jacobian(q, point=point), atol=ROUNDING)
-
-
-def test_leading_axes_are_configurations():
-    chain = DHChain(((0.1, 0.2, 0.3, 0.4), (0.5, 0.6, 0.7, 0.8)), ("revolute", "prismatic"))
-    q = np.random.default_rng(1).uniform(-1, 1, (3, 4, 2))
-    frames, jacobian = chain.frames(q), chain.jacobian(q, 2, (0.1, 0.2, 0.3))
-    assert frames.shape == (3, 4, 3, 4, 4)
-    assert jacobian.shape == (3, 4, 6, 2)
-    assert_allclose(frames[2, 1], chain.frames(q[2, 1]), atol=ROUNDING)
-    assert_allclose(jacobian[2, 1], chain.jacobian(q[2, 1], 2, (0.1, 0.2, 0.3)), atol=ROUNDING)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            (((0, 0, 0, 0),), ("revolute", "revolute")),
-            "DH chain: 1 rows in the table but 2 joint kinds; give one kind a row",
-        ),
-        (
-            (((0, 0, 0, 0),), ("hinge",)),
-            'DH chain: joint kind "hinge" is neither revolute nor prismatic',
-        ),
-        (
-            (((0, 0, 0, 0),), ("revolute",), "craig"),
-            'DH chain: convention "craig" is neither standard nor modified',
-        ),
-    ],
-)
-def test_a_wrong_table_is_refused(arguments, message):
-    with pytest.raises(ModelError) as caught:
-        DHChain(*arguments)
-    assert str(caught.value) == message
-
-
-def test_wrong_arguments_are_refused():
-    chain = DHChain(((0, 0, 0, 0),), ("revolute",))
-    with pytest.raises(ModelError) as caught:
-        chain.frames([0.0, 1.0])
-    assert str(caught.value) == "DH chain: expected 1 joint positions, got shape (2,)"
-    with pytest.raises(ModelError) as caught:
-        chain.jacobian([0.0], frame=2)
-    assert str(caught.value) == "DH chain: frame 2 does not exist; frames are 0 to 1"

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.support.errors import ModelError
 from rmrc.textbook.ellipsoid import (
     Ellipsoid,
     ellipsoid_points,
@@ -15,9 +14,8 @@ from rmrc.textbook.ellipsoid import (
     manipulability,
     velocity_ellipsoid,
 )
-from rmrc.textbook.planar import planar_jacobian
 from rmrc.textbook.stanford import stanford_jacobian
-from rmrc.textbook.two_link import two_link_determinant, two_link_jacobian
+from rmrc.textbook.two_link import two_link_jacobian
 
 # Conditions are at most 1e2: J Jᵀ squares it, 1e4 · 1e-16, some dozen terms.
 ROUNDING = 1e-10
@@ -87,12 +85,6 @@ def test_swapped_radii_are_seen():
     assert np.abs(form(as_forces, forces) - 1).max() > 0.5
 
 
-def test_axes_that_are_not_turned_are_seen():
-    J = two_link_jacobian([1.0, 0.7], [0.3, 0.9])
-    along_x_y = Ellipsoid(np.eye(2), velocity_ellipsoid(J).half_axes)
-    assert np.abs(form(along_x_y, directions(2) @ J.T) - 1).max() > 0.1
-
-
 @pytest.mark.parametrize("elbow", [0.0, np.pi])
 def test_a_lost_direction_is_flat_for_velocities_and_endless_for_forces(elbow):
     """Also where sin π is not exactly 0."""
@@ -127,28 +119,3 @@ def test_points_lie_on_the_ellipse_and_on_the_ellipsoid_all_around():
     assert_allclose(points[0, 0], solid.axes[:, 2] * solid.half_axes[2], atol=1e-12)
     equator = ellipsoid_points(solid, 21)[0, 10]
     assert_allclose(equator, solid.axes[:, 0] * solid.half_axes[0], atol=1e-12)
-
-
-def test_what_cannot_be_drawn_is_refused():
-    with pytest.raises(ModelError) as caught:
-        ellipsoid_points(force_ellipsoid(two_link_jacobian([1, 1], [0, 0])))
-    message = "ellipsoid: a half axis is infinite; bring it to the length that shall be drawn"
-    assert str(caught.value) == message
-    with pytest.raises(ModelError) as caught:
-        ellipsoid_points(velocity_ellipsoid(np.ones((4, 5))))
-    assert str(caught.value) == "ellipsoid: can draw 2 or 3 half axes, got shape (4,)"
-
-
-@given(arrays(float, 2, elements=st.floats(-3.0, 3.0)))
-def test_manipulability_of_a_square_jacobian_is_its_determinant(q):
-    lengths = [1.0, 0.7]
-    expected = abs(two_link_determinant(lengths, q))
-    assert_allclose(manipulability(two_link_jacobian(lengths, q)), expected, atol=1e-15)
-
-
-def test_leading_axes_are_configurations():
-    q = np.random.default_rng(3).normal(size=(4, 5, 3))
-    J = planar_jacobian([1, 0.8, 0.6], q)[..., :2, :]
-    for ellipsoid in (velocity_ellipsoid, force_ellipsoid):
-        assert_allclose(ellipsoid(J).half_axes[2, 3], ellipsoid(J[2, 3]).half_axes, rtol=1e-12)
-    assert_allclose(manipulability(J)[2, 3], manipulability(J[2, 3]), rtol=1e-12)

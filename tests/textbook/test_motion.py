@@ -14,7 +14,6 @@ from rmrc.textbook.motion import (
     point_velocity,
     rotation_rate,
     vee,
-    written_in,
 )
 
 # A few dozen products of order ten.
@@ -90,16 +89,6 @@ def test_a_term_or_frame_that_is_missed_is_seen(fault):
 
 
 @given(seeds, st.floats(-2, 2))
-def test_writing_in_another_frame_changes_numbers_and_not_the_vector(seed, t):
-    motion = Motion(seed)
-    R, v = motion.rotation(t), motion.wave_rate(motion.point, t)
-    # The observer stays in {B}: he differentiates ᴮQ, whoever writes.
-    seen_by_b = R @ difference(lambda s: motion.wave(motion.point, s), t)
-    assert_allclose(written_in(R, v), seen_by_b, atol=DIFFERENCE)
-    assert_allclose(np.linalg.norm(written_in(R, v)), np.linalg.norm(v), atol=ROUNDING)
-
-
-@given(seeds, st.floats(-2, 2))
 def test_angular_velocity_matrix_is_skew_and_holds_the_angular_velocity(seed, t):
     motion = Motion(seed)
     R, rate, omega = motion.rotation(t), exact_rate(motion, t), motion.omega(t)
@@ -110,23 +99,6 @@ def test_angular_velocity_matrix_is_skew_and_holds_the_angular_velocity(seed, t)
     assert_allclose(rotation_rate(R, omega), rate, atol=ROUNDING)
     quotient = difference(motion.rotation, t)
     assert_allclose(angular_velocity(R, quotient), omega, atol=DIFFERENCE)
-
-
-def test_the_matrix_the_other_way_round_is_that_of_the_body_s_own_axes():
-    motion, t = Motion(3), 0.4
-    R, rate, omega = motion.rotation(t), exact_rate(motion, t), motion.omega(t)
-    assert_allclose(vee(R.T @ rate), R.T @ omega, atol=ROUNDING)
-    assert np.abs(vee(R.T @ rate) - omega).max() > 1e-3
-
-
-@given(seeds)
-def test_a_family_of_rotations_leaves_the_identity_with_a_skew_derivative(seed):
-    """Exercise 6.5: R(0) = I."""
-    motion = Motion(seed)
-    family = lambda t: motion.rotation(t) @ motion.rotation(0.0).T  # noqa: E731
-    leaving = difference(family, 0.0)
-    assert_allclose(leaving, rotation_rate(np.eye(3), motion.omega(0.0)), atol=DIFFERENCE)
-    assert_allclose(leaving + leaving.T, 0.0, atol=DIFFERENCE)
 
 
 @given(seeds, st.floats(-2, 2))
@@ -140,50 +112,11 @@ def test_instantaneous_axis_is_that_of_the_turn_from_one_instant_to_the_next(see
 
 
 def test_a_matrix_that_is_not_skew_holds_no_angular_velocity():
-    with pytest.raises(ValueError, match=r".") as caught:
-        vee([[0, -2, 0], [1, 0, 0], [0, 0, 0]])  # (1 − 2)/2 beside 2
-    assert str(caught.value) == (
-        "angular-velocity matrix: its symmetric part is 0.25 of it, at most 1e-09 is rounding; "
-        "R and its derivative do not belong together"
-    )
-    with pytest.raises(ValueError, match="symmetric part is nan"):
-        vee(np.full((3, 3), np.nan))
-    # A difference quotient is skew as far as its step allows, which its caller must say.
-    quotient = (Rotation.from_rotvec([0, 0, 1e-4]).as_matrix() - np.eye(3)) / 1e-4
-    with pytest.raises(ValueError, match="symmetric part"):
-        vee(quotient)
-    assert_allclose(vee(quotient, tolerance=1e-4), [0, 0, 1], atol=1e-8)
-    assert_allclose(vee(np.zeros((3, 3))), 0.0, atol=0)
-    # The tolerance is what it says: half of it passes, twice of it does not.
     S = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0.0]])
+    # The tolerance is what it says: half of it passes, twice of it does not.
     assert_allclose(vee(S + np.diag([0.5e-9, 0, 0])), [0, 0, 1], atol=0)
-    with pytest.raises(ValueError, match="symmetric part is 2e-09"):
-        vee(S + np.diag([2e-9, 0, 0]))
-
-
-def test_each_component_is_the_mean_of_its_two_entries():
-    lopsided = [[0, -5, 4], [1, 0, -2], [-2, 0, 0]]
-    assert_allclose(vee(lopsided, tolerance=1.0), [1, 3, 3], atol=0)
-
-
-def test_what_does_not_turn_has_no_axis():
-    with pytest.raises(ValueError, match="cannot normalize a vector that is zero or not finite"):
-        instantaneous_axis([0.0, 0.0, 0.0])
-
-
-def test_leading_axes_are_instants():
-    rng = np.random.default_rng(2)
-    R, rate, omega = rng.normal(size=(5, 1, 3, 3)), rng.normal(size=(4, 3, 3)), rng.normal(size=(4, 3))
-    v, velocity, point = rng.normal(size=(3, 4, 3))
-    both = [
-        (angular_velocity(R, rate), angular_velocity(R[3, 0], rate[2])),
-        (angular_velocity_matrix(R, rate), angular_velocity_matrix(R[3, 0], rate[2])),
-        (rotation_rate(R, omega), rotation_rate(R[3, 0], omega[2])),
-        (
-            point_velocity(v, R, velocity, omega, point),
-            point_velocity(v[2], R[3, 0], velocity[2], omega[2], point[2]),
-        ),
-    ]
-    for all_of_them, one in both:
-        assert all_of_them.shape[:2] == (5, 4)
-        assert_allclose(all_of_them[3, 2], one, atol=ROUNDING)
+    for wrong in (S + np.diag([2e-9, 0, 0]), np.full((3, 3), np.nan)):
+        with pytest.raises(ValueError, match="symmetric part"):
+            vee(wrong)
+    # A difference quotient is skew as far as its step allows, which its caller must say; entries are averaged.
+    assert_allclose(vee([[0, -5, 4], [1, 0, -2], [-2, 0, 0]], tolerance=1.0), [1, 3, 3], atol=0)

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.support.errors import ModelError
 from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian
 from rmrc.textbook.redundancy import (
     null_space_projector,
@@ -15,7 +14,6 @@ from rmrc.textbook.redundancy import (
     weighted_left_inverse,
     weighted_right_inverse,
 )
-from rmrc.textbook.two_link import two_link_jacobian_inverse
 
 entries = st.floats(-2.0, 2.0)
 
@@ -88,24 +86,6 @@ def test_the_null_space_keeps_wishes_out_of_the_task_and_grants_what_it_can(case
     assert_allclose(null @ W @ (rates - wish), 0.0, atol=SQUARED * size)
 
 
-def test_the_wrong_weights_are_no_minimum():
-    """Negative control: the minimum of ‖q̇‖ is not that of q̇ᵀ W q̇, and leaves W q̇ outside Jᵀ's range."""
-    J, W = np.array([[1.0, 2.0, 0.5]]), np.diag([1.0, 5.0, 2.0])
-    weighted, plain = weighted_right_inverse(J, W) @ [1.0], weighted_right_inverse(J) @ [1.0]
-    assert weighted @ W @ weighted < 0.9 * (plain @ W @ plain)
-    assert plain @ plain < 0.9 * (weighted @ weighted)
-    multiplier = (W @ plain) / J[0]
-    assert np.ptp(multiplier) > 0.1
-
-
-def test_a_projector_of_a_damped_inverse_leaks_into_the_task():
-    """Negative control of J N = 0."""
-    J = planar_jacobian([1, 0.8, 0.6], [0.3, 0.7, -0.4])[:2]
-    damped = J.T @ np.linalg.inv(J @ J.T + 0.1**2 * np.eye(2))
-    assert np.abs(J @ null_space_projector(J)).max() < 1e-12
-    assert np.abs(J @ (np.eye(3) - damped @ J)).max() > 1e-3
-
-
 @given(wide())
 def test_without_weights_both_are_the_pseudo_inverse(case):
     J, _ = case
@@ -113,14 +93,6 @@ def test_without_weights_both_are_the_pseudo_inverse(case):
     atol = SQUARED * np.abs(reference).max()
     assert_allclose(weighted_right_inverse(J), reference, atol=atol)
     assert_allclose(weighted_left_inverse(J.T), reference.T, atol=atol)
-
-
-def test_a_square_jacobian_has_its_inverse_whatever_the_weights():
-    lengths, q, W = [1.0, 0.8], [0.4, 0.9], np.diag([1.0, 7.0])
-    J = planar_jacobian(lengths, q)[:2]
-    inverse = two_link_jacobian_inverse(lengths, q)
-    for found in (weighted_right_inverse(J, W), weighted_left_inverse(J, W)):
-        assert_allclose(found, inverse, atol=1e-12)
 
 
 def test_only_rows_that_can_move_have_a_right_inverse():
@@ -138,38 +110,6 @@ def test_only_rows_that_can_move_have_a_right_inverse():
     assert_allclose(weighted_left_inverse(J)[:, 1:], weighted_right_inverse(reduced), atol=1e-12)
 
 
-def test_rank_loss_is_said_in_words():
-    stretched = planar_jacobian([1, 1, 1], [0.3, 0.0, 0.0])[:2]
-    message = "the normal equations have no solution; use damping, or drop rows that cannot move"
-    for function, J, which in (
-        (weighted_right_inverse, stretched, "J of 2 rows and 3 columns has dependent rows"),
-        (null_space_projector, np.zeros((1, 2)), "J of 1 rows and 2 columns has dependent rows"),
-        (weighted_right_inverse, np.ones((3, 2)), "J of 3 rows and 2 columns has dependent rows"),
-        (weighted_left_inverse, stretched, "J of 2 rows and 3 columns has dependent columns"),
-        (weighted_left_inverse, stretched.T, "J of 3 rows and 2 columns has dependent columns"),
-    ):
-        with pytest.raises(np.linalg.LinAlgError) as caught:
-            function(J)
-        assert str(caught.value) == f"{which}: {message}"
-
-
-@pytest.mark.parametrize(
-    ("weights", "message"),
-    [
-        (np.diag([1.0, 0.0, 1.0]), "weights: the matrix is not symmetric and positive definite"),
-        (np.diag([1.0, -1.0, 1.0]), "weights: the matrix is not symmetric and positive definite"),
-        ([[1, 2, 0], [2, 1, 0], [0, 0, 1]], "weights: the matrix is not symmetric and positive definite"),
-        ([[1, 0.5, 0], [0, 1, 0], [0, 0, 1]], "weights: the matrix is not symmetric and positive definite"),
-        (np.eye(2), "weights: expected a 3 x 3 matrix, got shape (2, 2)"),
-        ([1.0, 2.0, 3.0], "weights: expected a 3 x 3 matrix, got shape (3,)"),
-    ],
-)
-def test_weights_that_are_none_are_refused(weights, message):
-    with pytest.raises(ModelError) as caught:
-        weighted_right_inverse([[1.0, 2.0, 3.0]], weights)
-    assert str(caught.value) == message
-
-
 @pytest.mark.parametrize(("angle", "is_refused"), [(1e-5, False), (2e-6, False), (5e-7, True), (1e-8, True)])
 def test_rows_count_as_dependent_within_a_millionth_of_a_radian(angle, is_refused):
     J = np.array([[1.0, 0.0, 0.0], [np.cos(angle), np.sin(angle), 0.0]])
@@ -179,19 +119,3 @@ def test_rows_count_as_dependent_within_a_millionth_of_a_radian(angle, is_refuse
     else:
         # The squared condition, 4/angle², times rounding, times the inverse's size of 1/angle.
         assert_allclose(angle * (J @ weighted_right_inverse(J) - np.eye(2)), 0.0, atol=1e-15 * 4 / angle**2)
-
-
-@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
-def test_the_unit_of_the_jacobian_does_not_decide_its_rank(scale):
-    J = scale * planar_jacobian([1, 1, 1], [0.3, 0.7, 0.2])[:2]
-    assert_allclose(J @ weighted_right_inverse(J), np.eye(2), atol=1e-12)
-
-
-def test_leading_axes_are_configurations():
-    rng = np.random.default_rng(4)
-    J, W = rng.normal(size=(5, 2, 4)), np.diag([1.0, 2.0, 3.0, 4.0])
-    twist, wish = rng.normal(size=(5, 2)), rng.normal(size=4)
-    rates = resolved_rates(J, twist, wish, W)
-    assert_allclose(rates[3], resolved_rates(J[3], twist[3], wish, W), atol=1e-12)
-    left = weighted_left_inverse(np.swapaxes(J, -1, -2), W)
-    assert_allclose(left[3], weighted_left_inverse(J[3].T, W), atol=1e-12)

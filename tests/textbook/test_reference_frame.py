@@ -8,7 +8,6 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
 from rmrc.support.spatial import exp_rotation, quat_to_matrix, skew
-from rmrc.textbook.planar import embed_planar_jacobian, three_link_jacobian
 from rmrc.textbook.reference_frame import rotate_jacobian, shift_jacobian
 from rmrc.textbook.stanford import stanford_chain, stanford_jacobian
 
@@ -39,21 +38,6 @@ def test_an_offset_that_is_not_rotated_is_seen():
         assert_allclose(wrong, stanford_chain().jacobian(q, point=tool), atol=1e-3)
 
 
-@given(arrays(float, 3, elements=st.floats(0.1, 2.0)), vectors)
-def test_the_three_link_arm_s_wrist_gives_its_end_effector(lengths, q):
-    wrist = embed_planar_jacobian(three_link_jacobian(lengths * [1, 1, 0], q))
-    p = lengths[2] * np.array([np.cos(q.sum()), np.sin(q.sum()), 0.0])
-    expected = embed_planar_jacobian(three_link_jacobian(lengths, q))
-    assert_allclose(shift_jacobian(wrist, p), expected, atol=ROUNDING)
-    assert_allclose(shift_jacobian(expected, -p), wrist, atol=ROUNDING)
-
-
-@given(vectors, vectors)
-def test_a_cross_product_in_another_frame_is_turned_on_both_sides(turn, p):
-    R = quat_to_matrix(exp_rotation(turn))
-    assert_allclose(skew(R @ p), R @ skew(p) @ R.T, atol=ROUNDING)
-
-
 @example(np.array([1e-310, -2.0, 1e-310, 1e-310, 5e-324, 5e-324]), np.ones(3), np.ones(3))
 @given(six, vectors, vectors)
 def test_neither_frame_nor_point_change_the_determinant_and_frames_not_even_sigma(q, turn, p):
@@ -65,20 +49,3 @@ def test_neither_frame_nor_point_change_the_determinant_and_frames_not_even_sigm
     sigma = np.linalg.svd(J, compute_uv=False)
     assert_allclose(np.linalg.svd(turned, compute_uv=False), sigma, atol=ROUNDING)
     assert_allclose(rotate_jacobian(J[3:], R), turned[3:], atol=ROUNDING)
-
-
-def test_a_frame_that_is_stretched_changes_the_determinant():
-    """Negative control of the test above."""
-    J = stanford_jacobian([0.3, 1.0, 0.6, 0.7, 0.9, 0.2])
-    stretched = rotate_jacobian(J, np.diag([1.0, 1.0, 1.1]))
-    with pytest.raises(AssertionError):
-        assert_allclose(np.linalg.det(stretched), np.linalg.det(J), rtol=1e-3)
-
-
-def test_leading_axes_are_configurations_and_points():
-    rng = np.random.default_rng(3)
-    J, p = stanford_jacobian(rng.uniform(0.3, 1.0, (5, 1, 6))), rng.normal(size=(4, 3))
-    R = quat_to_matrix(exp_rotation(rng.normal(size=(4, 3))))
-    for function, change in ((shift_jacobian, p), (rotate_jacobian, R)):
-        every = function(np.broadcast_to(J, (5, 4, 6, 6)), change)
-        assert_allclose(every[3, 2], function(J[3, 0], change[2]), atol=ROUNDING)

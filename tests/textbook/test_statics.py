@@ -57,11 +57,3 @@ def test_force_along_a_lost_direction_costs_no_torque_and_any_other_does(n, q1, 
     # 1000 N times a reach of 9 m, in rounding.
     assert_allclose(joint_torques(J, 1000 * along), 0.0, atol=1e-11)
     assert np.abs(joint_torques(J, across)).max() >= 0.5  # the last joint's lever is its own link
-
-
-def test_leading_axes_are_cases():
-    rng = np.random.default_rng(4)
-    J, wrench = rng.normal(size=(5, 1, 6, 3)), rng.normal(size=(4, 6))
-    tau = joint_torques(J, wrench)
-    assert tau.shape == (5, 4, 3)
-    assert_allclose(tau[3, 2], J[3, 0].T @ wrench[2], atol=ROUNDING)
