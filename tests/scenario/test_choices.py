@@ -1,7 +1,5 @@
 """The declarations of choices hold together, and what is derived from them has all of it and no more."""
 
-import keyword
-import re
 from operator import attrgetter
 
 import numpy as np
@@ -9,7 +7,7 @@ import pytest
 from scenario_texts import FULL, MINIMAL
 
 from rmrc.scenario import loads, schema_rows
-from rmrc.scenario.choices import CHOICES, INVERSES, PARAMETERS, PLANTS, Scales, record_fields, write_choices
+from rmrc.scenario.choices import CHOICES, PARAMETERS, Scales, record_fields, write_choices
 
 
 def test_every_parameter_is_read_by_a_choice_and_is_a_key():
@@ -17,20 +15,6 @@ def test_every_parameter_is_read_by_a_choice_and_is_a_key():
     keys = [each.key for each in (*CHOICES, *PARAMETERS)]
     assert len(set(keys)) == len(keys) > 20
     assert {f"control.{key}" for key in keys} <= {row.key for row in schema_rows()}
-
-
-@pytest.mark.parametrize("choices", [*CHOICES, PLANTS], ids=lambda choices: choices.field)
-def test_names_are_names_of_functions_and_each_has_its_own_code(choices):
-    assert [choices.code(name) for name in choices.names] == list(range(len(choices.options)))
-    assert len(set(choices.names)) == len(choices.names) > 1
-    assert all(name.isidentifier() and not keyword.iskeyword(name) for name in choices.names)
-    assert choices.default in choices.names and all(choices[name].name == name for name in choices.names)
-    with pytest.raises(ValueError, match=re.escape("tuple.index(x): x not in tuple")):
-        choices.code("dampd")
-
-
-def test_inverses_are_preferred_in_an_order():
-    assert sorted(each.preference for each in INVERSES.options) == list(range(len(INVERSES.options)))
 
 
 @pytest.mark.parametrize("each", [one for one in PARAMETERS if one.range], ids=lambda each: each.field)

@@ -3,7 +3,7 @@ from functools import cache
 
 import pytest
 import yaml
-from scenario_texts import EXAMPLE, FULL, MINIMAL, full_scenarios
+from scenario_texts import FULL, MINIMAL, full_scenarios
 
 from rmrc.scenario import json_schema, loads, schema_rows
 from rmrc.scenario.choices import INVERSES
@@ -50,16 +50,10 @@ def test_rows_of_the_schema_read_as_a_table():
     kinds = {
         "arm.model": "path",
         "arm.start": "text or list of angles",
-        "arm.encoder.deviation": "angle >= 0 or list of angles >= 0",
-        "arm.encoder.seed": "integer >= 0",
         "task.axes": "list of (x | y | z | rx | ry | rz)",
         "control.inverse.method": " | ".join(INVERSES.names),
         "control.slow.longest": "number >= 1, <= 1000",
-        "control.feedforward": "true | false",
-        "target.path[].line.to": "list of 2 or 3 numbers",
         "target.path[].line.turn.axis": "x | y | z or list of 3 numbers",
-        "arm.stretch.<body>": "number > 0",
-        "arm.tool.inertia": "list of 3 numbers > 0",
         "plant.loss": "number >= 0, < 1",
     }
     assert {key: rows[key].type for key in kinds} == kinds
@@ -116,7 +110,7 @@ def described():
     return json_schema()
 
 
-@pytest.mark.parametrize("text", [MINIMAL, EXAMPLE, FULL])
+@pytest.mark.parametrize("text", [MINIMAL, FULL])
 def test_the_json_schema_accepts_what_is_read(text):
     assert valid(yaml.safe_load(text), described(), described())
     assert valid(loads(text).model_dump(mode="json"), described(), described())
@@ -127,8 +121,6 @@ def test_the_json_schema_accepts_what_is_read(text):
     [
         ("name: full", "nam: full"),
         ("seed: 7", "seed: -7"),
-        ("deviation: 0.1 deg", "deviation: [-0.1 deg, 0.1]"),
-        ("feedback: 3.0", "feedback: -3.0"),
         ("angle: 30 deg", "angle: 30 degrees"),
         ("wrench: [1, 2, 3, 4, 5, 6]", "wrench: [1, 2, 3, 4, 5]"),
         ("feedforward: false", "feedforward: 0"),

@@ -5,34 +5,23 @@ import pickle
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenario_texts import EXAMPLE, FULL, MINIMAL, problems
+from scenario_texts import FULL, MINIMAL, problems
 
 from rmrc.scenario import Scenario, draft_of, load, loads
 from rmrc.support.errors import ScenarioError
 from wording import says
 
 
-def test_the_defaults_are_those_of_the_contract(folder):
-    scenario, example = loads(MINIMAL), loads(EXAMPLE)
+def test_defaults_and_segments_are_those_of_the_contract():
+    scenario, path = loads(MINIMAL), loads(FULL).target.path
     assert (scenario.arm.start, scenario.task.axes) == ("home", ("x", "y", "z", "rx", "ry", "rz"))
     assert (scenario.control.period, scenario.control.inverse.method) == (0.001, "damped")
     assert (scenario.plant.kind, scenario.plant.timestep, scenario.expect) == ("servo", None, {})
-    assert (example.arm.model, example.arm.start) == (folder / "arm.xml", (math.pi / 3, -2 * math.pi / 3))
-    assert example.expect["joint_rate.peak"].below == 3.0
-
-
-def test_each_segment_is_told_by_its_key():
-    path = loads(FULL).target.path
     assert [path[i].name for i in (0, 2, 5, 12, 13, 16, 17, 18)] == [
         "line", "arc", "turn", "tilt", "set", "configurations", "file", "hold",
     ]  # fmt: skip
     assert path[0].line.turn.angle == math.radians(30) and path[2].arc.angle == -2 * math.pi
-    assert path[13].set.to == (0.5, 0.1) and path[13].set.duration == 0.5
-    assert path[16].configurations == ("home", (0.1, math.radians(10)))
-    wanted = "--set target.path: target.path[0]: must have exactly one of line, arc, … got "
-    assert problems(MINIMAL, "target.path=[{}]") == [says(f"{wanted}none")]
-    hold = "{hold: {for: 1}, turn: {axis: z, angle: 1}}"
-    assert problems(MINIMAL, f"target.path=[{hold}]") == [says(f"{wanted}turn and hold")]
+    assert path[13].set.duration == 0.5 and path[16].configurations == ("home", (0.1, math.radians(10)))
 
 
 def test_axes_are_kept_in_row_order_and_their_values_follow_them():
@@ -45,9 +34,6 @@ def test_axes_are_kept_in_row_order_and_their_values_follow_them():
     assert (scenario.task.axes, scenario.task.weights) == (("x", "rz"), (7.0, 5.0))
     assert (second.axes, second.to) == (("x", "rz"), (0.5, math.radians(10)))
     assert scenario.set({"task.weights": [1, 2]}).task.weights == (2.0, 1.0)  # as they were written
-    assert problems(MINIMAL, "task={axes: [x], weights: [1, 2]}") == [
-        says("--set task: task.weights: … one value for each of axes, got 2 … x")
-    ]
 
 
 def test_files_start_at_the_folder_of_the_scenario_or_below_a_root_that_they_moved_to(folder):
@@ -79,7 +65,7 @@ def test_files_start_at_the_folder_of_the_scenario_or_below_a_root_that_they_mov
     [
         ("0.003", "0.001", "servo", True), ("0.1", "1.0e-4", "torque", True), ("0.0015", "0.001", "ideal", True),
         ("0.0333", "0.001", "servo", False), ("0.001", "0.002", "servo", False),
-        ("1.0e+300", "1.0e-300", "servo", False), ("1.0e-300", "1.0e+300", "servo", False),
+        ("1.0e+300", "1.0e-300", "servo", False),
     ],
 )  # fmt: skip
 def test_a_period_is_a_whole_number_of_steps_where_there_are_steps(period, timestep, kind, is_whole):
@@ -91,72 +77,10 @@ def test_a_period_is_a_whole_number_of_steps_where_there_are_steps(period, times
         assert problems(MINIMAL, *texts) == [says(wanted)]
 
 
-@pytest.mark.parametrize(
-    ("text", "period"),
-    [
-        ("30 Hz", 1 / 30),
-        ("1/240", 1 / 240),
-        ("2.0e+2 Hz", 0.005),
-        ("0 Hz", None),
-        ("1/0", None),
-        ("30 ms", None),
-    ],
-)
-def test_a_period_may_be_written_as_a_rate(text, period):
-    if period:
-        assert loads(MINIMAL, overrides=[f"control.period={text}"]).control.period == period
-    else:
-        (line,) = problems(MINIMAL, f"control.period={text}")
-        assert line == says(f'--set control.period: must be a number … "{text}" …')
-
-
-@pytest.mark.parametrize(
-    ("arm", "wanted"),
-    [
-        ("site: tip, body: b", "must have at most one of site, body, tool, got site and body"),
-        ("tool: {model: arm.xml, mass: 1}", "must have at most one of mass, model, got mass and model"),
-        ("tool: {center: [0, 0, 1]}", "center needs mass"),
-        ("tool: {site: tip}", "site needs model"),
-        ("tool: {mass: -1}", "arm.tool.mass: must be >= 0, got -1"),
-        ("tool: {orientation: [0, 0, 0, 0]}", "arm.tool.orientation: must not be zero"),
-        ("pose: {}", "arm.pose: must have at least one of position, orientation, got none"),
-    ],
-)
-def test_a_frame_is_named_once_and_a_tool_fits_together(arm, wanted):
-    (problem,) = problems(MINIMAL.replace("site: tip", arm))
-    assert problem.startswith("x.yaml:2:") and wanted in problem
-
-
 def test_a_tool_turns_as_urdf_does():
     tool = loads(MINIMAL.replace("site: tip", "tool: {orientation: [90 deg, 0, 90 deg]}")).arm.tool
     # about x first, then about z, both fixed: x goes to y, y to z, z to x
     assert tool.rotation == pytest.approx((0.5, 0.5, 0.5, 0.5), abs=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("override", "line"),
-    [
-        ("expect.joint_rate.peak={}", "… must have at least one of below, above, equals, got none"),
-        ("expect.joint_rate.peak={equals: 1}", "… equals needs within"),
-        ("expect.joint_rate.peak=ur5e", "… must be a mapping …"),
-        ("expect.profile={below: 1}", "… must be the name of a profile or a file, got …"),
-        ("sweep.vary.look=[1, 2]", "--set sweep.vary.look: cannot be changed here…"),
-        ("baseline.expect={}", "--set baseline.expect: cannot be changed here…"),
-        (
-            "sweep.draw.plant.seed=[0, 9]",
-            "… cannot be changed here… sweep.repeat and sweep.seed…",
-        ),
-        (
-            "sweep={vary: {control.feedback: [1, 2]}, draw: {control.feedback: [1, 2]}}",
-            "… in vary or in draw, got both",
-        ),
-        ("sweep.draw={'a..b': [1, 2]}", "… is not a key such as control.feedback or arm.start[1]"),
-        ("control.nullspace.objective=rates", "… control.nullspace.rates: must be given …"),
-    ],
-)
-def test_sections_refuse_what_no_run_can_use(override, line):
-    (problem,) = problems(MINIMAL, override)
-    assert problem == says(line)
 
 
 # Round trip: each draws a few values of a section that the whole of FULL does not have
@@ -186,6 +110,6 @@ def test_a_scenario_is_frozen_and_its_places_are_no_part_of_it_but_survive_the_w
     assert scenario != loads(FULL, overrides=["control.feedback=1"])  # negative control
     back = pickle.loads(pickle.dumps(scenario))
     assert back == scenario
-    assert back.locate("arm.start[1]") == "x.yaml:2:50: arm.start[1]"
+    assert back.locate("arm.start[1]") == "x.yaml:3:50: arm.start[1]"
     with pytest.raises(ValueError, match="frozen"):
         scenario.control.feedback = 1.0

@@ -36,14 +36,10 @@ def same(one, other):
 
 def test_a_baseline_is_the_scenario_with_its_changes_and_leaves_the_scenario_as_it_is():
     run = rmrc.run(near(baseline=PLAIN))
-    assert same(run, rmrc.run(near())) and rmrc.run(near()).baseline is None
-    assert same(run.baseline, rmrc.run(near(**PLAIN)))
-    peak, of_scenario = (np.abs(one["qdot_cmd"]).max() for one in (run.baseline, run))
+    assert same(run, rmrc.run(near())) and same(run.baseline, rmrc.run(near(**PLAIN)))
+    peak, of_scenario = (np.abs(each["qdot_cmd"]).max() for each in (run.baseline, run))
     assert peak > 3.001 > of_scenario  # of another rate limit
-
-
-def test_a_change_of_one_item_stands_beside_that_of_a_list():
-    changes = near(baseline={"arm.start[1]": -0.2, "plant.stretch": {"link_1": 1.1}})
+    changes = near(baseline={"arm.start[1]": -0.2})
     assert changes.changed(*changes.baseline_changes).arm.start[1] == -0.2
     assert not near().baseline_changes
 
@@ -53,15 +49,13 @@ def test_columns_and_facts_of_both_are_kept_and_the_exit_code_is_that_of_the_sce
     code, out, err = rmrc("run", "near.yaml")
     folder = tmp_path / "recordings"
     assert code == 0 and "missed" not in err  # the baseline would miss what is expected
-    run = Run.read(folder / "near.npz")
-    facts = json.loads((folder / "near.json").read_text())
+    run, facts = Run.read(folder / "near.npz"), json.loads((folder / "near.json").read_text())
     its = facts["baseline"]
     assert "expect" not in its and its["changes"] == PLAIN and its["status"] == "complete"
-    for one, told in ((run, facts), (run.baseline, its)):
-        peak = float(scorecard(one)["joint_rate_cmd.peak"].value)
-        assert told["scorecard"]["joint_rate_cmd"]["peak"] == peak == np.abs(one["qdot_cmd"]).max()
+    for each, told in ((run, facts), (run.baseline, its)):
+        peak = float(scorecard(each)["joint_rate_cmd.peak"].value)
+        assert told["scorecard"]["joint_rate_cmd"]["peak"] == peak == np.abs(each["qdot_cmd"]).max()
     assert facts["verdict"] == run.verdict and run.verdict in " ".join(out.split())
-    assert its["scenario"]["control"]["inverse"]["method"] == "inverse"
     row = next(line for line in out.splitlines() if line.startswith("joint_rate_cmd "))
     assert float(row.split()[-1]) == pytest.approx(np.abs(run.baseline["qdot_cmd"]).max(), rel=1e-3)
     recorded = read_columns(folder / "near.rrd", baseline=True)
@@ -73,25 +67,16 @@ def test_columns_and_facts_of_both_are_kept_and_the_exit_code_is_that_of_the_sce
     ("written", "told"),
     [
         ({"control.inverse.metod": "x"}, 'baseline.control.inverse.metod: … key … "method"?'),
-        ({"control": {"inverse": {"method": "x"}}}, 'baseline.control: control.inverse.method: … "inverse" … "x"…'),
         ({"task.axes": ["x", "y", "rz"], **PLAIN}, 'baseline.control.inverse.method: "inverse" … 3 axes … 2 joints…'),
-        ({"control.feedback": [1]}, "baseline.control.feedback: … number, got [1]"),
-        ({"target.path": [{"line": {"to": [9, 9, 9, 9]}}]}, "baseline.target.path: target.path[0].line.to: … 3 … items, got [9, 9, 9, 9]"),
+        ({"target.path": [{"line": {"to": [9, 9, 9, 9]}}]}, "baseline.target.path: target.path[0].line.to: … [9, 9, 9, 9]"),
+        ({"sweep.repeat": 1}, "baseline.sweep.repeat: … cannot be changed…"),
+        ({"plant[0": 1}, "baseline.plant[0: is not a key …"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_a_baseline_is_told_in_one_line_before_anything_moves(written, told):
     with pytest.raises(rmrc.ScenarioError) as caught:
         rmrc.run(near(baseline=written))
-    (line,) = str(caught.value).splitlines()
-    assert line == says(told), line
-
-
-@pytest.mark.parametrize(
-    "name", ["name", "expect.ticks", "look.at", "baseline", "sweep.repeat", "tune", "a b", "plant[0"]
-)
-def test_what_no_baseline_changes_is_refused_when_it_is_read(name):
-    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.?\[?.* (cannot be changed|is not a key)"):
-        near(baseline={name: 1})
+    assert str(caught.value) == says(told)
 
 
 def test_comparisons_and_sweeps_leave_it_out():
@@ -99,5 +84,3 @@ def test_comparisons_and_sweeps_leave_it_out():
     assert len(Job(near(baseline=PLAIN), variants=rmrc.scenario.grid(vary)).worlds) == 2
     rows = [rmrc.sweep(each, vary) for each in (near(baseline=PLAIN), near())]
     assert repr(rows[0].to_pylist()) == repr(rows[1].to_pylist())
-    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.control\.feedback.*cannot be (varied|changed)"):
-        near(**{"sweep.vary": {"baseline.control.feedback": [1, 2]}})

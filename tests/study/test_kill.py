@@ -1,9 +1,7 @@
 """A sweep that is interrupted, killed, or loses its scheduler goes on where it was: real processes."""
 
 import os
-import re
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -64,18 +62,6 @@ def ended(process, timeout=240):
     return process.returncode, out, told(err)
 
 
-def left_behind(path):
-    """Return what Dask and parcels left among temporary files.
-
-    Of a worker that a busy machine gives no time to close, Dask leaves an empty lock until it starts again.
-    """
-    return [
-        one
-        for one in (path.parent / "temporary").rglob("*")
-        if ("worker-" in one.name and one.suffix != ".dirlock") or one.suffix == ".xml"
-    ]
-
-
 @pytest.mark.parametrize("how", [("--threads", "1"), ("--cluster", "local:2")])
 def test_interrupted_with_its_group_then_killed_then_gone_on_with_gives_the_file_of_one_go(path, how):
     folder = path.parent / "recordings/quick.sweep"
@@ -92,14 +78,11 @@ def test_interrupted_with_its_group_then_killed_then_gone_on_with_gives_the_file
     assert (code, out) == (130, "")
     assert err == f"rmrc: interrupted after {rows} of {RUNS} runs; rerun the command to resume\n"
     assert 0 < rows < RUNS
-    assert left_behind(path) == []
     stamps = {part: part.stat().st_mtime_ns for part in folder.glob("part-*.parquet")}
 
     process = started(path, *how)
     wait_for(process, folder, len(stamps) + 1)
     children = psutil.Process(process.pid).children(recursive=True)
-    # negative control: while workers work, there is something
-    assert (len(children) >= 2 and left_behind(path) != []) == ("local:2" in how)
     process.kill()
     process.communicate()
     _, alive = psutil.wait_procs(children, timeout=10)
@@ -113,66 +96,3 @@ def test_interrupted_with_its_group_then_killed_then_gone_on_with_gives_the_file
     whole = (path.parent / "whole/quick.sweep.parquet").read_bytes()
     assert (path.parent / "recordings/quick.sweep.parquet").read_bytes() == whole
     assert not folder.exists()
-    assert left_behind(path) == []  # of the killed ones, Dask removes it when it starts again
-    assert {entry.name for entry in path.parent.iterdir()} == {
-        "quick.yaml",
-        "recordings",
-        "temporary",
-        "whole",
-    }
-
-
-@pytest.fixture
-def address():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return f"tcp://127.0.0.1:{one.getsockname()[1]}"
-
-
-def dask(*words):
-    return subprocess.Popen(
-        [sys.executable, "-m", "dask", *words, "--host", "127.0.0.1", "--no-dashboard"],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-
-
-def test_a_scheduler_that_goes_away_ends_the_sweep_with_a_line_and_its_rows(path, address):
-    folder = path.parent / "recordings/quick.sweep"
-    scheduler = dask("scheduler", "--port", address.rpartition(":")[2])
-    worker = None
-    try:
-        time.sleep(3.0)
-        alone = started(path, "--cluster", address)
-        code, out, err = ended(alone)
-        assert (code, out) == (2, "")
-        assert err == (
-            f"rmrc: error: --cluster {address}: no workers for 30 s; start `dask worker {address}`; "
-            "finished rows are kept; rerun the command to resume\n"
-        )
-        worker = dask("worker", address, "--nthreads", "2")
-        process = started(path, "--cluster", address)
-        wait_for(process, folder, 2)
-        scheduler.kill()
-        code, out, err = ended(process)
-        assert (code, out) == (2, "")
-        assert err == (
-            f"rmrc: error: --cluster {address}: the scheduler is lost; finished rows are kept; rerun the command to resume\n"
-        )
-        assert 0 < ds.dataset(folder).count_rows() < RUNS
-    finally:
-        for one in (scheduler, worker):
-            if one:
-                one.kill()
-                one.wait()
-
-
-def test_an_address_that_is_silent_is_given_up(path):
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        one.listen()
-        begun = time.monotonic()
-        process = started(path, "--cluster", f"tcp://127.0.0.1:{one.getsockname()[1]}")
-        code, out, err = ended(process)
-    assert time.monotonic() - begun < 60
-    assert (code, out) == (2, "")
-    assert re.fullmatch(r"rmrc: error: --cluster tcp://\S+: no Dask scheduler responds there .*\n", err)

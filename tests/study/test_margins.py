@@ -1,8 +1,6 @@
 """Margins: the edges that runs find, against equations and against plain runs; and what is no instability."""
 
 import math
-import os
-import signal
 import threading
 
 import numpy as np
@@ -10,13 +8,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 import rmrc
-from project import ROOT, mostly_long
+from project import ROOT
 from rmrc.scenario import changes_of, draft_of, load, loads
 from rmrc.study.margins.margins import ACCURACY, bears
 from rmrc.study.margins.report import report
 from rmrc.study.margins.ringing import STILL_RINGS, judged, still_ringing
 from rmrc.study.study import Study
-from rmrc.support.errors import ScenarioError
 from rmrc.textbook.stability import edge_gain
 from wording import says
 
@@ -68,16 +65,6 @@ def test_the_same_dead_time_can_be_added_as_the_equation_says(short):
         assert (found.lag.high == math.inf) == (found.lag.ideal == math.inf)
 
 
-def test_a_dead_time_that_a_short_path_cannot_show_is_more_than_most_of_its_time(short):
-    """With 2/s the ideal plant tolerates 0.78 s, and the run takes 0.65 s, in which no command would arrive."""
-    scenario, ends = short.prepare().scenario, short.prepare().reference.duration
-    found = rmrc.margins(scenario.set({"control.feedback": 2.0}), accuracy=0.5).delay
-    assert found.ideal > 1.1 * ends and found.high == math.inf
-    assert_allclose([found.low, found.bound], 0.9 * ends, rtol=1e-9)
-    late = rmrc.margins(scenario.set({"control.feedback": 2.0, "plant.delay": 0.63}), accuracy=0.5).delay
-    assert (late.low, late.high) == (0.0, math.inf)  # 0.6 s and more are beyond 0.9 of the path
-
-
 def late_swings(scenario, feedback):
     """Return how far joints swing between neighbors in the last fifth of a plain run."""
     run = rmrc.run(scenario.set({"control.feedback": feedback}))
@@ -88,7 +75,7 @@ def late_swings(scenario, feedback):
 OF_MODEL = {"arm.model": str(ROOT / "models/ur5e.xml"), "arm.start": "home", "arm.site": None}
 
 
-@pytest.mark.parametrize("kind", mostly_long(["servo", "torque", "model"], 99))
+@pytest.mark.parametrize("kind", ["servo", pytest.param("model", marks=pytest.mark.long)])
 def test_edges_of_physical_plants_part_plain_runs_that_settle_from_those_that_swing(kind):
     """A plain run alone: at rest behind its path, the arm is still, or swings from tick to tick."""
     one = loads(TEXT).set(
@@ -144,7 +131,6 @@ def test_what_was_recommended_without_delay_is_unstable_with_eight_milliseconds(
     [
         ({"control.feedback": 500.0, "control.limits.rate": 1.0}, "reverses"),  # swallows the kick
         ({"control.feedback": 250.0, "control.limits.on_excess": "none"}, "rings"),
-        ({"control.feedback": 400.0, "control.limits.on_excess": "none"}, "rings"),
         ({"control.feedback": 1e12, "control.limits.on_excess": "none"}, "diverged"),
     ],
 )
@@ -162,7 +148,7 @@ HARD = ["at_the_stop", "blow_up", "beyond_reach", "slow_wrist", "stop_and_wait"]
 OTHERS = sorted({path.stem for path in (ROOT / "scenarios").glob("*.yaml")} - {*HARD, "example_5_5"})
 
 
-@pytest.mark.parametrize("name", [*HARD[:3], *mostly_long([*HARD[3:], *OTHERS], 99)])
+@pytest.mark.parametrize("name", HARD[:3])
 def test_scenarios_are_stable_as_they_are_written(name):
     assert judge(Study(name)).reason == ""
 
@@ -202,33 +188,6 @@ def test_what_is_called_ringing(swings, rings):
 
 
 # Mistakes, Ctrl-C, and a law without feedback ------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("changes", "accuracy", "line"),
-    [
-        ({"control.feedback": 0}, 0.02, "control.feedback: must be > 0, got 0: … feedback …"),
-        ({}, 0.001, "--accuracy: must be between 0.005 and 0.5, got 0.001"),
-        ({}, math.nan, "--accuracy: must be between 0.005 and 0.5, got nan"),
-    ],
-)
-def test_a_mistake_is_a_line(short, changes, accuracy, line):
-    with pytest.raises(ScenarioError) as error:
-        margins_of(short, changes, accuracy=accuracy)
-    assert str(error.value) == says(line)
-
-
-def test_what_was_found_is_kept_when_it_is_interrupted(short):
-    finished = []
-
-    def interrupt(runs):
-        finished.append(runs)
-        if len(finished) == 3:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    found = rmrc.margins(short.prepare().scenario, accuracy=0.005, threads=1, on_runs=interrupt)
-    assert found.interrupted and found.is_stable and found.runs == sum(finished)
-    assert found.gain.low >= 1.0 and "Interrupted" in " ".join(report(found).sheets[1].notes)
 
 
 def test_a_law_that_never_looks_bears_any_delay_and_the_answer_says_why(short):
