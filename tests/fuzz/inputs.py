@@ -40,30 +40,19 @@ SCALARS = (
     "60 deg", "1e999 deg", "60 degrees", "1e+308", "1e-320", "9" * 400, "[/]", "<<", "%", "@", "home", "x", "[rz, x]", "\u0663",
     "../models", "/dev/null", "..", "a" * 3000,
 )  # fmt: skip
-# Attributes that mean something, with values that an engine may not bear.
-ATTRIBUTES = {
-    "joint": {"type": "ball", "axis": "0 0 0", "range": "1 -1", "ref": "1e10", "stiffness": "1e300", "damping": "-1", "armature": "1e-300",
-              "frictionloss": "1e300", "actuatorfrcrange": "0 0", "limited": "auto"},
-    "body": {"pos": "1e300 0 0", "quat": "0 0 0 0", "mocap": "true", "gravcomp": "nan", "childclass": "none"},
-    "geom": {"type": "mesh", "size": "1e300 1 1", "fromto": "0 0 0 0 0 0", "mass": "-1", "density": "nan", "contype": "4294967296"},
-    "site": {"pos": "nan 0 0", "quat": "0 0 0 0", "size": "-1", "type": "mesh"},
-    "inertial": {"mass": "0", "diaginertia": "1 1 9", "pos": "1e300 0 0"},
-    "option": {"timestep": "1e-300", "integrator": "RK4", "gravity": "0 0 1e300", "iterations": "-1", "density": "1e300"},
-    "compiler": {"angle": "degree", "autolimits": "false", "eulerseq": "abc", "meshdir": "/", "settotalmass": "1e300"},
-}  # fmt: skip
 ELEMENTS = (
-    ("mujoco", '<include file="fuzz.xml"/>'), ("mujoco", '<size nuserdata="1000000000"/>'), ("mujoco", "<nonsense/>"),
+    ("mujoco", '<include file="fuzz.xml"/>'), ("mujoco", '<size nuserdata="1000000000"/>'),
     ("mujoco", '<option><flag constraint="disable" autoreset="disable"/></option>'), ("mujoco", '<statistic extent="nan"/>'),
     ("body", '<replicate count="100000" offset="0 0 1"><body><joint/><geom size="0.1"/></body></replicate>'),
     ("body", '<frame pos="nan 0 0"><site name="framed"/></frame>'), ("body", "<freejoint/>"), ("body", '<joint type="ball"/>'),
-    ("body", '<joint name="more" type="slide" axis="0 0 0"/>'), ("body", "<site/>"), ("body", "<body><joint/></body>"),
+    ("body", '<joint name="more" type="slide" axis="0 0 0"/>'), ("body", "<site/>"),
     ("body", '<inertial mass="nan" pos="0 0 0"/>'), ("body", '<geom size="1e308" mass="1"/>'),
     ("body", '<composite type="cable" count="40 1 1" curve="s" size="1"><geom size="0.01"/></composite>'),
     ("equality", '<joint joint1="JOINT" polycoef="0 nan 0 0 0"/>'), ("equality", '<joint joint1="JOINT" joint2="OTHER"/>'),
     ("equality", '<joint joint1="JOINT" joint2="OTHER" polycoef="1e300 1 1 1 1"/>'), ("equality", '<weld body1="BODY" body2="world"/>'),
     ("tendon", '<fixed name="t" limited="true" range="0 1e-300"><joint joint="JOINT" coef="1e300"/></fixed>'),
     ("actuator", '<position joint="JOINT" kp="nan"/>'), ("actuator", '<velocity joint="JOINT" kv="1e300" ctrlrange="-1 1"/>'),
-    ("actuator", '<muscle joint="JOINT" range="0 0"/>'), ("actuator", '<general joint="JOINT" dyntype="filter" dynprm="0"/>'),
+    ("actuator", '<general joint="JOINT" dyntype="filter" dynprm="0"/>'),
     ("keyframe", '<key name="home" qpos="nan"/>'), ("keyframe", '<key name="more" qpos="1 2 3 4 5 6 7 8 9"/>'),
     ("contact", '<exclude body1="BODY" body2="BODY"/>'), ("asset", '<hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/>'),
     ("asset", '<mesh name="m" vertex="0 0 0 0 0 0 0 0 0 0 0 0"/>'), ("asset", '<mesh name="m" file="none.stl"/>'),
@@ -217,7 +206,7 @@ def _change(rng, root):
     element = rng.choice([element for element in elements if element.attrib])
     key = rng.choice(sorted(element.attrib))
     parent, child = rng.choice([(parent, child) for parent in elements for child in parent])
-    match rng.randrange(-12, 16):
+    match rng.randrange(-8, 10):
         case rank if rank < 3:  # another arm, and most often no worse than the one before
             factor = rng.choice((0.5, 0.9, 1.1, 2.0) * 3 + (-1.0, 0.0, 1e9, 1e300))
             scaled = lambda number: repr(float(number[0]) * factor)  # noqa: E731
@@ -227,20 +216,10 @@ def _change(rng, root):
         case 5:
             del element.attrib[key]
         case 6:
-            element.set("name", rng.choice(("a.b", "[red]x[/red]", "\x1b[31m", "\x9b31m", "x" * 300, "")))
-        case 7 | 8 | 9:
-            element = rng.choice([element for element in elements if element.tag in ATTRIBUTES])
-            name, value = rng.choice(list(ATTRIBUTES[element.tag].items()))
-            element.set(name, rng.choice((value, rng.choice(NUMBERS))))
-        case 10:
+            element.set("name", rng.choice(NAMES[2:10]).translate(dict.fromkeys(set(range(32)) - {27})))
+        case 7:
             parent.remove(child)
-        case 11:
-            parent.extend([child] * rng.choice((1, 1, 40)))
-        case 12:
-            parent.remove(child)
-            for _ in range(rng.choice((1, 5, 300))):
-                parent = ET.SubElement(parent, rng.choice(("body", child.tag)))
-            parent.append(child)
+            parent.extend([child] * rng.choice((0, 2, 40)))
         case _:
             _add(rng, root)
 

@@ -85,16 +85,3 @@ def test_pink_s_damping_is_the_square_of_ours(damping):
         J, error = task.compute_jacobian(configuration), task.compute_error(configuration)
         ours = resolve_rates(J, -error / period, damping_maximum=damping, **CONSTANT)
         assert_allclose(ours, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max() / damping)
-
-
-def test_the_toolbox_s_resolved_rates():
-    """Its README's loop: p_servo, and the pseudoinverse of jacob0, on its own Panda."""
-    rtb = needs("roboticstoolbox")
-    panda = rtb.models.ETS.Panda()
-    for seed in range(5):
-        rng = np.random.default_rng(seed)
-        q = panda.qr + rng.uniform(-0.3, 0.3, 7)
-        wanted = panda.fkine(panda.qr)
-        v, _ = rtb.p_servo(panda.fkine(q), wanted, gain=1.0, method="angle-axis")
-        theirs = np.linalg.pinv(panda.jacob0(q)) @ v
-        assert_allclose(resolve_rates(panda.jacob0(q), v, "pseudoinverse"), theirs, rtol=0, atol=1e-12)

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 from scenario_texts import FULL, MINIMAL
 
-from rmrc.scenario import loads, schema_rows
+from rmrc.scenario import loads
 from rmrc.scenario.choices import CHOICES, PARAMETERS, Scales, record_fields, write_choices
-
-
-def test_every_parameter_is_read_by_a_choice_and_is_a_key():
-    assert set(PARAMETERS) == {each for some in CHOICES for each in some.parameters}
-    keys = [each.key for each in (*CHOICES, *PARAMETERS)]
-    assert len(set(keys)) == len(keys) > 20
-    assert {f"control.{key}" for key in keys} <= {row.key for row in schema_rows()}
 
 
 @pytest.mark.parametrize("each", [one for one in PARAMETERS if one.range], ids=lambda each: each.field)

@@ -6,7 +6,6 @@ import yaml
 from scenario_texts import FULL, MINIMAL, full_scenarios
 
 from rmrc.scenario import json_schema, loads, schema_rows
-from rmrc.scenario.choices import INVERSES
 from rmrc.support.errors import ScenarioError
 
 
@@ -40,26 +39,6 @@ def test_the_schema_lists_every_key_once_with_meaning_and_numbers_with_unit():
     assert {row.key for row in rows} == {key for value in values for key in leaves(value)} - absent
     assert all(row.meaning for row in rows)
     assert [row.key for row in rows if re.search("number|angle", row.type) and not row.unit] == []
-
-
-def test_rows_of_the_schema_read_as_a_table():
-    rows = {row.key: row for row in schema_rows()}
-    assert tuple(rows["control.inverse.damping.maximum"])[:4] == (
-        "control.inverse.damping.maximum", "number > 0", "as σ", "from the arm",
-    )  # fmt: skip
-    kinds = {
-        "arm.model": "path",
-        "arm.start": "text or list of angles",
-        "task.axes": "list of (x | y | z | rx | ry | rz)",
-        "control.inverse.method": " | ".join(INVERSES.names),
-        "control.slow.longest": "number >= 1, <= 1000",
-        "target.path[].line.turn.axis": "x | y | z or list of 3 numbers",
-        "plant.loss": "number >= 0, < 1",
-    }
-    assert {key: rows[key].type for key in kinds} == kinds
-    assert rows["arm.model"].default == "required" and rows["arm.site"].default == "null"
-    assert rows["control.inverse.tolerance"].default == "1.0e-06"
-    assert rows["target.path[].hold.for"].unit == "s"
 
 
 def valid(value, schema, root):

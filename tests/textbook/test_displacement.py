@@ -45,13 +45,6 @@ def test_the_order_is_two(seed):
     assert order == pytest.approx(2.0, abs=0.1)
 
 
-def test_of_a_jacobian_that_is_none_the_order_is_one():
-    """Negative control."""
-    q, dq = np.array([0.3, 0.7, -0.4]), np.array([1.0, -0.5, 0.8])
-    wrong = arm(lambda lengths, q: planar_jacobian(lengths, q + 0.3))
-    assert taylor_order(*wrong, q, dq) == pytest.approx(1.0, abs=0.1)
-
-
 def test_the_printed_errors_of_the_tip():
     """B, section 6.2, with l₂ + l₃ = 2."""
     joint_error = np.array([0.0, 0.1, 0.0])

@@ -97,14 +97,6 @@ def test_a_lost_direction_is_flat_for_velocities_and_endless_for_forces(elbow):
     assert manipulability(J) == pytest.approx(0.0, abs=1e-15)
 
 
-def test_more_rows_than_joints_leave_flat_directions():
-    J = np.array([[1.0], [0.0], [2.0]])
-    assert_allclose(velocity_ellipsoid(J).half_axes, [np.sqrt(5), 0, 0], atol=1e-12)
-    assert_allclose(force_ellipsoid(J).half_axes, [1 / np.sqrt(5), np.inf, np.inf], atol=1e-12)
-    assert manipulability(J) == 0.0
-    assert_allclose(velocity_ellipsoid(np.zeros((2, 3))).half_axes, 0.0, atol=0)
-
-
 def test_points_lie_on_the_ellipse_and_on_the_ellipsoid_all_around():
     flat = velocity_ellipsoid(two_link_jacobian([1.0, 0.7], [0.3, 0.9]))
     points = ellipsoid_points(flat, 40)

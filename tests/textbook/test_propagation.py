@@ -1,12 +1,10 @@
 """Recursions from link to link against explicit forms: DH chains, MuJoCo, moments about each joint, power."""
 
-import mujoco
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from chains import random_chain
 from rmrc.textbook.dh import DHChain
 from rmrc.textbook.propagation import (
     actuator_torques,
@@ -104,76 +102,4 @@ def test_what_costs_no_torque_at_a_singularity_is_carried_by_the_bearings():
 # Any arm of MuJoCo -------------------------------------------------------------------------------
 
 
-def frame_along(axis, origin):
-    """A frame with z along an axis; where x points is free."""
-    across = np.cross(axis, [1.0, 0, 0] if abs(axis[0]) < 0.7 else [0, 1.0, 0])
-    x = across / np.linalg.norm(across)
-    T = moved(origin)
-    T[:3, :3] = np.transpose([x, np.cross(axis, x), axis])
-    return T
-
-
-def random_arm(seed):
-    """Return a random arm of MuJoCo at rest and its chain: joints, their frames, and the tip in the last."""
-    model = mujoco.MjModel.from_xml_string(random_chain(seed))
-    data = mujoco.MjData(model)
-    data.qpos[7:] = np.random.default_rng(seed).uniform(-1, 1, model.nq - 7)
-    mujoco.mj_forward(model, data)
-    joints = [j for j in range(model.njnt) if model.joint(j).name.startswith("j")]
-    frames = np.stack([frame_along(data.xaxis[j], data.xanchor[j]) for j in joints])
-    tip = moved(data.site("tip").xpos)
-    tip[:3, :3] = data.site("tip").xmat.reshape(3, 3)
-    return model, data, joints, frames, tip
-
-
-def as_links(frames, tip):
-    poses = [np.eye(4), *frames]
-    return np.linalg.inv(poses[:-1]) @ poses[1:], np.linalg.inv(poses[-1]) @ tip
-
-
-@given(seeds)
-def test_links_taken_from_any_arm_give_mujocos_jacobian(seed):
-    model, data, joints, frames, tip = random_arm(seed)
-    links, last = as_links(frames, tip)
-    slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
-    J = jacobian_by_propagation(links, np.where(slides, np.inf, 0.0), last)
-    expected = np.zeros((6, model.nv))
-    mujoco.mj_jacSite(model, data, expected[:3], expected[3:], model.site("tip").id)
-    assert_allclose(J, expected[:, model.jnt_dofadr[joints]], atol=ROUNDING)
-
-
-@given(seeds)
-def test_reactions_are_the_forces_between_mujocos_bodies(seed):
-    """The physics' own: what acts from parent to child if nothing moves, accelerates or weighs anything."""
-    model, data, joints, frames, tip = random_arm(seed)
-    wrench = np.random.default_rng([seed, 1]).normal(size=6)  # along the tip's axes
-    links, last = as_links(frames, tip)
-    reactions = inward_wrenches(links, wrench, last)
-
-    f, n = tip[:3, :3] @ wrench[:3], tip[:3, :3] @ wrench[3:]
-    hand = model.site("tip").bodyid[0]
-    lever = data.site("tip").xpos - data.xipos[hand]
-    data.xfrc_applied[hand] = [*-f, *-(n + np.cross(lever, f))]  # the world presses back
-    model.opt.gravity[:] = 0
-    data.qacc[:] = data.qvel[:] = 0
-    mujoco.mj_rnePostConstraint(model, data)
-    for joint, frame, reaction in zip(joints, frames, reactions, strict=True):
-        body = model.jnt_bodyid[joint]
-        moment, force = np.split(data.cfrc_int[body], 2)  # about the center of mass of the whole tree
-        moment = moment + np.cross(data.subtree_com[model.body_rootid[body]] - frame[:3, 3], force)
-        R = frame[:3, :3]
-        # Levers of meters, forces of order 1, eight links.
-        assert_allclose(reaction, [*(R.T @ force), *(R.T @ moment)], atol=1e-11)
-
-
 # Arguments ---------------------------------------------------------------------------------------
-
-
-def test_without_a_tip_the_last_frame_is_the_tip():
-    chain = Chain(6)
-    twists = outward_velocities(chain.links, chain.pitch, chain.qdot)
-    assert_allclose(twists[-1], twists[-2], atol=0)
-    bare = inward_wrenches(chain.links, chain.wrench)
-    assert_allclose(bare[-1], chain.wrench, atol=0)
-    J = jacobian_by_propagation(chain.links, chain.pitch)
-    assert_allclose(J, chain.jacobian(len(chain.q)), atol=ROUNDING)

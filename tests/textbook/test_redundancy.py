@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian
 from rmrc.textbook.redundancy import (
     null_space_projector,
     resolved_rates,
@@ -93,21 +92,6 @@ def test_without_weights_both_are_the_pseudo_inverse(case):
     atol = SQUARED * np.abs(reference).max()
     assert_allclose(weighted_right_inverse(J), reference, atol=atol)
     assert_allclose(weighted_left_inverse(J.T), reference.T, atol=atol)
-
-
-def test_only_rows_that_can_move_have_a_right_inverse():
-    """The y-z arm: x of the world never moves. Two of six rows are controlled, with det J = l₁ l₂ s₂."""
-    lengths, q = np.array([1.0, 0.8]), np.array([0.4, 0.9])
-    to_y_z = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # x, y of the plane are y, z of the world
-    J = to_y_z @ embed_planar_jacobian(planar_jacobian(lengths, q))[:3]
-    assert np.all(J[0] == 0.0)
-    with pytest.raises(np.linalg.LinAlgError):
-        weighted_right_inverse(J)
-    reduced = J[1:]
-    assert np.linalg.det(reduced) == pytest.approx(lengths.prod() * np.sin(q[1]))
-    assert_allclose(reduced @ weighted_right_inverse(reduced), np.eye(2), atol=1e-12)
-    # With all three rows the left inverse gives the same rates, as nothing of x can be helped.
-    assert_allclose(weighted_left_inverse(J)[:, 1:], weighted_right_inverse(reduced), atol=1e-12)
 
 
 @pytest.mark.parametrize(("angle", "is_refused"), [(1e-5, False), (2e-6, False), (5e-7, True), (1e-8, True)])

@@ -102,8 +102,3 @@ def test_on_the_first_axis_any_first_angle_will_do():
     for q1 in (-2.0, 0.0, 1.0):
         postures[:, 0] = q1
         assert_allclose(torus_position(SHORT, postures), np.tile([0, 0, 0.7], (2, 1)), atol=ROUNDING)
-
-
-def test_where_equal_links_fold_any_second_angle_will_do():
-    postures = torus_postures([1.2, 0.5, 0.5], [0, 1.2, 0])
-    assert_allclose(postures, [[np.pi / 2, np.nan, np.pi]], atol=ROUNDING)

@@ -134,13 +134,3 @@ def test_whatever_the_limits_every_arc_ends_where_another_begins():
         limits = np.stack([middle - width / 2, middle + width / 2], axis=-1)
         # What may be missing: a sixteenth of 1° at a reach of 1.7 m.
         assert widest_gap(two_link_boundary(LENGTHS, limits)) < np.radians(1 / 16) * 1.7, limits
-
-
-@pytest.mark.parametrize("turns", [0, 1, -2])
-def test_a_curve_that_two_limits_share_is_given_once(turns):
-    arcs = two_link_boundary(LENGTHS, LIMITS[2] + [[0.0], [2 * np.pi * turns]])
-    lower, upper = (
-        np.vstack([arc.points for arc in arcs if arc.kind == kind]) for kind in ("q2 lower", "q2 upper")
-    )
-    distances = np.sort(cKDTree(lower).query(upper)[0])
-    assert distances[2] > 1e-3  # they share their ends at most
