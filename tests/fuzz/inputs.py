@@ -238,17 +238,23 @@ def _add(rng, root):
 
 
 def scenarios(rng):
-    """Return a shipped scenario with other values, faults or spoiled bytes, run by a verb."""
+    """Return a shipped scenario with other values, other words or spoiled bytes, run by a verb."""
     text = rng.choice(shipped("scenarios/*.yaml"))[1]
     tree = yaml.safe_load(text)
     for _ in range(rng.randrange(4)):
-        _choose(rng, tree)
-    style = rng.random()
-    if style < 0.8:
-        text = yaml.safe_dump(tree, sort_keys=False)
-    if style > 0.5:
-        for _ in range(rng.choice((1, 1, 2, 4))):
-            text = _reword(rng, text)
+        key, values = rng.choice(list(RIGHT.items()))
+        section, _, name = key.partition(".")
+        *inner, name = name.split(".")
+        place = tree.setdefault(section, {})
+        for step in inner:
+            place = place[step] if isinstance(place.get(step), dict) else place.setdefault(step, {})
+        place[name] = rng.choice(values)
+    text = yaml.safe_dump(tree, sort_keys=False) if rng.random() < 0.8 else text
+    for _ in range(rng.choice((0, 0, 1, 1, 2, 4))):
+        words = list(re.finditer(r"[^\s,:\[\]{}]+|[,:\[\]{}]|\n *", text))
+        start, end = rng.choice(words).span()
+        other = rng.choice((rng.choice(SCALARS), rng.choice(NUMBERS), rng.choice(words)[0], ""))
+        text = text[:start] + other + text[end:]
     data = text.encode("utf-8", "surrogatepass")
     data = spoiled(rng, data) if rng.random() < 0.1 else data
     verb = rng.choices(
@@ -259,32 +265,6 @@ def scenarios(rng):
         (84, 4, 4, 6, 1),
     )[0]  # fmt: skip
     return Case((*verb, f"../{SCENARIO}", *FAST), {SCENARIO: data})
-
-
-def _choose(rng, tree):
-    """Set a key of a scenario to a value that may well be meant."""
-    key, values = rng.choice(list(RIGHT.items()))
-    *sections, last = key.split(".")
-    for section in sections:
-        if not isinstance(tree.get(section), dict):
-            tree[section] = {}
-        tree = tree[section]
-    tree[last] = rng.choice(values)
-
-
-def _reword(rng, text):
-    """Drop, repeat or indent a line, or put something else for a word."""
-    lines = text.splitlines(keepends=True) or ["\n"]
-    row = rng.randrange(len(lines))
-    words = list(re.finditer(r"[^\s,:\[\]{}]+|[,:\[\]{}]", text))
-    if words and rng.random() < 0.7:
-        start, end = rng.choice(words).span()
-        other = rng.choice((rng.choice(SCALARS), rng.choice(NUMBERS), rng.choice(words)[0], ""))
-        return text[:start] + other + text[end:]
-    line = lines[row]
-    changes = ([], [line, line], [f" {line}"], [line.lstrip(" ")], [line, f"x: {rng.choice(SCALARS)}\n"])
-    lines[row : row + 1] = rng.choice(changes)
-    return "".join(lines)
 
 
 def options(rng):
@@ -311,9 +291,8 @@ def options(rng):
         argv.insert(rng.randrange(len(argv) + 1), odd)
     typed = (text.replace("\0", "").encode("utf-8", "surrogatepass") for text in argv)
     argv = tuple(data.decode("utf-8", "surrogateescape") for data in typed)
-    rare = rng.random()
-    encoding = rng.choice(("ascii", "latin-1", "utf-16")) if rare < 0.06 else "utf-8"
-    return Case(argv, files, encoding, rng.choice(("1", "0", "20", "200", "x")) if rare > 0.92 else "80")
+    columns = rng.choice(("1", "0", "200", "x", *["80"] * 20))
+    return Case(argv, files, rng.choice(("ascii", "utf-16", *["utf-8"] * 20)), columns)
 
 
 def _argument(rng, name):

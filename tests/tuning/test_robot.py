@@ -64,10 +64,11 @@ def test_perturbed_scenarios_are_on_the_slowest_the_quickest_and_drawn_loops(pat
 
 
 def test_a_calibration_is_off_in_links_and_zeros_to_either_side(path):
-    worlds = changed(Tuning(path, delay=0.008, calibration=0.002, perturbed=8).scenarios)
+    off = ["plant.joint_offset=[0.1, -0.2]"]
+    worlds = changed(Tuning(path, off, delay=0.008, calibration=0.002, perturbed=8).scenarios)
     assert "plant.stretch" not in worlds[0]
     factors = np.array([[*world["plant.stretch"].values()] for world in worlds[1:]])
-    zeros = np.array([world["plant.joint_offset"] for world in worlds[1:]])
+    zeros = np.array([world["plant.joint_offset"] for world in worlds[1:]]) - [0.1, -0.2]
     for values in (factors - 1.0, zeros):
         assert np.abs(values).max() <= 0.002
         assert values.min() < -0.0005 and values.max() > 0.0005

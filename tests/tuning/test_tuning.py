@@ -13,6 +13,7 @@ from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import ASKED, Simulation
 from rmrc.study.study import Study
 from rmrc.tuning.space import Structure
+from rmrc.tuning.trials import Limits
 from rmrc.tuning.tune import Tuning as AnyTuning
 
 # From 60 deg of the elbow to 30 deg, in 40 ticks without physics.
@@ -184,6 +185,16 @@ def test_what_is_drawn_is_within_its_bounds_and_moves_the_target(path):
     further = Tuning(path, ["target.offset=[0.5, 0.25]"], perturbed=2, **sizes).scenarios[1:]
     offsets = [load(path, texts(world)).target.offset for world in further]
     assert (np.abs(np.array(offsets) - [0.5, 0.25, 0.0]).max(axis=0) <= [0.01, 0.01, 0.0]).all()
+
+
+def test_progress_is_what_is_measured_so_far(path):
+    prepared = prepare(load(path, ["control.limits.acceleration=1.5"]))
+    (run,) = Simulation([prepared]).run()
+    point, excess = Limits.of(prepared).progress(run)
+    error, rate, time = measured(run)
+    assert point == pytest.approx((rate, error, time), rel=1e-12)
+    peak = np.abs(np.diff(run["qdot"], axis=0)).max() / run.period
+    assert excess == pytest.approx(max(rate / 2.0, peak / 1.5) / 1.01 - 1.0) and peak / 1.5 > rate / 2.0
 
 
 def slow(index, run):

@@ -1,14 +1,70 @@
-"""Newton's iterates: the worked example of the notes, its order, and how it fails."""
+"""Taylor's order, covariances against random samples, and Newton's iterates with the worked example of the notes."""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
+from rmrc.textbook.displacement import taylor_order, taylor_remainder, tip_covariance
 from rmrc.textbook.newton import newton_raphson
-from rmrc.textbook.planar import three_link_jacobian, three_link_position
+from rmrc.textbook.planar import planar_jacobian, planar_position, three_link_jacobian, three_link_position
+from rmrc.textbook.stanford import stanford_chain, stanford_jacobian
 from rmrc.textbook.two_link import two_link_postures
 
-LENGTHS = [2.0, 1.0, 1.0]
+LENGTHS = np.array([2.0, 1.0, 1.0])
+ROUNDING = 1e-12
+
+angles = arrays(float, 3, elements=st.floats(-3.0, 3.0))
+
+
+def arm(jacobian=planar_jacobian):
+    return (lambda q: planar_position(LENGTHS, q)), (lambda q: jacobian(LENGTHS, q))
+
+
+@given(angles, angles.filter(lambda d: np.linalg.norm(d) > 0.1))
+def test_the_linear_approximation_misses_by_the_second_derivative_of_each_link(q, dq):
+    """k'' is exact for a planar arm: each link adds −l (Δφ)² (cos φ, sin φ)/2, plus third order."""
+    h = 1e-3
+    turn = np.cumsum(h * dq)
+    phi = np.cumsum(q)
+    second = -0.5 * np.stack([LENGTHS * turn**2 * np.cos(phi), LENGTHS * turn**2 * np.sin(phi)]).sum(axis=1)
+    missed = taylor_remainder(*arm(), q, h * dq)
+    # Third order: Σ l |Δφ|³/6, here below 4 · (9e-3)³/6.
+    assert_allclose(missed[:2], second, atol=(LENGTHS * np.abs(turn) ** 3).sum() / 6 + 1e-14)
+    assert missed[2] == pytest.approx(0.0, abs=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_order_is_two(seed):
+    rng = np.random.default_rng(seed)
+    q, dq = rng.uniform(-2, 2, 3), rng.normal(size=3)
+    assert taylor_order(*arm(), q, dq) == pytest.approx(2.0, abs=0.1)
+    # in space, with a sliding joint
+    chain, q, dq = stanford_chain(), rng.uniform(0.3, 1.2, 6), rng.normal(size=6)
+    order = taylor_order(lambda q: chain.frames(q)[..., 6, :3, 3], lambda q: stanford_jacobian(q)[:3], q, dq)
+    assert order == pytest.approx(2.0, abs=0.1)
+
+
+def test_the_covariance_is_that_of_random_samples():
+    rng = np.random.default_rng(7)
+    q, deviation = np.array([0.4, 0.9, -0.5]), np.array([1e-3, 3e-3, 2e-3])
+    root = np.diag(deviation) @ np.linalg.cholesky([[1, 0.5, 0], [0.5, 1, -0.3], [0, -0.3, 1]])
+    covariance = tip_covariance(planar_jacobian(LENGTHS, q), root @ root.T)
+    count = 200_000
+    tips = planar_position(LENGTHS, q + rng.normal(size=(count, 3)) @ root.T)
+    sampled = np.cov(tips.T)
+    # An estimated covariance has the standard error √(2/count) = 0.3 %; five of them, and what is of
+    # second order, some (3e-3)², is far less.
+    scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    assert_allclose(sampled / scale, covariance / scale, atol=5 * np.sqrt(2 / count))
+    # Negative control: correlations are not free.
+    independent = tip_covariance(planar_jacobian(LENGTHS, q), np.diag(deviation**2))
+    with pytest.raises(AssertionError):
+        assert_allclose(sampled / scale, independent / scale, atol=5 * np.sqrt(2 / count))
+
+
 START = np.array([np.pi / 3, np.pi / 6, np.pi / 6])
 GOAL = np.array([0.5, 3.0, 2 * np.pi / 3])
 
