@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from scenario_texts import FULL, MINIMAL
 
 from project import examples
-from rmrc.scenario import Change, Scenario, draft_of, grid, inline, loads, variants
+from rmrc.scenario import Scenario, draft_of, grid, inline, loads, variants
 from rmrc.scenario.changes import changes_of
 from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Origin
 from wording import says
 
 METHOD, MAXIMUM = "control.inverse.method", "control.inverse.damping.maximum"
@@ -76,14 +75,6 @@ def test_typed_changes_are_what_texts_are(values):
 def test_an_item_of_a_list_that_is_not_written_is_set_in_its_default():
     moved = loads(MINIMAL, overrides=["target.offset[1]=0.02", "plant.wrench[5]=3"])
     assert (moved.target.offset, moved.plant.wrench) == ((0.0, 0.02, 0.0), (0.0,) * 5 + (3.0,))
-
-
-def test_all_that_is_wrong_is_told_at_once_with_key_and_origin():
-    wrong = Change(("plant", "kv"), -2, Origin("--vary plant.kv", key="plant.kv"))
-    with pytest.raises(ScenarioError) as caught:
-        loads(FULL, "x.yaml").changed(Change(("control", "feedback"), -1), wrong)
-    told = ["control.feedback: must be >= 0, got -1", says("--vary plant.kv: … 0 … -2")]
-    assert str(caught.value).splitlines() == told
 
 
 def test_values_of_python_and_numpy_are_taken_as_a_file_would_have_them():

@@ -100,7 +100,6 @@ def test_what_fails_on_a_worker_is_a_line(path, workers, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("address", "line"),
     [
-        ("local:0", "--cluster: … tcp://HOST:PORT or tls://HOST:PORT … Dask … local:N … local:0"),
         ("tcp://a", "--cluster: … tcp://HOST:PORT or tls://HOST:PORT … Dask … local:N … tcp://a"),
         (
             "tcp://127.0.0.1:9",

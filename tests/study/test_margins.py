@@ -6,13 +6,14 @@ import threading
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 import rmrc
 from project import ROOT
 from rmrc.scenario import changes_of, draft_of, load, loads
 from rmrc.study.margins.margins import ACCURACY, bears
 from rmrc.study.margins.report import report
-from rmrc.study.margins.ringing import STILL_RINGS, judged, still_ringing
+from rmrc.study.margins.ringing import STILL_RINGS, judged, still_ringing, twin_of
 from rmrc.study.study import Study
 from rmrc.textbook.stability import edge_gain
 from wording import says
@@ -166,6 +167,17 @@ def test_with_eight_milliseconds_shipped_scenarios_bear_about_what_the_equations
         assert high <= 1.1 * one.ideal or high == math.inf
 
 
+def test_eight_kicks_go_to_both_sides_along_every_axis(short):
+    prepared = short.prepare(changes_of({"control.feedback": 50.0}))  # a kick ends before the next
+    starts = tuple(i * prepared.reference.ticks // 8 for i in range(8))
+    before, after = (
+        each.reference.pose[list(starts)] for each in (prepared, twin_of(prepared, starts, 1e-3))
+    )
+    turns = [Rotation.from_quat(pose[:, 3:], scalar_first=True) for pose in (before, after)]
+    moved = np.hstack([after[:, :3] - before[:, :3], (turns[1] * turns[0].inv()).as_rotvec()])
+    assert (moved.max(axis=0) > 5e-4).all() and (moved.min(axis=0) < -5e-4).all()
+
+
 T = np.arange(3000)
 
 
@@ -177,11 +189,12 @@ T = np.arange(3000)
         (np.exp(-0.004 * T) * np.sin(0.3 * T), False),
         (np.exp(-0.00003 * T) * np.sin(0.3 * T), True),  # fades so slowly that nobody waits for it
         (np.exp(0.004 * T), False),  # parts, as past a singularity, and does not swing
+        (np.where(T < 2000, 200.0, np.where(T < 2700, 50.0, 40.0)) * np.sin(0.3 * T), True),  # no response to a kick
         (0.002 * np.sin(0.3 * T), False),  # what rounding or a last digit leaves
         (np.where(T < 1000, 0.1, 100.0 * np.exp(-0.004 * (T - 1000.0))) * np.sin(0.3 * T), False),
         (np.where(T < 1000, 100.0 * np.exp(-0.01 * T), 1e-2 * np.exp(0.004 * (T - 1000.0))) * np.sin(0.3 * T), True),
     ],
-    ids=["endless", "grows", "fades", "fades slowly", "parts", "rounding", "a stop, fades", "grows late"],
+    ids=["endless", "grows", "fades", "fades slowly", "parts", "alone", "rounding", "a stop, fades", "grows late"],
 )  # fmt: skip
 def test_what_is_called_ringing(swings, rings):
     assert (still_ringing(np.column_stack([np.zeros(3000), swings])) >= STILL_RINGS) == rings

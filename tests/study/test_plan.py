@@ -82,6 +82,10 @@ def test_the_plan_of_a_scenario(scenario):
     assert str(plan.changes(2)[0]) == "control.feedback=1.0e-05"
     assert str(plan.changes(3)[-1]) == "arm.encoder.seed=5"
     assert plan_of(scenario("sweep={vary: {control.feedback: [5, 6]}, seed: 9}")).seed == 9
+    repeated = plan_of(
+        scenario("arm.encoder.seed=4", "plant.seed=7", "sweep={vary: {control.feedback: [5, 6]}, repeat: 2}")
+    )
+    assert [str(change) for change in repeated.changes(1)[-2:]] == ["plant.seed=8", "arm.encoder.seed=5"]
 
 
 def test_what_is_deeper_is_set_later():

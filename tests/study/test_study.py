@@ -15,10 +15,8 @@ from rmrc.scenario import Variant, draft_of, load
 from rmrc.scenario.changes import read_setting
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.run import Job
 from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
-from wording import says
 
 # Each key that others are found by is changed, and changed back.
 VARIED = [
@@ -86,22 +84,6 @@ def test_each_variant_is_what_it_is_alone(name):
     assert len(fitting) > 8
     for one, want in zip(Study(draft_of(path, SHARED)).prepare_all(variants(fitting)), wanted, strict=True):
         assert_same(one, want)
-
-
-def test_a_mistake_names_its_variants_once(tmp_path):
-    path = ROOT / "scenarios" / "approach_singularity.yaml"
-    shown = "--set control.feedback: … 0 … -1"
-    (low, high) = variants([["control.feedback=-1"], ["control.feedback=1"]])
-    study = Study(draft_of(path))
-    with pytest.raises(ScenarioError) as caught:
-        study.prepare_all([low, high])
-    assert str(caught.value) == says(f'variant "v0": {shown}')
-    with pytest.raises(ScenarioError) as caught:
-        study.prepare_all([low, low._replace(label="c")])
-    assert str(caught.value) == says(shown)
-    with pytest.raises(ScenarioError) as caught:
-        Job(tmp_path / "none.yaml", variants=[low, high])
-    assert str(caught.value) == says(f"{tmp_path}/none.yaml: … file")
 
 
 def test_a_watcher_sees_every_tick_and_can_end_the_runs():

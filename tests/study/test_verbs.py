@@ -1,4 +1,4 @@
-"""`rmrc.run`, `rmrc.compare`, `rmrc.sweep`: each run is as it is alone, and nothing is written unless asked."""
+"""`rmrc.run`, `rmrc.compare`, `rmrc.sweep` and a baseline: each run is as it is alone; nothing is written unless asked."""
 
 import json
 import signal
@@ -12,6 +12,8 @@ from project import ROOT
 from rmrc.recording.single import read_columns
 from rmrc.results.columns import COLUMNS
 from rmrc.results.run import Run, read_runs
+from rmrc.results.scorecard import scorecard
+from rmrc.study.run import Job
 from rmrc.study.study import Study
 from rmrc.study.sweep import Sweep
 from wording import says
@@ -80,14 +82,6 @@ def test_each_variant_has_the_bits_of_its_scenario_run_alone_also_in_both_files_
     assert len({run["q"].tobytes() for run in runs.values()}) == 3  # the inverse knows no damping
 
 
-def test_variants_may_have_different_arms_and_be_of_different_length():
-    models = [str(ROOT / f"models/planar_{n}link.xml") for n in (2, 3)]
-    vary = {"arm.model": models, "target.limits.velocity": [0.25, 0.05]}
-    runs = rmrc.compare(short().set({"arm.start": "home"}), vary)
-    assert [run["q"].shape[1] for run in runs.values()] == [2, 2, 3, 3]
-    assert len(set(map(len, runs.values()))) > 1
-
-
 def test_sweep_gives_the_rows_of_the_verb_and_writes_them_if_it_is_asked_to(tmp_path):
     methods, done = {"control.inverse.method": ["inverse", "damped"]}, []
     random = {"control.feedback": (5, 40)}
@@ -132,3 +126,72 @@ def test_an_interrupt_is_raised_once_the_files_are_there(tmp_path, monkeypatch, 
     with pytest.raises(KeyboardInterrupt):
         getattr(rmrc, verb)(short(), *more, out=tmp_path / "out")
     assert len(names(tmp_path / "out")) == 3
+
+
+# 3 mm beyond full reach, from near it.
+NEAR = f"""
+name: near
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [5 deg, -10 deg]}}
+task: {{axes: [x, y]}}
+control: {{period: 0.005, limits: {{rate: 3.0, on_excess: scale}}, feedback: 20}}
+target: {{path: [{{line: {{to: [2.003, 0.0]}}}}]}}
+plant: {{kind: ideal}}
+expect: {{joint_rate_cmd.peak: {{below: 3.001}}}}
+"""
+PLAIN = {"control.inverse.method": "inverse", "control.limits.on_excess": "none"}
+
+
+def near(**more):
+    return rmrc.loads(NEAR, "near.yaml").set(more)
+
+
+def test_a_baseline_is_the_scenario_with_its_changes_and_leaves_the_scenario_as_it_is():
+    run = rmrc.run(near(baseline=PLAIN))
+    assert same(run, rmrc.run(near())) and same(run.baseline, rmrc.run(near(**PLAIN)))
+    peak, of_scenario = (np.abs(each["qdot_cmd"]).max() for each in (run.baseline, run))
+    assert peak > 3.001 > of_scenario  # of another rate limit
+    changes = near(baseline={"arm.start[1]": -0.2})
+    assert changes.changed(*changes.baseline_changes).arm.start[1] == -0.2
+    assert not near().baseline_changes
+
+
+def test_columns_and_facts_of_both_are_kept_and_the_exit_code_is_that_of_the_scenario(rmrc, tmp_path):
+    (tmp_path / "near.yaml").write_text(NEAR + f"baseline: {json.dumps(PLAIN)}\n")
+    code, out, err = rmrc("run", "near.yaml")
+    folder = tmp_path / "recordings"
+    assert code == 0 and "missed" not in err  # the baseline would miss what is expected
+    run, facts = Run.read(folder / "near.npz"), json.loads((folder / "near.json").read_text())
+    its = facts["baseline"]
+    assert "expect" not in its and its["changes"] == PLAIN and its["status"] == "complete"
+    for each, told in ((run, facts), (run.baseline, its)):
+        peak = float(scorecard(each)["joint_rate_cmd.peak"].value)
+        assert told["scorecard"]["joint_rate_cmd"]["peak"] == peak == np.abs(each["qdot_cmd"]).max()
+    assert facts["verdict"] == run.verdict and run.verdict in " ".join(out.split())
+    row = next(line for line in out.splitlines() if line.startswith("joint_rate_cmd "))
+    assert float(row.split()[-1]) == pytest.approx(np.abs(run.baseline["qdot_cmd"]).max(), rel=1e-3)
+    recorded = read_columns(folder / "near.rrd", baseline=True)
+    for name, column in run.baseline.columns.items():
+        np.testing.assert_array_equal(recorded[name], column)
+
+
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        ({"control.inverse.metod": "x"}, 'baseline.control.inverse.metod: … key … "method"?'),
+        ({"task.axes": ["x", "y", "rz"], **PLAIN}, 'baseline.control.inverse.method: "inverse" … 3 axes … 2 joints…'),
+        ({"target.path": [{"line": {"to": [9, 9, 9, 9]}}]}, "baseline.target.path: target.path[0].line.to: … [9, 9, 9, 9]"),
+        ({"sweep.repeat": 1}, "baseline.sweep.repeat: … cannot be changed…"),
+        ({"plant[0": 1}, "baseline.plant[0: is not a key …"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_baseline_is_told_in_one_line_before_anything_moves(written, told):
+    with pytest.raises(rmrc.ScenarioError) as caught:
+        rmrc.run(near(baseline=written))
+    assert str(caught.value) == says(told)
+
+
+def test_comparisons_and_sweeps_leave_it_out():
+    vary = {"control.feedback": [5, 10]}
+    assert len(Job(near(baseline=PLAIN), variants=rmrc.scenario.grid(vary)).worlds) == 2
+    rows = [rmrc.sweep(each, vary) for each in (near(baseline=PLAIN), near())]
+    assert repr(rows[0].to_pylist()) == repr(rows[1].to_pylist())
