@@ -45,3 +45,10 @@ def test_class_and_index_alone_decide_an_input_which_can_be_written_down(name):
     cases = [inputs.case(name, index) for index in range(50)]
     assert [inputs.read(inputs.case(name, index).text(origin="x")) for index in range(50)] == cases
     assert len({case.text() for case in cases}) > 45
+
+
+def test_a_worker_that_does_not_answer_is_seen(monkeypatch):
+    monkeypatch.setattr(worker, "SECONDS", 0.01)
+    monkeypatch.setattr(worker, "GRACE", 0.01)
+    (answer,) = worker.answers([("models", 0)])
+    assert [word for word, _ in answer.faults] in (["hang"], ["death"])  # of Ctrl-C before it was ready

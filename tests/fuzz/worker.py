@@ -220,7 +220,8 @@ class Worker:
     def ask(self, name, index):
         """Return what came of an input; afterwards the worker is closed if it hangs or died."""
         self.count += 1
-        self.pipe.send((name, index))
+        with contextlib.suppress(OSError):  # a process that is dead is seen below
+            self.pipe.send((name, index))
         if not self.pipe.poll(SECONDS):
             os.kill(self.process.pid, signal.SIGINT)
             if not self.pipe.poll(GRACE):
@@ -228,7 +229,7 @@ class Worker:
                 return Answer(name, index, "", [("hang", f"{SECONDS:g} s, and not ended by Ctrl-C")])
         try:
             return Answer(name, index, *self.pipe.recv())
-        except EOFError:
+        except (EOFError, OSError):
             self.close()
             return Answer(name, index, "", [("death", str(self.process.exitcode))])
 

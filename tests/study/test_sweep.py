@@ -85,7 +85,9 @@ def test_a_run_that_diverges_is_a_row_like_others_and_tables_sum_up(swept):
         pushed = row["plant.wrench"] == "[0, 1000000000000000.0, 0, 0, 0, 0]"
         assert row["status"] == ("diverged" if pushed else "complete")
         assert (row["divergence"] is not None) == pushed
-    ends, extremes = Swept.of(sweep.dataset.file).sheets()
+    swept = Swept.of(sweep.dataset.file)
+    assert swept.varied == [*sweep.plan.vary, *sweep.plan.draw]
+    ends, extremes = swept.sheets()
     assert ends.rows[:2] == [("complete", str(RUNS // 2)), ("diverged", str(RUNS // 2))]
     for name, least, first, most, last in extremes.rows:
         values = np.array(table[name.partition(" [")[0]].to_pylist())

@@ -88,7 +88,7 @@ def test_threads_change_nothing_and_another_seed_does(path):
     assert [(it.setting, it.outcomes) for it in first.tried] == [
         (it.setting, it.outcomes) for it in second.tried
     ]
-    assert first.block == second.block
+    assert first.block == second.block and first.runs <= 40
     other = Tuning(path, perturbed=2, runs=40, threads=2, seed=1).run()
     assert first.scenarios[1:] != other.scenarios[1:]
     # the search of a scenario object is that of its file
@@ -197,14 +197,16 @@ def test_progress_is_what_is_measured_so_far(path):
     assert excess == pytest.approx(max(rate / 2.0, peak / 1.5) / 1.01 - 1.0) and peak / 1.5 > rate / 2.0
 
 
+THERE_AND_BACK = ["control.period=0.002", "target.path=[{line: {to: [1.93, 0.0]}}, {line: {to: [1.8, 0.0]}}]"]
+
+
 def slow(index, run):
     """End every second world once its position error is above 1 mm."""
     return index % 2 == 0 and np.linalg.norm(run["pose_error"][:, :2], axis=1).max() > 1e-3
 
 
 def test_where_a_rule_ends_a_run_depends_on_nothing_beside_it(path):
-    there_and_back = "target.path=[{line: {to: [1.93, 0.0]}}, {line: {to: [1.8, 0.0]}}]"
-    study = Study(draft_of(path, ["control.period=0.002", there_and_back]))
+    study = Study(draft_of(path, THERE_AND_BACK))
     worlds = [
         study.prepare(changes_of({"control.feedback": gain})) for gain in (1.0, 2.0, 3.0, 5.0, 8.0, 9.0)
     ]
@@ -227,3 +229,30 @@ def test_where_a_rule_ends_a_run_depends_on_nothing_beside_it(path):
         if should:  # at the next time that the rule is asked
             assert runs[0][index] == pytest.approx(ASKED * (late[0] // ASKED + 1) * 0.002)
     assert 0 < sum(ended[0]) < 6
+
+
+def test_what_was_ended_could_not_count(path):
+    # By runs to the end, without a rule: what was ended breaks a limit, or something is as good in both.
+    tuned = Tuning(path, THERE_AND_BACK, perturbed=1, runs=120, threads=2).run()
+    points = [trial.worst.point for trial in tuned.feasible]
+    ended = [trial for trial in tuned.tried if trial.worst.ended][::4]
+    study = Study(draft_of(path, THERE_AND_BACK))
+    where = [next(i for i, outcome in trial.outcomes.items() if outcome.ended) for trial in ended]
+    worlds = [
+        study.prepare((*trial.setting.changes, *tuned.scenarios[world].changes))
+        for trial, world in zip(ended, where, strict=True)
+    ]
+    simulation = Simulation(worlds, keep_columns=False)
+    simulation.step()
+    useful = max(3.0 * min(point.error for point in points), tuned.own.worst.error)
+    for trial, world, card in zip(ended, where, simulation.scorecards(), strict=True):
+        outcome, rate, error = (
+            trial.outcomes[world],
+            card["joint_rate.peak"].value,
+            card["position_error.max"].value,
+        )
+        assert (outcome.error, outcome.peak_rate) <= (error, rate)  # as far as it came
+        as_good = any(point.peak_rate <= 1.01 * rate and point.error <= 1.01 * error for point in points)
+        assert rate > 2.0 * 1.01 or error > useful or as_good
+        assert card["duration"].value > outcome.time  # negative control: it was ended, and not at its end
+    assert len(ended) > 5
