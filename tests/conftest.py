@@ -99,7 +99,7 @@ def parsed_once():
 CLUSTER = "/test_cluster"
 # Files whose tests share what takes seconds to make, and which each of two processes would else make for itself.
 SHARING = (
-    "/test_report_page.py", "/test_comparison.py", "/test_sweep.py", "/test_resuming.py", "/test_workspace.py",
+    "/test_report_page.py", "/test_sweep.py", "/test_workspace.py",
     "/test_film.py", "/test_architecture.py", "/test_peers_page.py", "/test_scenarios.py",
     "/test_browser.py", "/test_plot.py", "/test_overlay.py", "/test_chance.py",
 )  # fmt: skip

@@ -1,15 +1,14 @@
 """The command line: `run` and `replay` hostile inputs."""
 
 import argparse
-import itertools
 import sys
 from collections import Counter
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from fuzz.inputs import CLASSES, REGRESSIONS, case
-from fuzz.supervisor import answers
+from fuzz.inputs import CLASSES, case
+from fuzz.worker import answers
 
 
 def main(argv=None):
@@ -18,11 +17,8 @@ def main(argv=None):
     verbs = parser.add_subparsers(dest="verb", required=True)
     run = verbs.add_parser("run", help="run inputs, and print what is wrong")
     run.add_argument("--count", type=int, default=1000, help="how many inputs (default: 1000)")
-    run.add_argument("--first", type=int, default=0, help="the first index (default: 0)")
     run.add_argument("--jobs", type=int, default=2, help="workers at a time (default: 2)")
-    run.add_argument("--class", dest="name", choices=list(CLASSES), help="inputs of this class only")
     run.add_argument("--failures", type=Path, help="folder for the inputs that failed, a file each")
-    run.add_argument("--frozen", action="store_true", help="run the inputs of tests/fuzz/regressions instead")
     replay = verbs.add_parser("replay", help="run an input once, and print it and what came of it")
     replay.add_argument("name", metavar="CLASS", help=f"{', '.join(CLASSES)}, or file")
     replay.add_argument("index", metavar="INDEX", help="a number, or the path of a file of --failures")
@@ -31,20 +27,15 @@ def main(argv=None):
 
 
 def _run(options):
-    classes = itertools.cycle([options.name] if options.name else CLASSES)
-    each = 1 if options.name else len(CLASSES)
-    names = [
-        (name, options.first + i // each) for i, name in zip(range(options.count), classes, strict=False)
-    ]
-    if options.frozen:
-        names = [("file", str(path)) for path in REGRESSIONS]
+    classes = list(CLASSES)
+    names = [(classes[i % len(classes)], i // len(classes)) for i in range(options.count)]
     codes, faults = Counter(), Counter()
     for answer in answers(names, options.jobs):
         codes[answer.name, answer.code] += 1
         for fault, text in answer.faults:
             faults[fault] += 1
             print(f"{answer.name} {answer.index}: {fault}: {text}")
-        if answer.faults and options.failures and answer.name != "file":
+        if answer.faults and options.failures:
             options.failures.mkdir(parents=True, exist_ok=True)
             path = options.failures / f"{answer.name}-{answer.index}.json"
             path.write_text(case(answer.name, answer.index).text(found=answer.faults), "utf-8")

@@ -1,9 +1,9 @@
-"""Runs inputs in this process as the command line would, and judges what came of them; started by `fuzz`."""
+"""Runs inputs in processes of their own as the command line would, and judges what came of them."""
 
 import contextlib
-import importlib
 import io
 import json
+import multiprocessing
 import os
 import re
 import resource
@@ -11,6 +11,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import threading
 import traceback
 import warnings
 from pathlib import Path
@@ -22,6 +23,12 @@ from . import inputs
 
 # Of docs/commands.md, and 128 + the number of a signal that stops a run.
 DOCUMENTED = {0, 1, 2, 3, 129, 130, 141, 143}
+# Seconds that an input may take, the compiling of its first one included; then Ctrl-C, and seconds to end.
+SECONDS, GRACE = 120.0, 10.0
+# After so many inputs a process is replaced, so that what it holds on to is bounded.
+RENEWED = 2000
+# What tells a program that it may draw, or use colors.
+SCREEN = ("DISPLAY", "WAYLAND_DISPLAY", "FORCE_COLOR", "TTY_COMPATIBLE")
 # Bytes of address space beside what a worker begins with.
 MEMORY = 8 * 2**30
 IGNORED = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)
@@ -31,6 +38,17 @@ NAN = re.compile(r"(?<![\w.-])[-+]?nan(?![\w.-])", re.IGNORECASE)
 TRACE = re.compile(r"^Traceback \(most|^Exception (ignored|in thread)|Fatal Python error", re.MULTILINE)
 NUMPY = re.compile(r"^.*encountered in .*$", re.MULTILINE)
 UNFINISHED = re.compile(r"/\.[^/]*-[0-9a-f]{16}[^/]*$|\.part$|\.tmp$|^tmp/.")
+
+
+class Answer(NamedTuple):
+    """An input's class and index, its exit code, its faults as (in a word, what exactly), and its output."""
+
+    name: str
+    index: object
+    code: str
+    faults: list
+    out: str = ""
+    err: str = ""
 
 
 class Outcome(NamedTuple):
@@ -96,8 +114,10 @@ def _undefined(case, outcome):
 class Sandbox:
     """A folder with copies of the models and scenarios, and an empty one in which commands are called."""
 
-    def __init__(self, folder, main):
-        self.folder, self.main = Path(folder), main
+    def __init__(self, folder):
+        from rmrc import cli  # once the environment is as it shall be
+
+        self.folder, self.main = Path(folder), cli.main
         self._make()
 
     def _make(self):
@@ -167,29 +187,81 @@ class Sandbox:
         return code, error
 
 
-def main(folder, module):
-    """Read names of inputs from stdin, a JSON list each; write what came of each to what was stdout.
-
-    Args:
-        folder: Where to work.
-        module: The module whose `main` is the command line.
-    """
-    answers = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
+def serve(pipe, folder):
+    """Answer a class and an index of an input with its exit code, faults and output, until the pipe is closed."""
+    for name in SCREEN:
+        os.environ.pop(name, None)
     for number, name in ((1, "stdout"), (2, "stderr")):
         os.dup2(os.open(f"{folder}.{name}", os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND), number)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # but while an input runs
-    names, sandbox = sys.stdin, Sandbox(folder, importlib.import_module(module).main)
+    sandbox = Sandbox(folder)
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MEMORY,) * 2)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2**30, 2**30))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    for line in names:
-        name, index = json.loads(line)
-        case = inputs.Case((index,)) if name == "planted" else inputs.case(name, index)
-        outcome = sandbox.run(case)
-        answer = str(outcome.code), list(judge(case, outcome)), outcome.out, outcome.err
-        print(json.dumps(answer), file=answers)
+    with contextlib.suppress(EOFError):
+        while True:
+            case = inputs.case(*pipe.recv())
+            outcome = sandbox.run(case)
+            pipe.send((str(outcome.code), list(judge(case, outcome)), outcome.out, outcome.err))
 
 
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+class Worker:
+    """A process that runs inputs."""
+
+    def __init__(self, folder):
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.count = 0
+        self.process = context.Process(target=serve, args=(theirs, tempfile.mkdtemp(dir=folder)), daemon=True)
+        self.process.start()
+        theirs.close()
+
+    def ask(self, name, index):
+        """Return what came of an input; afterwards the worker is closed if it hangs or died."""
+        self.count += 1
+        with contextlib.suppress(OSError):  # a process that is dead is seen below
+            self.pipe.send((name, index))
+        if not self.pipe.poll(SECONDS):
+            os.kill(self.process.pid, signal.SIGINT)
+            if not self.pipe.poll(GRACE):
+                self.close()
+                return Answer(name, index, "", [("hang", f"{SECONDS:g} s, and not ended by Ctrl-C")])
+        try:
+            return Answer(name, index, *self.pipe.recv())
+        except (EOFError, OSError):
+            self.close()
+            return Answer(name, index, "", [("death", str(self.process.exitcode))])
+
+    def close(self):
+        """End the process."""
+        self.count = RENEWED
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+
+def answers(names, jobs=1):
+    """Return what came of inputs, each a class and an index, by so many processes at a time."""
+    collected, names, lock = [], iter(names), threading.Lock()
+
+    def work(folder):
+        worker = None
+        while True:
+            with lock:
+                name = next(names, None)
+            if worker and (name is None or worker.count >= RENEWED):
+                worker.close()
+                worker = None
+            if name is None:
+                return
+            worker = worker or Worker(folder)
+            collected.append(worker.ask(*name))
+
+    with tempfile.TemporaryDirectory(prefix="rmrc-fuzz-") as folder:
+        threads = [threading.Thread(target=work, args=(folder,)) for _ in range(jobs)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    return collected

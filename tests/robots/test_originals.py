@@ -115,20 +115,6 @@ def test_masses_and_position_limits_are_those_of_the_original(name):
         assert_allclose(twin.jnt_range[i], theirs.joint(twin.joint(i).name).range, rtol=0, atol=0)
 
 
-def test_the_tool_of_the_fr3_is_the_maker_s():
-    model = original("fr3").compile()
-    for positions in drawn(twin_of("fr3"), 5):
-        ours, theirs = at(twin_of("fr3"), positions), at(model, positions)
-        assert_allclose(ours.site("tool").xpos, theirs.body("fr3_hand_tcp").xpos, rtol=0, atol=PROMISED)
-        assert_allclose(ours.site("tool").xmat, theirs.body("fr3_hand_tcp").xmat, rtol=0, atol=PROMISED)
-
-
-def test_the_tool_of_the_so101_is_the_frame_between_its_jaws():
-    ours, theirs = twin_of("so101").site("tool"), original("so101").compile().site("gripperframe")
-    assert_allclose(ours.pos, theirs.pos, rtol=0, atol=PROMISED)
-    assert_allclose(ours.quat, theirs.quat, rtol=0, atol=PROMISED)
-
-
 def test_rate_and_torque_limits_of_the_fr3_are_the_maker_s():
     text, _ = text_of("fr3")
     limits = re.findall(

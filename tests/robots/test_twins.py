@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from project import ROOT
-from test_models import check_centers_of_mass, fresh, moving, site_jacobian, warnings_of_random_control
+from test_models import check_centers_of_mass, fresh, moving, site_jacobian
 from twins import TWINS
 
 # Products of seven transforms with lengths of about 1 m.
@@ -94,17 +94,6 @@ def test_home_lies_within_limits_and_its_controls_hold_it(name):
     assert np.all(np.abs(data.qvel) < 1e-3)
 
 
-def test_a_gripper_that_nothing_holds_open_closes():
-    """Negative control: the hand of the FR3 stands open by ctrl = 255 alone."""
-    model = loaded("fr3")
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
-    data.ctrl[-1] = 0.0
-    while data.time < 3.0:
-        mujoco.mj_step(model, data)
-    assert_allclose(data.qpos[-2:], 0.0, atol=1e-3)
-
-
 def check_tool(model, name, q):
     twin = TWINS[name]
     data, wanted = fresh(model, [*q, *np.zeros(twin.hand)]), twin.tool(q)
@@ -140,13 +129,6 @@ def test_a_misplaced_link_is_seen(name, body, off):
     spec.body(body).pos = np.add(spec.body(body).pos, off)
     with pytest.raises(AssertionError):
         check_tool(spec.compile(), name, within(name, [0.6] * 7))
-
-
-@every_twin
-def test_a_second_of_random_control_gives_no_warning(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert not np.any(warnings_of_random_control(loaded(name)))
-    assert not list(tmp_path.iterdir())
 
 
 @every_twin

@@ -1,4 +1,4 @@
-"""A change is the edited file: from a text of the command line as from Python."""
+"""A change is the edited file: from a text of the command line as from Python; several values make variants."""
 
 import json
 import math
@@ -7,37 +7,36 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenario_texts import EXAMPLE, FULL, MINIMAL, problems
+from scenario_texts import FULL, MINIMAL
 
 from project import examples
-from rmrc.scenario import Change, Scenario, grid, inline, loads
+from rmrc.scenario import Scenario, draft_of, grid, inline, loads, variants
 from rmrc.scenario.changes import changes_of
 from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Origin
 from wording import says
+
+METHOD, MAXIMUM = "control.inverse.method", "control.inverse.damping.maximum"
 
 
 @pytest.mark.parametrize(
     ("override", "steps", "value"),
     [
-        ("control.inverse.method=inverse", ["control", "inverse", "method"], "inverse"),
         (" control.feedback = 4 ", ["control", "feedback"], 4.0),
         ("arm.start[1]=10 deg", ["arm", "start", 1], math.radians(10)),
         ("target.path[0].line.to=[2,0]", ["target", "path", 0, "line", "to"], [2.0, 0.0]),
-        ("task.weights=", ["task", "weights"], None),
         ("task={axes: [z]}", ["task"], {"axes": ["z"], "frame": "world", "length": None, "weights": None}),
         ("expect.a.b.below=3", ["expect", "a.b"], {"below": 3.0}),
         ("baseline.control.feedback=3", ["baseline", "control.feedback"], 3),
     ],
 )
 def test_an_override_replaces_one_value_and_no_other(override, steps, value):
-    one = loads(FULL)
-    expected = json.loads(one.model_dump_json())
+    scenario = loads(FULL)
+    expected = json.loads(scenario.model_dump_json())
     node = expected
     for step in steps[:-1]:
         node = node[step]
     node[steps[-1]] = value
-    before = one.model_dump(mode="json")
+    before = scenario.model_dump(mode="json")
     assert before != expected == loads(FULL, overrides=[override]).model_dump(mode="json")
     assert loads(FULL).model_dump(mode="json") == before
 
@@ -51,7 +50,6 @@ VALUES = {
     "arm.start[1]": st.sampled_from([0.2, "10 deg", True]),
     "plant": st.sampled_from([{"kind": "ideal"}, 3]),
 }
-changes = st.fixed_dictionaries({}, optional=VALUES)
 
 
 def outcome(make):
@@ -63,11 +61,11 @@ def outcome(make):
 
 
 @examples(5, 100)
-@given(changes)
+@given(st.fixed_dictionaries({}, optional=VALUES))
 def test_typed_changes_are_what_texts_are(values):
     texts = [f"{key}={inline(value)}" for key, value in values.items()]
-    by_text = outcome(lambda: loads(EXAMPLE, overrides=texts))
-    typed = outcome(lambda: loads(EXAMPLE).changed(*changes_of(values, "--set")))
+    by_text = outcome(lambda: loads(FULL, overrides=texts))
+    typed = outcome(lambda: loads(FULL).changed(*changes_of(values, "--set")))
     assert typed == by_text
     if isinstance(typed, Scenario):
         assert typed.draft.value == by_text.draft.value
@@ -77,65 +75,23 @@ def test_typed_changes_are_what_texts_are(values):
 def test_an_item_of_a_list_that_is_not_written_is_set_in_its_default():
     moved = loads(MINIMAL, overrides=["target.offset[1]=0.02", "plant.wrench[5]=3"])
     assert (moved.target.offset, moved.plant.wrench) == ((0.0, 0.02, 0.0), (0.0,) * 5 + (3.0,))
-    assert problems(MINIMAL, "target.offset[3]=1") == [says("--set target.offset[3]: target.offset … 3 … 0")]
-
-
-@pytest.mark.parametrize(
-    ("override", "line"),
-    [
-        ("foo", "--set foo: … KEY=VALUE … control.feedback=10"),
-        ("a..b=1", "--set a..b=1: … KEY=VALUE … control.feedback=10"),
-        ("\x1b[0m=1", r"--set \x1b[0m=1: … KEY=VALUE … control.feedback=10"),
-        ("control.invers.method=inverse", '--set control.invers.method: control.invers: … "inverse"…'),
-        ("control={invers: {}}", '--set control: control.invers: … "inverse"…'),
-        ("control.feedback=-1", "--set control.feedback: must be >= 0, got -1"),
-        ("arm.start[5]=1", "--set arm.start[5]: arm.start … 2 … 0"),
-        ("arm.site[0]=1", '--set arm.site[0]: arm.site … "tip" … list'),
-        ("task.weights[0]=1", "--set task.weights[0]: task.weights … nothing … list"),
-        ("plant.kv.x=1", "--set plant.kv.x: plant.kv … 1000 … mapping"),
-        ("arm.start=[1", "--set arm.start: … YAML: … bracket … not closed …"),
-        ("arm.start=# x", "--set arm.start: … empty"),
-        ("arm.site=!!python/name:os.system x", "--set arm.site: … !!python/name:os.system …"),
-        ("plant.kv=1\n---\n2", "--set plant.kv: … YAML: … second scenario …"),
-    ],
-)
-def test_a_wrong_override_is_told_by_its_key(override, line):
-    assert problems(EXAMPLE, override) == [says(line)]
-
-
-def test_all_that_is_wrong_is_told_at_once_with_key_and_origin():
-    wrong = Change(("plant", "kv"), -2, Origin("--vary plant.kv", key="plant.kv"))
-    with pytest.raises(ScenarioError) as caught:
-        loads(FULL, "x.yaml").changed(Change(("control", "feedback"), -1), wrong)
-    assert str(caught.value).splitlines() == [
-        "control.feedback: must be >= 0, got -1", says("--vary plant.kv: … 0 … -2"),
-    ]  # fmt: skip
 
 
 def test_values_of_python_and_numpy_are_taken_as_a_file_would_have_them():
-    values = {
-        "arm.start": np.array([0.5, 1.0]),
-        "control.limits": {"rate": (1, np.float64(2))},
-        "task.axes": ("x",),
-    }
-    one = loads(MINIMAL).set(values)
-    assert (one.arm.start, one.control.limits.rate, one.task.axes) == ((0.5, 1.0), (1.0, 2.0), ("x",))
-    section = one.control.model_copy(update={"feedback": 9.0})
-    by_section = one.set({"control": section, "control.period": 0.004}).control
+    limits = {"rate": (1, np.float64(2))}
+    changed = loads(MINIMAL).set(
+        {"arm.start": np.array([0.5, 1.0]), "control.limits": limits, "task.axes": ("x",)}
+    )
+    assert (changed.arm.start, changed.control.limits.rate) == ((0.5, 1.0), (1.0, 2.0))
+    section = changed.control.model_copy(update={"feedback": 9.0})
+    by_section = changed.set({"control": section, "control.period": 0.004}).control
     assert (by_section.feedback, by_section.period, by_section.limits.rate) == (9.0, 0.004, (1.0, 2.0))
     with pytest.raises(ValueError, match=r"'a\.\.b' .* key"):
-        one.set({"a..b": 1})
+        changed.set({"a..b": 1})
     with pytest.raises(ScenarioError, match=r'^control\.feedback: .* number, .*"<object object at '):
-        one.set({"control.feedback": object()})
-
-
-def test_a_scenario_made_in_python_can_be_changed_and_named_in_messages():
-    one = Scenario.model_validate(loads(FULL).model_dump())
-    assert one.set({"arm.start[1]": "10 deg"}).arm.start[1] == math.radians(10)
-    with pytest.raises(ScenarioError, match=r"^arm\.start: .* list"):
-        one.set({"arm.start": 3})
-    other = loads(FULL, "x.yaml").model_copy(update={"name": "other"})
-    assert other.set({"control.feedback": 1}).name == "other"
+        changed.set({"control.feedback": object()})
+    made = Scenario.model_validate(changed.model_dump()).model_copy(update={"name": "other"})
+    assert made.set({"control.feedback": 1}).name == "other"
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -150,9 +106,63 @@ def test_of_changes_that_are_given_together_the_deeper_one_wins(order):
     assert loads(MINIMAL).changed(*first.changes).control.limits.rate == 3.0
 
 
-def test_a_variant_is_made_fast_as_it_shares_all_that_its_changes_leave_alone():
-    one = loads(FULL, "x.yaml")
-    other = one.set({"control.feedback": 9, "plant.payload": 2})
-    assert other.draft.places is one.draft.places
-    assert other.draft.value["target"] is one.draft.value["target"]
-    assert other.locate("plant.payload") == "plant.payload" and other.locate("plant.kv").startswith("x.yaml:")
+def labels(*texts):
+    return [variant.label for variant in variants(texts)]
+
+
+def test_several_keys_give_every_combination_and_the_last_changes_fastest():
+    texts = f"{METHOD}=inverse,damped", f"{MAXIMUM}=0.1,0.2"
+    assert labels(*texts) == ["inverse, 0.1", "inverse, 0.2", "damped, 0.1", "damped, 0.2"]
+    assert tuple(map(str, variants(texts)[2].changes)) == (f"{METHOD}=damped", f"{MAXIMUM}=0.1")
+    assert [each.label for each in grid({METHOD: ["inverse", "damped"], MAXIMUM: [0.1, 0.2]})] == labels(
+        *texts
+    )
+    assert len(variants(["a=0,1,2,3,4", "b=0,1,2,3,4,5,6,7,8,9"])) == 50
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (f"{MAXIMUM}=0.05,1.0e-1", ["maximum=0.05", "maximum=0.1"]),
+        ("control.limits={rate: 1, on_excess: clamp},{rate: 2}", ["limits={rate: 1, on_excess: clamp}", "limits={rate: 2}"]),
+        ("arm.start[1]=60 deg,-0.5", ["start[1]=60 deg", "start[1]=-0.5"]),
+        ("arm.start=home,[0, 1]", ["home", "start=[0, 1]"]),
+        ("""arm.site="a, b",'c'""", ["a, b", "c"]),
+    ],
+)  # fmt: skip
+def test_only_commas_outside_of_brackets_and_quotes_part_values(text, expected):
+    assert labels(text) == expected
+
+
+def test_a_variant_is_the_scenario_with_its_changes_on_top(folder):
+    (folder / "x.yaml").write_text(MINIMAL)
+    draft = draft_of("x.yaml", [f"{METHOD}=pseudoinverse", "control.feedback=3"])
+    damped, _ = variants([f"{METHOD}=damped,inverse"])
+    top = draft.changed(*damped.changes).scenario()
+    assert (top.control.inverse.method, top.control.feedback) == ("damped", 3.0)
+    assert [top.locate(key) for key in (METHOD, "control.feedback")] == [
+        f"--vary {METHOD}",
+        "--set control.feedback",
+    ]
+    wrong, _ = variants([f"{MAXIMUM}=-2,-3"])
+    with pytest.raises(ScenarioError) as caught:
+        draft.overridden(["plant.kv=-1"]).changed(*wrong.changes).scenario()
+    wanted = f"--vary {MAXIMUM}: … 0 … -2", "--set plant.kv: … 0 … -1"
+    assert list(map(str, caught.value.problems)) == list(map(says, wanted))
+
+
+@pytest.mark.parametrize(
+    ("texts", "line"),
+    [
+        (["a=1"], "--vary: … 2 variants to 50, got 1; … --vary control.inverse.method=inverse,damped"),
+        (["a=0,1,2,3,4,5,6", "b=0,1,2,3,4,5,6,7"], "--vary: … 2 variants to 50, got 56; …"),
+        (["a=1,2", "a=3,4"], "--vary a: … twice"),
+        (["a=1,2,1"], "--vary: … a=1"),
+        (["foo"], "--vary foo: … KEY=V1,V2,... … control.inverse.method=inverse,damped"),
+        (["a=1],[2"], "--vary a: … YAML: … ','"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_varied_is_said_at_once(texts, line):
+    with pytest.raises(ScenarioError) as caught:
+        variants(texts)
+    assert str(caught.value) == says(line)

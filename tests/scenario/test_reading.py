@@ -1,3 +1,6 @@
+"""Texts, files and values: what is wrong is one printable line, which names the place and the way out."""
+
+import math
 import os
 import time
 from pathlib import Path
@@ -5,9 +8,11 @@ from pathlib import Path
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from scenario_texts import MINIMAL, problems
+from scenario_texts import FULL, MINIMAL, full_number_keys, problems
 
-from rmrc.scenario import inline, load, loads, reading
+from rmrc.scenario import Scenario, inline, load, loads, reading
+from rmrc.scenario.choices import CHOICES, PLANTS
+from rmrc.scenario.messages import ALIASES
 from rmrc.scenario.reading import parse
 from rmrc.support.errors import ScenarioError
 from wording import says
@@ -28,13 +33,6 @@ def file_problem(path):
     return str(caught.value)
 
 
-def test_an_alias_is_a_copy():
-    text = MINIMAL + "control: {joint_weights: &w [1.0, 2.0], nullspace: {posture: *w}}\n"
-    scenario = loads(text, overrides=["control.joint_weights[0]=9"])
-    assert scenario.control.joint_weights == (9.0, 2.0)
-    assert scenario.control.nullspace.posture == (1.0, 2.0)
-
-
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
@@ -42,8 +40,6 @@ def test_an_alias_is_a_copy():
         (b"\xff\xfe\x00\x01", ": … UTF-8 … 0xff"),
         (b"name: a\n\x00\x01", ":2:1: … U+0000"),
         (b"- a\n- b\n", ":1:1: … mapping … [\"a\", \"b\"]"),
-        (b"a: [1, 2\nb: 3", ":1:4: … YAML: … bracket … not closed …"),
-        (b"a:\n\tb: 1", ":2:1: … YAML: … tab; … spaces"),
         (b"a: *b", ":1:4: … YAML: … alias 'b'"),
         (b"a: 1\n---\nb: 1\n", ":2:1: … second scenario …"),
         (b"[" * 100_000, ": … 50 …"),
@@ -61,12 +57,9 @@ def test_a_broken_or_hostile_file_gets_one_line(content, problem):
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("no: a", "x.yaml:6:1: … key … text … no"),
         ("? {a: b}\n: c", "x.yaml:6:3: … key … text … mapping"),
-        ('"\\ud800": 1', r"x.yaml:6:1: … \ud800"),
         ("name: x", "x.yaml:6:1: name: … twice … line 1"),
         ("plant: {<<: {kv: 1}}", "x.yaml:6:9: plant: … key … text … <<"),
-        ("plant: !mine {kv: 1}", "x.yaml:6:8: plant: … !mine …"),
         ("plant: {kv: 0x_}", "x.yaml:6:13: plant.kv: … !!int … 0x_"),
         ("plant: {kv: !!python/object/apply:os.system [ls]}", "x.yaml:6:13: plant.kv: … !!python/object/apply:os.system …"),
     ],
@@ -117,3 +110,143 @@ def test_a_value_on_one_line_is_read_back(value):
         assert isinstance(value, str)  # a text may hold what no file may
     else:
         assert (type(back), repr(back)) == (type(value), repr(value))
+
+
+@pytest.mark.parametrize(
+    ("override", "key", "value"),
+    [
+        ("arm.start=[-1.5e1 deg]", "arm.start", (-math.pi / 12,)),
+        ("arm.start=[' 180  deg ', 1e-3 rad, -0.5]", "arm.start", (math.pi, 0.001, -0.5)),
+        ("control.limits.rate=180 deg/s", "control.limits.rate", math.pi),
+        ("control.limits.acceleration=[90 deg/s², 1]", "control.limits.acceleration", (math.pi / 2, 1)),
+        ("control.period=30 Hz", "control.period", 1 / 30),
+    ],
+)
+def test_a_number_may_have_a_unit(override, key, value):
+    found = loads(MINIMAL, overrides=[override])
+    for name in key.split("."):
+        found = getattr(found, name)
+    assert found == pytest.approx(value, rel=1e-15)  # one rounding in the product with pi/180
+
+
+@pytest.mark.parametrize("override", ["control.limits.rate=180 deg", "control.period=30 ms", "control.period=1/0",
+                                      f"arm.start=[{'1' * 100_000} degrees]"])  # fmt: skip
+def test_another_unit_is_refused_at_once(override):
+    """Digits that could stand on both sides of a dot that is not there took the square of their number: minutes."""
+    with pytest.raises(ScenarioError, match="number"):
+        loads(MINIMAL, overrides=[override])
+
+
+def test_a_model_that_is_not_there_is_told_with_its_neighbor(folder):
+    (line,) = problems(MINIMAL.replace("arm.xml", "amr.xml"))
+    assert line == says(f'x.yaml:2:14: arm.model: … "{folder}/amr.xml"; … "arm.xml"…')
+    (folder / "loop").symlink_to("loop")
+    for name in (".", '"a\\0b"', "loop"):
+        (line,) = problems(MINIMAL.replace("arm.xml", name))
+        assert line == says(f'x.yaml:2:14: arm.model: … file "{folder}…')
+
+
+@pytest.mark.parametrize(("text", "shown"), [(".nan", "nan"), ("-.inf", "-inf")])
+def test_no_number_of_a_scenario_may_be_nan_or_infinite(text, shown):
+    # those of a sweep aside, whose own keys have dots and brackets
+    keys = [key for key in full_number_keys() if not key.startswith("sweep.")]
+    assert len(keys) > 50
+    lines = problems(FULL, *(f"{key}={text}" for key in keys))
+    assert [key for key in keys if says(f"--set {key}: … finite … {shown}") not in lines] == []
+
+
+@pytest.mark.parametrize(
+    ("key", "place"),
+    [
+        ("target.path[0].line.by[1]", "x.yaml:5:24: target.path[0].line.by[1]"),
+        ("arm.start[1]", "x.yaml:2:6: arm.start[1]"),  # the nearest parent
+        ("plant", "--set plant.kv: plant"),
+        ("arm.joints[1]", "--set arm.joints: arm.joints[1]"),
+    ],
+)
+def test_locate_says_where_a_value_is(key, place):
+    text = f'{MINIMAL}expect:\n  "a[0]..b = c": {{below: 3}}\n'
+    assert loads(text, "x.yaml", ["plant.kv=1", "arm.joints=[a, b]"]).locate(key) == place
+    made = Scenario.model_validate(loads(MINIMAL).model_dump())
+    assert made.locate(key) == key  # made in Python
+
+
+@pytest.mark.parametrize(
+    ("override", "line"),
+    [
+        ("control.feedbak=1", '… key; … "feedback"?'),
+        ("arm={site: tip}", "--set arm: arm.model: … required: MJCF or URDF file…"),
+        ("control.inverse.method=dampd", '… one of "inverse", … "damped"?'),
+        ("control.inverse.method=dls", "… write damped"),
+        ("arm.site=2024", "… text, … quotes … got 2024"),
+        ("plant=servo", '… mapping, got "servo"; … keys … kind, …'),
+        ("task.axes=x", '… list … "x"'),
+        ("target.path=[]", "… 1 … items, got []"),
+        ("target.path=[{go: {to: [1, 0]}}]", "… key; the keys are line, arc, …"),
+        ("target.path=[{}]", "… target.path[0]: must have exactly one of line, arc, … got none"),
+        ("target.limits.velocity=250 mm/s", '… number, got "250 mm/s"; write … in m/s'),
+        ("control.feedback=1e1", '… "1e1"; write 10, in 1/s'),
+        ("control.slow.longest=0", "… >= 1, got 0"),
+        ("plant.seed=1.5", "… whole number … 1.5"),
+        ("expect={sigma.min: < 3.3}", '… mapping, such as {below: 1}, got "< 3.3"'),
+        ("control.inverse={feedback: 20}", "… key; … key of control: indent it less"),
+        ("plant={kind ideal}", "… key; write a colon: kind: ideal"),
+        ("control.method=damped", "… key; … key of control.inverse: put it there"),
+        ("control={inverse.method: damped}", "… write inverse: {method: ...}"),
+        ("target.path={line: {by: [1, 0]}}", "… begin each item with a dash"),
+        ("control.period=1 ms", '… got "1 ms"; write 0.001, in s'),
+        ("target.limits.velocity=0,25", '… got "0,25"; write 0.25, in m/s'),
+        ("expect.joint_rate.peak={}", "… must have at least one of below, above, equals, got none"),
+        ("expect.joint_rate.peak={equals: 1}", "… equals needs within"),
+        ("sweep.draw.plant.seed=[0, 9]", "… cannot be changed here… sweep.repeat and sweep.seed…"),
+        ("sweep={vary: {plant.kv: [1, 2]}, draw: {plant.kv: [1, 2]}}", "… in vary or in draw, got both"),
+        ("control.nullspace.objective=rates", "… control.nullspace.rates: must be given …"),
+        ("task={axes: [x], weights: [1, 2]}", "--set task: task.weights: … one value for each of axes, got 2 … x"),
+        ("arm.body=b", "… must have at most one of site, body, tool, got site and body"),
+        ("arm={model: arm.xml, tool: {center: [0, 0, 1]}}", "… center needs mass"),
+        ("\x1b[0m=1", r"--set \x1b[0m=1: … KEY=VALUE … control.feedback=10"),
+        ("arm.site[0]=1", '--set arm.site[0]: arm.site … "tip" … list'),
+        ("target.offset[3]=1", "--set target.offset[3]: target.offset … 3 … 0"),
+        ("arm.start=[1", "--set arm.start: … YAML: … bracket … not closed …"),
+        ("arm.site=!!python/name:os.system x", "--set arm.site: … !!python/name:os.system …"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_one_line_with_the_way_out(override, line):
+    (problem,) = problems(MINIMAL, override)
+    assert problem == says(line), problem
+
+
+@pytest.mark.parametrize(
+    ("lines", "where", "why"),
+    [
+        ("control:\n  period: 0.01\n    feedback: 20\n", "3:13", "indented too far"),
+        ("control:\n  period: 0.01\n feedback: 20\n", "3:2", "not indented as the lines beside it"),
+        ("plant:\n  seed: 1\n  kind ideal\n  loss: 0\n", "3:3", "without a colon"),
+        ("plant:\n\tkind: ideal\n", "2:1", "a tab; indent with spaces"),
+        ("task: {axes: [x, y}\n", "1:14", "bracket that is not closed"),
+        ('plant: {kind: "ideal}\n', "1:15", "quote that is not closed"),
+    ],
+)
+def test_a_mistake_in_the_layout_is_told_where_it_is_and_not_where_yaml_notices_it(lines, where, why):
+    (problem,) = problems(lines)
+    assert problem.startswith(f"x.yaml:{where}: is not valid YAML: ") and why in problem
+
+
+def test_other_names_of_choices_are_no_names_of_ours():
+    names = {name for choices in (PLANTS, *CHOICES) for name in choices.names}
+    assert names.issuperset(ALIASES.values()) and not names & ALIASES.keys()
+
+
+def test_no_control_character_of_a_file_stands_in_an_error():
+    evil = "\x1b]0;evil\x07\x9b31m\u202e"
+    escaped = evil.encode("unicode_escape").decode()
+    text = (
+        MINIMAL.replace("arm.xml", f'"{escaped}"') + f'"{escaped}": {{damping: "\\e]0;evil\\a\\e[31mred"}}\n'
+    )
+    for overrides in ((), (f"plant.{evil}=1",), (evil,)):
+        with pytest.raises(ScenarioError) as caught:
+            loads(text, f"{evil}.yaml", overrides)
+        assert str(caught.value).replace("\n", "").isprintable()
+    with pytest.raises(ScenarioError) as caught:
+        load(f"{evil}.yaml")
+    assert str(caught.value).isprintable()

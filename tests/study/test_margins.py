@@ -1,22 +1,20 @@
 """Margins: the edges that runs find, against equations and against plain runs; and what is no instability."""
 
 import math
-import os
-import signal
 import threading
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 import rmrc
-from project import ROOT, mostly_long
+from project import ROOT
 from rmrc.scenario import changes_of, draft_of, load, loads
 from rmrc.study.margins.margins import ACCURACY, bears
 from rmrc.study.margins.report import report
-from rmrc.study.margins.ringing import STILL_RINGS, judged, still_ringing
+from rmrc.study.margins.ringing import STILL_RINGS, judged, still_ringing, twin_of
 from rmrc.study.study import Study
-from rmrc.support.errors import ScenarioError
 from rmrc.textbook.stability import edge_gain
 from wording import says
 
@@ -68,16 +66,6 @@ def test_the_same_dead_time_can_be_added_as_the_equation_says(short):
         assert (found.lag.high == math.inf) == (found.lag.ideal == math.inf)
 
 
-def test_a_dead_time_that_a_short_path_cannot_show_is_more_than_most_of_its_time(short):
-    """With 2/s the ideal plant tolerates 0.78 s, and the run takes 0.65 s, in which no command would arrive."""
-    scenario, ends = short.prepare().scenario, short.prepare().reference.duration
-    found = rmrc.margins(scenario.set({"control.feedback": 2.0}), accuracy=0.5).delay
-    assert found.ideal > 1.1 * ends and found.high == math.inf
-    assert_allclose([found.low, found.bound], 0.9 * ends, rtol=1e-9)
-    late = rmrc.margins(scenario.set({"control.feedback": 2.0, "plant.delay": 0.63}), accuracy=0.5).delay
-    assert (late.low, late.high) == (0.0, math.inf)  # 0.6 s and more are beyond 0.9 of the path
-
-
 def late_swings(scenario, feedback):
     """Return how far joints swing between neighbors in the last fifth of a plain run."""
     run = rmrc.run(scenario.set({"control.feedback": feedback}))
@@ -88,7 +76,7 @@ def late_swings(scenario, feedback):
 OF_MODEL = {"arm.model": str(ROOT / "models/ur5e.xml"), "arm.start": "home", "arm.site": None}
 
 
-@pytest.mark.parametrize("kind", mostly_long(["servo", "torque", "model"], 99))
+@pytest.mark.parametrize("kind", ["servo", pytest.param("model", marks=pytest.mark.long)])
 def test_edges_of_physical_plants_part_plain_runs_that_settle_from_those_that_swing(kind):
     """A plain run alone: at rest behind its path, the arm is still, or swings from tick to tick."""
     one = loads(TEXT).set(
@@ -144,7 +132,6 @@ def test_what_was_recommended_without_delay_is_unstable_with_eight_milliseconds(
     [
         ({"control.feedback": 500.0, "control.limits.rate": 1.0}, "reverses"),  # swallows the kick
         ({"control.feedback": 250.0, "control.limits.on_excess": "none"}, "rings"),
-        ({"control.feedback": 400.0, "control.limits.on_excess": "none"}, "rings"),
         ({"control.feedback": 1e12, "control.limits.on_excess": "none"}, "diverged"),
     ],
 )
@@ -162,7 +149,7 @@ HARD = ["at_the_stop", "blow_up", "beyond_reach", "slow_wrist", "stop_and_wait"]
 OTHERS = sorted({path.stem for path in (ROOT / "scenarios").glob("*.yaml")} - {*HARD, "example_5_5"})
 
 
-@pytest.mark.parametrize("name", [*HARD[:3], *mostly_long([*HARD[3:], *OTHERS], 99)])
+@pytest.mark.parametrize("name", HARD[:3])
 def test_scenarios_are_stable_as_they_are_written(name):
     assert judge(Study(name)).reason == ""
 
@@ -180,6 +167,17 @@ def test_with_eight_milliseconds_shipped_scenarios_bear_about_what_the_equations
         assert high <= 1.1 * one.ideal or high == math.inf
 
 
+def test_eight_kicks_go_to_both_sides_along_every_axis(short):
+    prepared = short.prepare(changes_of({"control.feedback": 50.0}))  # a kick ends before the next
+    starts = tuple(i * prepared.reference.ticks // 8 for i in range(8))
+    before, after = (
+        each.reference.pose[list(starts)] for each in (prepared, twin_of(prepared, starts, 1e-3))
+    )
+    turns = [Rotation.from_quat(pose[:, 3:], scalar_first=True) for pose in (before, after)]
+    moved = np.hstack([after[:, :3] - before[:, :3], (turns[1] * turns[0].inv()).as_rotvec()])
+    assert (moved.max(axis=0) > 5e-4).all() and (moved.min(axis=0) < -5e-4).all()
+
+
 T = np.arange(3000)
 
 
@@ -191,44 +189,18 @@ T = np.arange(3000)
         (np.exp(-0.004 * T) * np.sin(0.3 * T), False),
         (np.exp(-0.00003 * T) * np.sin(0.3 * T), True),  # fades so slowly that nobody waits for it
         (np.exp(0.004 * T), False),  # parts, as past a singularity, and does not swing
+        (np.where(T < 2000, 200.0, np.where(T < 2700, 50.0, 40.0)) * np.sin(0.3 * T), True),  # no response to a kick
         (0.002 * np.sin(0.3 * T), False),  # what rounding or a last digit leaves
         (np.where(T < 1000, 0.1, 100.0 * np.exp(-0.004 * (T - 1000.0))) * np.sin(0.3 * T), False),
         (np.where(T < 1000, 100.0 * np.exp(-0.01 * T), 1e-2 * np.exp(0.004 * (T - 1000.0))) * np.sin(0.3 * T), True),
     ],
-    ids=["endless", "grows", "fades", "fades slowly", "parts", "rounding", "a stop, fades", "grows late"],
+    ids=["endless", "grows", "fades", "fades slowly", "parts", "alone", "rounding", "a stop, fades", "grows late"],
 )  # fmt: skip
 def test_what_is_called_ringing(swings, rings):
     assert (still_ringing(np.column_stack([np.zeros(3000), swings])) >= STILL_RINGS) == rings
 
 
 # Mistakes, Ctrl-C, and a law without feedback ------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("changes", "accuracy", "line"),
-    [
-        ({"control.feedback": 0}, 0.02, "control.feedback: must be > 0, got 0: … feedback …"),
-        ({}, 0.001, "--accuracy: must be between 0.005 and 0.5, got 0.001"),
-        ({}, math.nan, "--accuracy: must be between 0.005 and 0.5, got nan"),
-    ],
-)
-def test_a_mistake_is_a_line(short, changes, accuracy, line):
-    with pytest.raises(ScenarioError) as error:
-        margins_of(short, changes, accuracy=accuracy)
-    assert str(error.value) == says(line)
-
-
-def test_what_was_found_is_kept_when_it_is_interrupted(short):
-    finished = []
-
-    def interrupt(runs):
-        finished.append(runs)
-        if len(finished) == 3:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    found = rmrc.margins(short.prepare().scenario, accuracy=0.005, threads=1, on_runs=interrupt)
-    assert found.interrupted and found.is_stable and found.runs == sum(finished)
-    assert found.gain.low >= 1.0 and "Interrupted" in " ".join(report(found).sheets[1].notes)
 
 
 def test_a_law_that_never_looks_bears_any_delay_and_the_answer_says_why(short):

@@ -1,4 +1,4 @@
-"""`rmrc.run`, `rmrc.compare`, `rmrc.sweep`: of a path, a name or an object, and nothing is written unless asked."""
+"""`rmrc.run`, `rmrc.compare`, `rmrc.sweep` and a baseline: each run is as it is alone; nothing is written unless asked."""
 
 import json
 import signal
@@ -8,37 +8,38 @@ import pyarrow.parquet as pq
 import pytest
 
 import rmrc
+import rrd
 from project import ROOT
-from rmrc.results.run import Run
+from rmrc.results.columns import COLUMNS
+from rmrc.results.run import Run, read_runs
+from rmrc.results.scorecard import scorecard
+from rmrc.study.run import Job
 from rmrc.study.study import Study
 from rmrc.study.sweep import Sweep
 from wording import says
 
-LINE = ROOT / "scenarios/line_tracking.yaml"
-SHORT = """
+SHORT = f"""
 name: short
-arm: {model: models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}
-task: {axes: [x, y]}
-target: {path: [{line: {by: [0.05, 0.0]}}]}
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+target: {{path: [{{line: {{by: [0.05, 0.0]}}}}, {{line: {{by: [-0.05, 0.0]}}}}]}}
+expect: {{position_error.max: {{below: 0.001}}}}
 """
-VARY = {"control.inverse.method": ["inverse", "damped"], "control.feedback": np.array([5.0, 20.0])}
-LABELS = ["inverse, 5.0", "inverse, 20.0", "damped, 5.0", "damped, 20.0"]
+DAMPINGS = [{"maximum": 0.5, "below": 2}, {"maximum": 0.01, "below": 2}]
+VARY = {"control.inverse.method": ["damped", "inverse"], "control.inverse.damping": DAMPINGS}
 
 
 @pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
-    """Be in an empty folder, and see that nothing is left in it unless a test says so."""
+    """Be in an empty folder, and see that nothing is left in it."""
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    yield tmp_path / "here"
+    yield
     assert list((tmp_path / "here").iterdir()) == []
 
 
-@pytest.fixture
-def short(monkeypatch):
-    with monkeypatch.context() as patched:
-        patched.chdir(ROOT)
-        return rmrc.loads(SHORT)
+def short():
+    return rmrc.loads(SHORT)
 
 
 def same(one, other):
@@ -49,67 +50,71 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_path_a_name_and_an_object_give_the_same_run_which_is_written_if_it_is_asked_for(short, tmp_path):
-    scenario = rmrc.load(LINE)
-    assert scenario == rmrc.load(str(LINE)) == rmrc.load("line_tracking")
-    runs = [rmrc.run(one) for one in ("line_tracking", scenario)]
+def test_a_path_a_name_and_an_object_give_the_same_run_which_is_written_if_it_is_asked_for(tmp_path):
+    scenario = rmrc.load(ROOT / "scenarios/line_tracking.yaml")
+    assert scenario == rmrc.load("line_tracking")
+    runs = [rmrc.run(each) for each in ("line_tracking", scenario)]
     assert same(*runs) and not same(runs[0], rmrc.run(scenario.set({"control.feedback": 21})))
-    found = rmrc.run(short, out=tmp_path / "out")
+    run = rmrc.run(short(), out=tmp_path / "out")
     assert names(tmp_path / "out") == ["short.json", "short.npz", "short.rrd"]
-    assert same(Run.read(tmp_path / "out/short.npz"), found)
-    rmrc.run(short, out=str(tmp_path / "less"), record=False)
-    assert names(tmp_path / "less") == ["short.json", "short.npz"]
+    assert same(Run.read(tmp_path / "out/short.npz"), run)
 
 
-def test_compare_gives_runs_by_label_each_as_it_is_alone_and_writes_if_it_is_asked_to(short, tmp_path):
-    runs = rmrc.compare(short, VARY, out=tmp_path / "out", record=False)
-    assert list(runs) == LABELS and same(runs[LABELS[3]], rmrc.compare(short, VARY)[LABELS[3]])
-    for label, found in runs.items():
-        method, feedback = label.split(", ")
-        alone = rmrc.run(short.set({"control.inverse.method": method, "control.feedback": float(feedback)}))
-        assert same(found, alone)
-    assert not same(*list(runs.values())[:2])
-    assert names(tmp_path / "out") == ["short.compare.json", "short.compare.npz"]
-    facts = json.loads((tmp_path / "out/short.compare.json").read_text())
-    assert [one["label"] for one in facts["variants"]] == LABELS
+def test_each_variant_has_the_bits_of_its_scenario_run_alone_also_in_both_files_and_its_facts(tmp_path):
+    runs = rmrc.compare(short(), VARY, out=tmp_path)
+    labels = [
+        f"{method}, {{maximum: {most}, below: 2}}" for method in ("damped", "inverse") for most in (0.5, 0.01)
+    ]
+    assert names(tmp_path) == ["here", "short.compare.json", "short.compare.npz", "short.compare.rrd"]
+    saved = read_runs(tmp_path / "short.compare.npz")
+    assert list(runs) == list(saved) == labels
+    facts = json.loads((tmp_path / "short.compare.json").read_text())["variants"]
+    for i, (label, known) in enumerate(zip(labels, facts, strict=True)):
+        changes = {"control.inverse.method": label.split(",")[0], "control.inverse.damping": DAMPINGS[i % 2]}
+        alone = rmrc.run(short().set(changes))
+        recorded = rrd.table(tmp_path / "short.compare.rrd", rrd.prefix_of(label))
+        for name in COLUMNS:
+            for columns in (runs[label], saved[label], recorded):
+                np.testing.assert_array_equal(columns[name], alone[name], strict=True)
+        assert (known["label"], known["status"], known["divergence"]) == (label, "complete", None)
+        assert known["scorecard"]["joint_rate"]["peak"] == np.abs(alone["qdot"]).max()
+        assert [outcome["ok"] for outcome in known["expect"]] == [i > 0]
+    assert len({run["q"].tobytes() for run in runs.values()}) == 3  # the inverse knows no damping
 
 
-@pytest.mark.parametrize("drawn", [{}, {"random": {"control.feedback": (5, 40)}}])
-def test_sweep_gives_the_rows_of_the_verb_and_writes_them_if_it_is_asked_to(short, tmp_path, drawn):
+def test_sweep_gives_the_rows_of_the_verb_and_writes_them_if_it_is_asked_to(tmp_path):
     methods, done = {"control.inverse.method": ["inverse", "damped"]}, []
-    more = {"samples": 3} if drawn else {}
-    rows = rmrc.sweep(short, methods, **drawn, **more, seed=7, out=tmp_path / "out", on_runs=done.append)
-    drawing = (
-        ["sweep.draw.control.feedback=[5, 40]", "sweep.sampler=random", "sweep.samples=3"] if drawn else []
+    random = {"control.feedback": (5, 40)}
+    rows = rmrc.sweep(
+        short(), methods, random=random, samples=3, seed=7, out=tmp_path / "out", on_runs=done.append
     )
-    texts = ["sweep.vary.control.inverse.method=[inverse, damped]", "sweep.seed=7", *drawing]
-    work = Sweep(short, texts, tmp_path / "verb")
+    texts = ["sweep.vary.control.inverse.method=[inverse, damped]", "sweep.seed=7", "sweep.samples=3",
+             "sweep.draw.control.feedback=[5, 40]", "sweep.sampler=random"]  # fmt: skip
+    work = Sweep(short(), texts, tmp_path / "verb")
     work.run()
     for theirs in map(pq.read_table, (work.dataset.file, tmp_path / "out/short.sweep.parquet")):
         assert repr(rows.to_pylist()) == repr(theirs.to_pylist())  # NaN among them
         assert rows.schema.equals(theirs.schema)
-    assert rows.num_rows == sum(done) == (6 if drawn else 2)
-    assert rows.schema.field("tau.peak").metadata[b"unit"] == "N·m".encode()
+    assert rows.num_rows == sum(done) == 6
 
 
-WRONG = {
-    "one variant": (lambda one: rmrc.compare(one, {"control.feedback": [5]}), "vary: … 2 variants … 1; … {…"),
-    "a text": (lambda one: rmrc.compare(one, {"control.inverse.method": "damped"}), "vary control.inverse.method: … list … 'damped'"),
-    "a run": (lambda one: rmrc.sweep(one, {"control.feedback": [5, -5]}), "run 1 (control.feedback=-5): sweep.vary.control.feedback: … 0 … -5"),
-    "both": (lambda one: rmrc.sweep(one, random={"plant.payload": (0, 1)}, sobol={"plant.payload": (0, 1)}), "sobol: … random …"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", WRONG)
-def test_what_is_wrong_is_told_before_anything_moves(short, case):
-    call, said = WRONG[case]
+@pytest.mark.parametrize(
+    ("call", "line"),
+    [
+        (lambda: rmrc.compare(short(), {"control.feedback": [5]}), "vary: … 2 variants … 1; … {…"),
+        (lambda: rmrc.compare(short(), {"control.inverse.method": "damped"}), "vary control.inverse.method: … list … 'damped'"),
+        (lambda: rmrc.sweep(short(), {"control.feedback": [5, -5]}), "run 1 (control.feedback=-5): sweep.vary.control.feedback: … 0 … -5"),
+        (lambda: rmrc.sweep(short(), random={"plant.payload": (0, 1)}, sobol={"plant.payload": (0, 1)}), "sobol: … random …"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_before_anything_moves(call, line):
     with pytest.raises(rmrc.ScenarioError) as caught:
-        call(short)
-    assert str(caught.value) == says(said)
+        call()
+    assert str(caught.value) == says(line)
 
 
 @pytest.mark.parametrize("verb", ["run", "compare"])
-def test_an_interrupt_is_raised_once_the_files_are_there(short, tmp_path, monkeypatch, verb):
+def test_an_interrupt_is_raised_once_the_files_are_there(tmp_path, monkeypatch, verb):
     step = Study.step
 
     def interrupted(*arguments):
@@ -119,5 +124,74 @@ def test_an_interrupt_is_raised_once_the_files_are_there(short, tmp_path, monkey
     monkeypatch.setattr(Study, "step", interrupted)
     more = [{"control.feedback": [5, 20]}] if verb == "compare" else []
     with pytest.raises(KeyboardInterrupt):
-        getattr(rmrc, verb)(short, *more, out=tmp_path / "out")
+        getattr(rmrc, verb)(short(), *more, out=tmp_path / "out")
     assert [name.rpartition(".")[2] for name in names(tmp_path / "out")] == ["json", "npz"]  # it has no tick
+
+
+# 3 mm beyond full reach, from near it.
+NEAR = f"""
+name: near
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [5 deg, -10 deg]}}
+task: {{axes: [x, y]}}
+control: {{period: 0.005, limits: {{rate: 3.0, on_excess: scale}}, feedback: 20}}
+target: {{path: [{{line: {{to: [2.003, 0.0]}}}}]}}
+plant: {{kind: ideal}}
+expect: {{joint_rate_cmd.peak: {{below: 3.001}}}}
+"""
+PLAIN = {"control.inverse.method": "inverse", "control.limits.on_excess": "none"}
+
+
+def near(**more):
+    return rmrc.loads(NEAR, "near.yaml").set(more)
+
+
+def test_a_baseline_is_the_scenario_with_its_changes_and_leaves_the_scenario_as_it_is():
+    run = rmrc.run(near(baseline=PLAIN))
+    assert same(run, rmrc.run(near())) and same(run.baseline, rmrc.run(near(**PLAIN)))
+    peak, of_scenario = (np.abs(each["qdot_cmd"]).max() for each in (run.baseline, run))
+    assert peak > 3.001 > of_scenario  # of another rate limit
+    changes = near(baseline={"arm.start[1]": -0.2})
+    assert changes.changed(*changes.baseline_changes).arm.start[1] == -0.2
+    assert not near().baseline_changes
+
+
+def test_columns_and_facts_of_both_are_kept_and_the_exit_code_is_that_of_the_scenario(rmrc, tmp_path):
+    (tmp_path / "near.yaml").write_text(NEAR + f"baseline: {json.dumps(PLAIN)}\n")
+    code, out, err = rmrc("run", "near.yaml")
+    folder = tmp_path / "recordings"
+    assert code == 0 and "missed" not in err  # the baseline would miss what is expected
+    run, facts = Run.read(folder / "near.npz"), json.loads((folder / "near.json").read_text())
+    its = facts["baseline"]
+    assert "expect" not in its and its["changes"] == PLAIN and its["status"] == "complete"
+    for each, told in ((run, facts), (run.baseline, its)):
+        peak = float(scorecard(each)["joint_rate_cmd.peak"].value)
+        assert told["scorecard"]["joint_rate_cmd"]["peak"] == peak == np.abs(each["qdot_cmd"]).max()
+    assert facts["verdict"] == run.verdict and run.verdict in " ".join(out.split())
+    row = next(line for line in out.splitlines() if line.startswith("joint_rate_cmd.peak "))
+    assert float(row.split()[-1]) == pytest.approx(np.abs(run.baseline["qdot_cmd"]).max(), rel=1e-3)
+    recorded = rrd.table(folder / "near.rrd", "baseline/")
+    for name, column in run.baseline.columns.items():
+        np.testing.assert_array_equal(recorded[name], column)
+
+
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        ({"control.inverse.metod": "x"}, 'baseline.control.inverse.metod: … key … "method"?'),
+        ({"task.axes": ["x", "y", "rz"], **PLAIN}, 'baseline.control.inverse.method: "inverse" … 3 axes … 2 joints…'),
+        ({"target.path": [{"line": {"to": [9, 9, 9, 9]}}]}, "baseline.target.path: target.path[0].line.to: … [9, 9, 9, 9]"),
+        ({"sweep.repeat": 1}, "baseline.sweep.repeat: … cannot be changed…"),
+        ({"plant[0": 1}, "baseline.plant[0: is not a key …"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_baseline_is_told_in_one_line_before_anything_moves(written, told):
+    with pytest.raises(rmrc.ScenarioError) as caught:
+        rmrc.run(near(baseline=written))
+    assert str(caught.value) == says(told)
+
+
+def test_comparisons_and_sweeps_leave_it_out():
+    vary = {"control.feedback": [5, 10]}
+    assert len(Job(near(baseline=PLAIN), variants=rmrc.scenario.grid(vary)).worlds) == 2
+    rows = [rmrc.sweep(each, vary) for each in (near(baseline=PLAIN), near())]
+    assert repr(rows[0].to_pylist()) == repr(rows[1].to_pylist())

@@ -6,10 +6,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from differences import DIFFERENCE, rounded, slopes
+from differences import rounded
 from rmrc.textbook.torus import (
-    torus_chain,
-    torus_determinant,
     torus_factors,
     torus_jacobian,
     torus_position,
@@ -29,34 +27,6 @@ lengths_of_arms = st.tuples(*[rounded(0.2, 2.0)] * 3).map(np.array)
 cases = st.sampled_from([LONG, SHORT])
 
 
-@given(lengths_of_arms, configurations)
-def test_position_and_jacobian_are_those_of_the_table(lengths, q):
-    chain, tip = torus_chain(lengths), (lengths[2], 0.0, 0.0)
-    assert_allclose(torus_position(lengths, q), (chain.frames(q)[3] @ [*tip, 1.0])[:3], atol=ROUNDING)
-    assert_allclose(torus_jacobian(lengths, q), chain.jacobian(q, point=tip), atol=ROUNDING)
-
-
-@given(lengths_of_arms, configurations)
-def test_linear_rows_are_the_derivative_of_the_position(lengths, q):
-    expected = slopes(lambda q: torus_position(lengths, q), q)
-    assert_allclose(torus_jacobian(lengths, q)[:3], expected, atol=DIFFERENCE)
-
-
-@given(lengths_of_arms, configurations)
-def test_determinant_is_its_closed_form(lengths, q):
-    expected = np.linalg.det(torus_jacobian(lengths, q)[:3])
-    # Products of three entries of at most 6 m.
-    assert_allclose(torus_determinant(lengths, q), expected, atol=100 * ROUNDING)
-
-
-def test_a_determinant_without_the_first_link_is_seen():
-    """Negative control: the anthropomorphic arm's is not this arm's."""
-    q = np.array([0.3, 0.7, -0.9])
-    expected = np.linalg.det(torus_jacobian(LONG, q)[:3])
-    with pytest.raises(AssertionError):
-        assert_allclose(torus_determinant(LONG * [0, 1, 1], q), expected, atol=1e-3)
-
-
 @given(cases, angle, angle, st.sampled_from([0.0, np.pi]))
 def test_where_s3_is_0_the_tip_is_on_a_torus_or_its_hollow(lengths, q1, q2, q3):
     q = np.array([q1, q2, q3])
@@ -69,22 +39,6 @@ def test_where_s3_is_0_the_tip_is_on_a_torus_or_its_hollow(lengths, q1, q2, q3):
     if rho >= 0:
         assert torus_tube(lengths, [x, y, z]) == pytest.approx(tube, abs=ROUNDING)
     assert np.linalg.svd(torus_jacobian(lengths, q)[:3], compute_uv=False)[-1] < 1e-12
-
-
-@given(configurations)
-def test_with_a_long_first_link_every_tip_is_between_torus_and_hollow(q):
-    tube = torus_tube(LONG, torus_position(LONG, q))
-    assert LONG[1] - LONG[2] - ROUNDING <= tube <= LONG[1] + LONG[2] + ROUNDING
-
-
-@given(angle, rounded(-0.5, 0.5))
-def test_on_the_first_axis_the_first_joint_moves_nothing(q1, bend):
-    # l1 + l2 c2 + l3 c23 = 0 for this bend of the outer links.
-    q2 = np.pi - bend
-    q23 = np.arccos(-(SHORT[0] + SHORT[1] * np.cos(q2)) / SHORT[2])
-    q = np.array([q1, q2, q23 - q2])
-    assert torus_factors(SHORT, q)[1] == pytest.approx(0.0, abs=ROUNDING)
-    assert_allclose(torus_jacobian(SHORT, q)[:3, 0], 0.0, atol=ROUNDING)
 
 
 def spread(postures):
@@ -128,15 +82,6 @@ def test_the_number_of_postures_is_what_a_search_finds(lengths, r, turn, z):
     assert len(torus_postures(lengths, point)) == count_by_search(lengths, point)
 
 
-def test_two_postures_with_a_long_first_link_and_up_to_four_with_a_short_one():
-    rng = np.random.default_rng(1)
-    counts = {
-        name: {len(torus_postures(lengths, torus_position(lengths, q))) for q in rng.uniform(-3, 3, (500, 3))}
-        for name, lengths in (("long", LONG), ("short", SHORT))
-    }
-    assert counts == {"long": {2}, "short": {2, 4}}
-
-
 def test_a_point_out_of_reach_has_no_posture():
     assert torus_postures(LONG, [2.31, 0, 0]).shape == (0, 3)
     assert torus_postures(LONG, [1.2, 0, 0.09]).shape == (0, 3)  # in the hollow
@@ -157,14 +102,3 @@ def test_on_the_first_axis_any_first_angle_will_do():
     for q1 in (-2.0, 0.0, 1.0):
         postures[:, 0] = q1
         assert_allclose(torus_position(SHORT, postures), np.tile([0, 0, 0.7], (2, 1)), atol=ROUNDING)
-
-
-def test_where_equal_links_fold_any_second_angle_will_do():
-    postures = torus_postures([1.2, 0.5, 0.5], [0, 1.2, 0])
-    assert_allclose(postures, [[np.pi / 2, np.nan, np.pi]], atol=ROUNDING)
-
-
-def test_leading_axes_are_configurations():
-    q = np.random.default_rng(3).uniform(0.3, 1.0, (2, 3, 3))
-    for f in (torus_position, torus_jacobian, torus_factors, torus_determinant, torus_tube):
-        assert_allclose(f(LONG, q)[1, 2], f(LONG, q[1, 2]), atol=0)

@@ -1,4 +1,4 @@
-"""Two links: what is printed in moving frames against frame {0}, DH and differences; the postures."""
+"""Two links: velocities in moving frames, postures, and the boundary of the workspace against brute force."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
+from scipy.spatial import cKDTree
 
 from rmrc.textbook import two_link
 from rmrc.textbook.dh import DHChain
+from rmrc.textbook.two_link import two_link_position
+from rmrc.textbook.two_link_workspace import Arc, two_link_boundary, two_link_free_area
 
 # Sums of a few products of order one.
 ROUNDING = 1e-12
@@ -49,48 +52,6 @@ def test_the_jacobians_of_all_frames_are_the_dh_chain_s_along_their_axes(arm):
         assert_allclose(np.linalg.det(printed(lengths, q)), determinant, atol=ROUNDING)
 
 
-def test_a_jacobian_of_another_frame_is_seen():
-    """Negative control of the test above."""
-    lengths, q = [1.0, 0.8], np.array([0.4, 0.9])
-    J = two_link.two_link_jacobian(lengths, q)
-    in_1 = two_link.two_link_jacobian_in_frame_1(lengths, q)
-    with pytest.raises(AssertionError):
-        assert_allclose(in_1, rotation(q.sum()).T @ J, atol=1e-3)
-
-
-def test_what_the_small_displacements_neglect_is_of_first_order_in_the_elbow():
-    """Against the exact inverse in frame {1}: the relative error falls tenfold with θ₂."""
-    lengths, displacement = np.array([1.0, 0.7]), np.array([2e-5, -3e-5])
-    elbows = np.array([1e-1, 1e-2, 1e-3])
-    approximate = two_link.two_link_small_displacements(lengths, elbows, displacement)
-    q = np.stack([np.full(3, 0.4), elbows], axis=-1)
-    J = two_link.two_link_jacobian_in_frame_1(lengths, q)
-    exact = np.linalg.solve(J, np.broadcast_to(displacement, (3, 2))[..., None])[..., 0]
-    error = np.linalg.norm(approximate - exact, axis=1) / np.linalg.norm(exact, axis=1)
-    slopes = np.diff(np.log(error)) / np.diff(np.log(elbows))
-    # 1/sin θ₂ − 1/θ₂ is θ₂/6, and c₂ − 1 over θ₂ is −θ₂/2: relative order 2 along, while Δy's part
-    # is θ₂ times smaller than Δx's and exact in its leading term.
-    assert np.all(slopes > 1 - 0.1)
-    assert np.all(error < elbows)
-
-
-def test_small_displacements_are_along_the_first_link_and_not_the_base():
-    """Taken along frame {0}, the same formula would send the tip elsewhere."""
-    lengths, q = np.array([1.0, 0.7]), np.array([0.9, 1e-3])
-    dq = two_link.two_link_small_displacements(lengths, q[1], [1e-6, 2e-6])
-    moved = two_link.two_link_jacobian(lengths, q) @ dq
-    # The elbow is bent by 1e-3: what is neglected is that part of the displacement.
-    assert_allclose(rotation(q[0]).T @ moved, [1e-6, 2e-6], rtol=5e-3)
-    with pytest.raises(AssertionError):
-        assert_allclose(moved, [1e-6, 2e-6], rtol=0.5)
-
-
-def test_there_are_no_small_displacements_at_full_reach():
-    with pytest.raises(np.linalg.LinAlgError) as caught:
-        two_link.two_link_small_displacements([1, 1], [0.1, 0.0], [0, 1e-3])
-    assert str(caught.value) == "two-link arm: theta2 = 0, the tip cannot move along the arm"
-
-
 @given(arms)
 def test_both_postures_reach_the_point_and_one_is_the_arm_s_own(arm):
     lengths, q = arm
@@ -127,26 +88,6 @@ def test_out_of_reach_is_not_a_number_and_its_neighbors_are():
     assert np.isnan(barely).all()
 
 
-@pytest.mark.parametrize(
-    "function",
-    [
-        two_link.two_link_jacobian_in_frame_1,
-        two_link.two_link_jacobian_in_frame_2,
-        two_link.two_link_postures,
-        lambda lengths, q: two_link.two_link_velocity_in_frame_0(lengths, q, q),
-        lambda lengths, q: two_link.two_link_velocity_in_frame_2(lengths, q, q),
-        lambda lengths, q: two_link.two_link_small_displacements(lengths, q[..., 0], q),
-    ],
-)
-def test_leading_axes_are_arms_and_configurations(function):
-    rng = np.random.default_rng(2)
-    lengths, q = rng.uniform(0.5, 1.5, (5, 1, 2)), rng.uniform(0.2, 0.8, (3, 2))
-    both = function(lengths, q)
-    assert both.shape[:2] == (5, 3)
-    assert_allclose(both[4, 1], function(lengths[4, 0], q[1]), atol=ROUNDING)
-    assert_allclose(function(lengths[4, 0], q), both[4], atol=ROUNDING)
-
-
 @given(arms.filter(lambda case: abs(np.sin(case[1][1])) > 1e-3))
 def test_inverse_times_jacobian_is_the_identity(case):
     lengths, q = case
@@ -167,19 +108,130 @@ def test_rates_of_example_5_5_move_the_tip_along_x(case, speed):
     assert_allclose(J @ rates, [speed, 0.0], atol=tolerance)
 
 
-def test_rates_of_example_5_5_grow_as_one_over_theta_2():
-    """The order of the pole, measured: slope −1 of log rate over log θ₂."""
-    theta = np.array([1e-2, 1e-3, 1e-4])
-    rates = two_link.two_link_rates([1.0, 0.7], np.stack([np.full(3, 0.4), theta], axis=-1))
-    slopes = np.diff(np.log(np.abs(rates)), axis=0) / np.diff(np.log(theta))[:, None]
-    # cos(θ₁ + θ₂) is not constant: it bends the slope by about θ₂ = 1e-3.
-    assert_allclose(slopes[-1], [-1.0, -1.0], atol=1e-3)
+NOTES = np.radians([[0, 135], [0, 120]])
 
 
-def test_there_is_no_inverse_at_full_reach():
-    with pytest.raises(np.linalg.LinAlgError) as caught:
-        two_link.two_link_jacobian_inverse([1, 1], [0.3, 0.0])
-    assert str(caught.value) == "two-link arm: det J = l1 l2 sin(theta2) = 0, J has no inverse"
-    with pytest.raises(np.linalg.LinAlgError) as caught:
-        two_link.two_link_rates([1, 1], [[0.3, 1.0], [0.3, 0.0]])
-    assert str(caught.value) == "two-link arm: det J = l1 l2 sin(theta2) = 0, rates are unbounded"
+def enclosed(arcs):
+    """Return the area within arcs that form one closed curve, by Green's theorem; they are chained here."""
+    rest = [arc.points for arc in arcs]
+    chain = rest.pop(0)
+    while rest:
+        gaps = [[np.linalg.norm(piece[end] - chain[-1]) for end in (0, -1)] for piece in rest]
+        i, end = np.unravel_index(np.argmin(gaps), (len(rest), 2))
+        assert gaps[i][end] < 1e-5  # the margin around limits, 1e-6 rad at 9 m
+        piece = rest.pop(i)
+        chain = np.vstack([chain, piece if end == 0 else piece[::-1]])
+    assert np.linalg.norm(chain[0] - chain[-1]) < 1e-5
+    x, y = chain.T
+    return 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+def test_the_free_arm_is_bounded_by_the_circles_of_its_singularities():
+    outer, inner = two_link_boundary([6, 3])
+    assert (outer.kind, inner.kind) == ("outer", "inner")
+    for arc, radius, elbow in ((outer, 9.0, 0.0), (inner, 3.0, np.pi)):
+        assert_allclose(np.linalg.norm(arc.points, axis=1), radius, atol=1e-12)
+        assert_allclose(np.abs(arc.q[:, 1]), elbow, atol=1e-12)
+        assert_allclose(arc.points[0], arc.points[-1], atol=1e-12)  # closed
+    assert two_link_free_area([6, 3]) == pytest.approx(np.pi * (81 - 9))
+    assert [arc.kind for arc in two_link_boundary([1, 1])] == ["outer"]  # equal links have no inner circle
+    # chords of 1° enclose (1°)²/6 less
+    assert enclosed([outer]) - enclosed([inner]) == pytest.approx(two_link_free_area([6, 3]), rel=1e-4)
+
+
+def test_the_limits_of_the_notes_leave_four_arcs_around_the_area_of_the_jacobian():
+    """With one elbow the map is one-to-one: the area is ∫|det J| dq = l₁ l₂ Δq₁ (cos 0 − cos 120°)."""
+    arcs = two_link_boundary([6, 3], NOTES)
+    assert sorted(arc.kind for arc in arcs) == ["outer", "q1 lower", "q1 upper", "q2 upper"]
+    expected = 18 * np.radians(135) * (1 - np.cos(np.radians(120)))
+    # chords of 1° enclose (1°)²/6 less
+    assert enclosed(arcs) == pytest.approx(expected, rel=1e-4)
+    by_kind = {arc.kind: arc for arc in arcs}
+    # about the base at √(6² + 3² − 18) = √27, about the elbow at 3
+    assert_allclose(np.linalg.norm(by_kind["q2 upper"].points, axis=1), np.sqrt(27), atol=1e-12)
+    assert_allclose(np.linalg.norm(by_kind["q1 lower"].points - [6, 0], axis=1), 3, atol=1e-12)
+    # the inner circle of radius 3 is out of the elbow's reach
+    assert min(np.linalg.norm(arc.points, axis=1).min() for arc in arcs) > 5
+
+
+def image(limits):
+    """Return where the tip gets to on a grid of joint positions, no two neighbors further than 0.018 apart."""
+    low, high = np.where(np.isfinite(limits), limits, np.pi * np.sign(limits)).T
+    grid = np.stack(np.meshgrid(*np.linspace(low, high, 700).T, indexing="ij"), axis=-1)
+    # a balanced tree would take longer to make than all that is asked of it
+    return cKDTree(two_link_position(LENGTHS, grid.reshape(-1, 2)), balanced_tree=False, compact_nodes=False)
+
+
+def sides(reached, arc):
+    """Say of points beside an arc, by 0.06 along the normal to both sides, whether the arm comes near."""
+    # Away from the ends, where other arcs may lie as near.
+    middle = arc.points[len(arc.points) // 4 : 3 * len(arc.points) // 4]
+    along = np.gradient(middle, axis=0)
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=-1) / np.linalg.norm(along, axis=1)[:, None]
+    return [reached.query(middle + side * 0.06 * normal)[0] < 0.02 for side in (1, -1)]
+
+
+def strays(reached, arcs):
+    """Return points just beyond what the arm reaches that lie far from every arc."""
+    raster = np.stack(np.meshgrid(*[np.arange(-1.8, 1.8, 0.03)] * 2), axis=-1).reshape(-1, 2)
+    gap = reached.query(raster)[0]
+    edge = raster[(gap > 0.02) & (gap < 0.06)]
+    assert len(edge) > 100
+    # The points of an arc are at most 0.03 apart.
+    return edge[cKDTree(np.vstack([arc.points for arc in arcs])).query(edge)[0] > 0.08]
+
+
+LENGTHS = np.array([1.0, 0.7])
+LIMITS = [
+    NOTES,
+    np.radians([[0, 135], [-100, 120]]),  # both elbows, folded over each other
+    np.radians([[-60, 60], [-140, 140]]),  # both limits of the elbow are one circle
+    np.radians([[-170, 150], [20, 150]]),  # the shoulder nearly all around
+    [[-np.inf, np.inf], [0.5, 2.0]],  # a ring that touches no singularity
+    [[-np.inf, np.inf], [-2.5, 1.0]],  # one limit of the elbow is hidden by the other
+    [[-1.0, 2.0], [-np.inf, np.inf]],  # the elbow all around
+    np.radians([[0, 100], [90, 270]]),  # across the folded arm
+]
+
+
+@pytest.mark.parametrize("limits", LIMITS[1::2])
+def test_the_arm_is_on_one_side_of_every_arc_and_ends_at_no_other_place(limits):
+    reached, arcs = image(limits), two_link_boundary(LENGTHS, limits)
+    judged = [arc for arc in arcs if len(arc.points) > 8]
+    assert len(judged) >= 2
+    for arc in judged:
+        left, right = sides(reached, arc)
+        # At curves that come close to each other a few points see the neighbor.
+        assert np.mean(left != right) > 0.9, arc.kind
+    assert len(strays(reached, arcs)) == 0
+
+
+def test_an_arc_too_many_and_an_arc_too_few_are_seen():
+    """Negative control of the test above."""
+    limits = LIMITS[1]
+    reached, arcs = image(limits), two_link_boundary(LENGTHS, limits)
+    q = np.linspace([0.0, limits[1][0]], [0.0, limits[1][1]], 200)
+    left, right = sides(reached, Arc("q1 lower", q, two_link_position(LENGTHS, q)))  # not cut
+    assert np.mean(left != right) < 0.9
+    for missing in arcs:
+        if len(missing.points) > 8:
+            assert len(strays(reached, [arc for arc in arcs if arc is not missing])) > 0, missing.kind
+
+
+def widest_gap(arcs):
+    """Return the largest distance of an end of an arc to the nearest other end."""
+    ends = np.array([arc.points[end] for arc in arcs for end in (0, -1)])
+    gaps = np.linalg.norm(ends[:, None] - ends, axis=-1) + 9 * np.eye(len(ends))
+    return gaps.min(axis=1).max()
+
+
+def test_whatever_the_limits_every_arc_ends_where_another_begins():
+    for limits in LIMITS:
+        # a margin of 1e-6 rad around limits, and curves that cross at some angle
+        assert widest_gap(two_link_boundary(LENGTHS, limits)) < 1e-4
+    rng = np.random.default_rng(0)
+    for _ in range(2):
+        middle, width = rng.uniform(-3, 3, 2), rng.uniform(0.3, 6.2, 2)
+        limits = np.stack([middle - width / 2, middle + width / 2], axis=-1)
+        # What may be missing: a sixteenth of 1° at a reach of 1.7 m.
+        assert widest_gap(two_link_boundary(LENGTHS, limits)) < np.radians(1 / 16) * 1.7, limits

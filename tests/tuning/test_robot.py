@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 
 from project import ROOT
-from rmrc.scenario.profile import load_profile
-from rmrc.study.margins.margins import bears
-from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
 from rmrc.textbook.stability import edge_gain
-from rmrc.tuning.answer import about
 from rmrc.tuning.options import GAIN_MARGIN
 from rmrc.tuning.robot import DELAY, LAG, NOISE, read_range
 from rmrc.tuning.trials import Trials
@@ -32,7 +28,6 @@ FEW = [
     "control.inverse.damping.schedule=constant",
     "control.at_singularity=damp",
 ]
-FINE = ["control.period=0.001", "plant.timestep=0.001"]
 
 
 @pytest.fixture
@@ -54,22 +49,6 @@ def test_a_range_is_read_with_its_unit(given, unit, wanted):
     assert read_range(given, unit) == pytest.approx(wanted, rel=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("given", "line"),
-    [
-        ({"delay": "12ms..6ms"}, "--delay: … >= 0 … smallest first … 12ms..6ms"),
-        ({"delay": "8"}, "--delay: … less than 1 s … 8: write 8ms or 8s"),
-        ({"lag": "5 mm"}, "--lag: … 8ms or 6ms..12ms … 5 mm … s"),
-        ({"noise": "nan"}, "--noise: … 1e-5 … nan …"),
-        ({"calibration": -0.1}, "--calibration: … >= 0 … -0.1"),
-    ],
-)
-def test_a_range_that_is_none_is_a_line(path, given, line):
-    with pytest.raises(ScenarioError) as caught:
-        Tuning(path, **given)
-    assert str(caught.value).splitlines() == [says(line)]
-
-
 def changed(variants):
     return [{".".join(map(str, it.key)): it.value for it in variant.changes} for variant in variants]
 
@@ -85,10 +64,11 @@ def test_perturbed_scenarios_are_on_the_slowest_the_quickest_and_drawn_loops(pat
 
 
 def test_a_calibration_is_off_in_links_and_zeros_to_either_side(path):
-    worlds = changed(Tuning(path, delay=0.008, calibration=0.002, perturbed=8).scenarios)
+    off = ["plant.joint_offset=[0.1, -0.2]"]
+    worlds = changed(Tuning(path, off, delay=0.008, calibration=0.002, perturbed=8).scenarios)
     assert "plant.stretch" not in worlds[0]
     factors = np.array([[*world["plant.stretch"].values()] for world in worlds[1:]])
-    zeros = np.array([world["plant.joint_offset"] for world in worlds[1:]])
+    zeros = np.array([world["plant.joint_offset"] for world in worlds[1:]]) - [0.1, -0.2]
     for values in (factors - 1.0, zeros):
         assert np.abs(values).max() <= 0.002
         assert values.min() < -0.0005 and values.max() > 0.0005
@@ -114,13 +94,6 @@ def test_what_nobody_tells_is_assumed_and_what_anybody_tells_is_not(path):
     assert "delay" not in short.robot.ranges and any("plant.delay" in reason for reason in short.left_out)
 
 
-def test_a_profile_tells_of_the_loop():
-    scenario = ROOT / "scenarios/ur5e_wrist.yaml"
-    robot = Tuning(scenario, ["control.limits.profile=ur5e", "control.period=0.002"], perturbed=0).robot
-    assert robot.ranges["delay"] == tuple(load_profile("ur5e").loop.delay.value)
-    assert robot.origin == "profile ur5e"
-
-
 def test_the_scenario_itself_is_run_on_loops_from_the_quickest_up_to_the_slowest(path):
     work = Tuning(path, delay="6ms..12ms", lag=(0.0, 0.006), noise=1e-5)
     loops, slowest = changed(work.loops), changed(work.scenarios)[0]
@@ -131,39 +104,11 @@ def test_the_scenario_itself_is_run_on_loops_from_the_quickest_up_to_the_slowest
     assert Tuning(path, delay="8ms").loops == ()
 
 
-@pytest.mark.long
 def test_feedback_is_tried_up_to_the_edge_of_the_loop(path):
-    for options, edge in (
-        ({"delay": "6ms..12ms", "lag": "5ms"}, edge_gain(0.001, 0.012, 0.005) / GAIN_MARGIN),
-        ({"delay": "12ms", "gain_margin": 1.0}, edge_gain(0.001, 0.012)),
-        ({}, edge_gain(0.001, DELAY, LAG) / GAIN_MARGIN),
-    ):
-        tuned = Tuning(path, FINE, perturbed=0, runs=40, only=FEW, **options).run()
-        largest = max(trial.setting.feedback for trial in tuned.tried[1:])
-        assert 0.6 * edge < largest <= float(f"{edge:.3g}")
-
-
-@pytest.mark.long
-def test_what_is_recommended_for_an_assumed_robot_bears_its_margin(path):
-    # by the test of stability alone, for each that is feasible
-    work = Tuning(path, FINE, perturbed=1, runs=160, only=FEW, threads=1)
-    tuned = work.run()
-    study = Study(work.scenario)
-
-    def bear(some):
-        loops = [(*trial.setting.changes, *work.scenarios[0].changes) for trial in some]
-        return bears(study, loops, GAIN_MARGIN)
-
-    assert tuned.feasible and all(bear(tuned.verdict.front[::4]))
-    robot = {"delay": (0.0, DELAY), "lag": (0.0, LAG)}
-    options = {**robot, "gain_margin": 1.0, "perturbed": 1, "runs": 160, "only": FEW}
-    unasked = Tuning(path, FINE, **options)
-    found = unasked.run()
-    best = found.verdict.recommended
-    assert best.setting.feedback > 1.1 * tuned.verdict.recommended.setting.feedback  # negative control
-    assert bear([best]) == [False]
-    facts = dict(about(work, tuned)["facts"])
-    assert facts["robot"].startswith("assumed: delay 0 to 0.008 s, lag 0 to 0.005 s, noise 1e-05 rad")
+    edge = edge_gain(0.004, 0.012, 0.005) / GAIN_MARGIN
+    tuned = Tuning(path, perturbed=0, runs=30, only=FEW, delay="6ms..12ms", lag="5ms").run()
+    largest = max(trial.setting.feedback for trial in tuned.tried[1:])
+    assert 0.6 * edge < largest <= float(f"{edge:.3g}")
 
 
 def test_the_worst_of_the_loops_counts(path):
