@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from worlds import DEFAULTS, NAMES, VARIANT, along, fits, formula, with_sigma
+from worlds import DEFAULTS, NAMES, VARIANT, along, with_sigma
 
 from codes import Method, Objective, Schedule
 
@@ -49,9 +49,9 @@ def turned(generator, s):
 
 
 @cache
-def path(kind, m, n, steps, seed=0):
+def path(kind, m, n, steps):
     """Return a path of m x n matrices: `one`, `two` σ that die one after another, or a `line` through rank loss."""
-    rng = np.random.default_rng([seed, m, n])
+    rng = np.random.default_rng([0, m, n])
     s, k = np.linspace(0, 1, steps + 1), min(m, n)
     twist = rng.normal(size=m)
     twist /= np.linalg.norm(twist)
@@ -71,12 +71,7 @@ def path(kind, m, n, steps, seed=0):
     return Path(J, twist, np.linalg.norm(Y, 2))
 
 
-PATHS = [
-    (kind, m, n)
-    for m, n in [(2, 2), (3, 3), (2, 4), (5, 3), (6, 7)]
-    for kind in ("one", "two", "line")
-    if kind != "two" or min(m, n) > 2  # something must be left that does not die
-]
+PATHS = [("one", 2, 2), ("line", 3, 3), ("one", 5, 3), ("two", 6, 7)]
 
 
 def quotients(J, rates):
@@ -84,23 +79,23 @@ def quotients(J, rates):
     return np.linalg.norm(np.diff(rates, axis=0), axis=1) / np.linalg.norm(np.diff(J, axis=0), axis=(1, 2))
 
 
-def growth(answer, kind, m, n, seed=0):
+def growth(answer, kind, m, n):
     """Return by how much the quotient grows from a step h to the ten of h/10 in it, and the largest, of path -> rates.
 
     Each is held against those of its own step and of the two beside it, so that a small jump is found beside a
     steep slope elsewhere; but not against less than a tenth of the largest, as a quotient may pass through zero.
     """
-    coarse, fine = (path(kind, m, n, steps, seed) for steps in (COARSE, 10 * COARSE))
+    coarse, fine = (path(kind, m, n, steps) for steps in (COARSE, 10 * COARSE))
     one, ten = quotients(coarse.J, answer(coarse)), quotients(fine.J, answer(fine)).reshape(COARSE, 10)
     around = np.max([np.append(one[1:], 0), one, np.append(0, one[:-1])], axis=0)
     return float(np.max(ten.max(axis=1) / np.maximum(around, 0.1 * one.max()))), float(ten.max())
 
 
-def law_of(name, cold=False):
+def law_of(name):
     """Return path -> rates of a variant of the law."""
     variant = VARIANT[name]
     parameters = {"method": variant.method, "schedule": variant.schedule, **SHARP.get(name, {})}
-    return lambda p: along(p.J, p.twist, cold, **parameters)
+    return lambda p: along(p.J, p.twist, **parameters)
 
 
 # Parameters that make the promise no easier than it need be: everything acts along the paths.
@@ -163,14 +158,12 @@ def test_every_method_and_schedule_has_a_promise():
     assert not CONTINUOUS & DISCONTINUOUS
 
 
-@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.long)])
-@pytest.mark.parametrize("cold", [False, True], ids=["warm", "cold"])
 @pytest.mark.parametrize("name", sorted(CONTINUOUS))
-def test_rates_are_continuous_through_rank_loss(name, cold, every):
-    for kind, m, n in PATHS[::every]:
+def test_rates_are_continuous_through_rank_loss(name):
+    for kind, m, n in PATHS:
         if name == "selectively_damped" and kind != "one":
             continue  # its σ keep apart; of the others some meet, where it promises nothing
-        times, largest = growth(law_of(name, cold), kind, m, n)
+        times, largest = growth(law_of(name), kind, m, n)
         assert times < GROWTH, (kind, m, n, times)
         if name in BOUNDED:
             assert largest <= lipschitz(name, path(kind, m, n, 10 * COARSE)) * (1 + 1e-6), (kind, m, n)
@@ -180,83 +173,20 @@ def test_rates_are_continuous_through_rank_loss(name, cold, every):
 def test_the_check_finds_the_methods_that_jump(name):
     # Each is said to jump, and does: else the theory is wrong, or the check finds nothing.
     kind, m, n = "one", 3, 3
-    assert fits(VARIANT[name], (m, n))
     times, _ = growth(law_of(name), kind, m, n)
     assert times > 5
 
 
-@pytest.mark.parametrize("kind", ["one", "two"])
-def test_the_law_is_no_smoother_or_rougher_than_the_formulas(kind):
-    # The same quotients from LAPACK and numpy: what grows, grows by itself and not by a cold or warm start.
-    m, n = 5, 3
-    p = path(kind, m, n, COARSE)
-    for name in sorted(CONTINUOUS):
-        variant = VARIANT[name]
-        want = np.array([formula(variant, J, p.twist, **SHARP.get(name, {}))[0] for J in p.J])
-        # rounding by κ: samples come as near to rank loss as 1e-4
-        np.testing.assert_allclose(law_of(name)(p), want, rtol=0, atol=1e-10, err_msg=name)
-
-
-def test_damping_by_the_error_is_an_inverse_once_the_error_is_zero():
-    # The exception that the theory makes: tracking is good just when the singularity is met.
-    answer = lambda p: along(p.J, p.twist, method=Method.DAMPED, schedule=Schedule.ERROR, error=0.0)  # noqa: E731
-    times, _ = growth(answer, "one", 3, 3)
-    assert times > 5
-
-
-def by_numpy(gains):
-    """Return path -> rates of a filter of all σ."""
-
-    def answer(p):
-        u, sigma, vt = np.linalg.svd(p.J, full_matrices=False)
-        c = np.einsum("sik,i->sk", u, p.twist)
-        return np.einsum("skj,sk->sj", vt, c * gains(sigma))
-
-    return answer
-
-
-def all_small_by_the_smallest(sigma):
-    lam2 = 0.01 * (1 - (np.minimum(sigma[:, -1:], 0.3) / 0.3) ** 2)
-    return sigma / (sigma**2 + np.where(sigma < 0.3, lam2, 0.0))
-
-
-def fading_to_a_level(sigma):  # σ/(γ σ_1)² replaced by the level 1/(γ σ_1), as if σ < γ σ_1 were raised to it
-    return 1 / np.maximum(sigma, 0.1 * sigma[:, :1])
-
-
-PLANTED = {
-    "pseudoinverse with a tolerance": ("one", lambda s: (s > 0.05 * s[:, :1]) / s),
-    "truncated": ("one", lambda s: (s > 0.05) / s),
-    "damped only below the threshold, by the constant": ("one", lambda s: s / (s**2 + (s < 0.3) * 0.01)),
-    "damps all small ones by the smallest": ("two", all_small_by_the_smallest),
-    "clamped, not damped": ("one", fading_to_a_level),
-    "λ² for λ at the threshold": ("one", lambda s: s / (s**2 + np.where(s < 0.3, 0.01, 0.0) * (1 - s / 0.6))),
-}
-
-
-@pytest.mark.parametrize("fault", PLANTED)
-def test_the_check_finds_filters_with_a_planted_jump(fault):
-    kind, gains = PLANTED[fault]
-    times, _ = growth(by_numpy(gains), kind, 3, 5)
-    assert times > 2  # ten but for small jumps on a steep slope, and well above what passes
-
-
-def test_the_check_passes_a_filter_that_is_smooth():
-    for kind in ("one", "two"):
-        times, _ = growth(by_numpy(lambda s: s / (s**2 + 0.01)), kind, 3, 5)
-        assert times < 1.05
-
-
 # Null space ---------------------------------------------------------------------------------------------------
 
-WIDE = [("one", 2, 4), ("one", 6, 7), ("two", 3, 5), ("line", 3, 5), ("two", 6, 7)]
+WIDE = [("one", 2, 4), ("line", 3, 5), ("two", 6, 7)]
 
 
-def projected(p, cold=False):
+def projected(p):
     """Return N qdot0 along a path of wide matrices, of constant wishes: the command is zero."""
     n = p.J.shape[2]
     return along(
-        p.J, np.zeros(p.J.shape[1]), cold, method=Method.DAMPED, damping_maximum=0.1,
+        p.J, np.zeros(p.J.shape[1]), method=Method.DAMPED, damping_maximum=0.1,
         objective=Objective.RATES, nullspace_gain=1.0, nullspace_rates=np.arange(1.0, n + 1),
     )  # fmt: skip
 
@@ -270,13 +200,14 @@ def projected_by_threshold(p):
     return wished - np.einsum("skj,ski,i->sj", held, held, wished)
 
 
-@pytest.mark.parametrize("cold", [False, True], ids=["warm", "cold"])
 @pytest.mark.parametrize(("kind", "m", "n"), WIDE)
-def test_null_space_motion_is_continuous_through_rank_loss(kind, m, n, cold):
-    times, _ = growth(lambda p: projected(p, cold), kind, m, n)
+def test_null_space_motion_is_continuous_through_rank_loss(kind, m, n):
+    times, _ = growth(projected, kind, m, n)
+    jumps, _ = growth(projected_by_threshold, kind, m, n)
+    assert jumps > 5  # negative control
     assert times < GROWTH
     fine = path(kind, m, n, 10 * COARSE)
-    rates = projected(fine, cold)
+    rates = projected(fine)
     if kind != "line":
         # N = I − V Vᵀ and dV = Y V ds, so ‖dN‖ ≤ 2 ‖Y‖ ds. Rounding turns v_k by 1e-15/σ_k, and σ_k > 1e-5.
         size = np.linalg.norm(np.arange(1.0, n + 1))
@@ -284,9 +215,3 @@ def test_null_space_motion_is_continuous_through_rank_loss(kind, m, n, cold):
         assert change.max() <= 2 * fine.turning * size * (1 / (10 * COARSE)) * (1 + 1e-3) + 1e-9
     # and there is such a motion
     assert np.linalg.norm(rates, axis=1).min() > 0.01
-
-
-@pytest.mark.parametrize(("kind", "m", "n"), WIDE)
-def test_the_check_finds_a_projector_that_decides_the_rank_by_a_threshold(kind, m, n):
-    times, _ = growth(projected_by_threshold, kind, m, n)
-    assert times > 5
