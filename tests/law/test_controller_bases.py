@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from law.test_controller import own_loop
-from rmrc import arm as arms
 from rmrc.law.controller import Controller
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
@@ -24,10 +23,7 @@ ARM = """<body name="A" pos="0 .2 .2"><joint name="a" axis="0 0 1" range="-2.5 2
 <site name="tip" pos=".1 0 .05" euler=".3 0 0"/></body></body></body>"""
 BASES = {
     "hinge": '<joint name="waist" axis=".2 0 1"/>',
-    "slides": '<joint name="x" type="slide"/><joint name="y" type="slide" axis="0 1 0"/>',
-    "ball": '<joint name="neck" type="ball"/>',
     "free": '<freejoint name="root"/>',
-    "unnamed free": "<freejoint/>",
     "mocap": "",
 }
 
@@ -103,30 +99,6 @@ def test_a_frame_of_the_base_is_where_the_data_have_it(base):
         assert_allclose(c.arm.pose(data)[:3], site.xpos, atol=1e-12)
         assert_allclose(np.abs(c.arm.pose(data)[3:] @ pose_of(site.xpos, site.xmat)[3:]), 1.0, atol=1e-12)
         assert_allclose(c.arm.jacobian(data), jacobian(data), atol=1e-12)
-
-
-def test_an_arm_that_a_scene_mounts_elsewhere_has_its_base_there():
-    alone = arms.load_model(
-        mujoco.MjSpec.from_string(f"<mujoco><worldbody>{ARM}</worldbody></mujoco>"), "tip"
-    )
-    c, data = controller(alone, site=None, joints=None), mujoco.MjData(scene("free"))
-    place(data, np.random.default_rng(2))
-    R = data.body("torso").xmat.reshape(3, 3)
-    moved = jacobian(data) @ c.step_data(data, twist=[0.1, 0.2, 0, 0, 0, 0.3], frame="base").qdot_cmd
-    assert_allclose(moved, np.r_[R @ [0.1, 0.2, 0.0], R @ [0.0, 0.0, 0.3]], atol=1e-9)
-    assert_allclose(c.arm.pose(data)[:3], data.site("tip").xpos, atol=1e-12)
-
-
-def test_a_floating_base_that_a_specification_fixes_is_where_the_data_have_it():
-    spec = mujoco.MjSpec.from_string(text("free"))
-    c, data = controller(spec), mujoco.MjData(scene("free"))
-    assert c.arm.model.nq == 3
-    place(data, np.random.default_rng(5))
-    c.reset(data)
-    R = data.body("torso").xmat.reshape(3, 3)
-    moved = jacobian(data) @ c.step_data(data, twist=[0.1, 0.2, 0, 0, 0, 0.3], frame="base").qdot_cmd
-    assert_allclose(moved, np.r_[R @ [0.1, 0.2, 0.0], R @ [0.0, 0.0, 0.3]], atol=1e-9)
-    assert_allclose(c.arm.pose(data)[:3], data.site("tip").xpos, atol=1e-12)
 
 
 def test_without_data_the_base_stands_where_the_model_has_it():

@@ -108,21 +108,6 @@ def test_all_forms_of_positions_mean_the_same(is_first):
         assert_array_equal(c.command.q_cmd, [own, own])
 
 
-def test_joints_beside_the_arm_are_where_they_are_given_and_then_at_rest_again():
-    """A lift that the law does not drive: MuJoCo's site moves with it."""
-    text = """<mujoco><worldbody><body name="lift"><joint name="lift" type="slide" axis="0 0 1"/><geom size=".1"/>
-    <body><joint name="a" axis="0 1 0"/><geom size=".1"/><site name="tip" pos="1 0 0"/></body></body></worldbody></mujoco>"""
-    model = mujoco.MjModel.from_xml_string(text)
-    c, data = Controller(model, "tip", joints=["a"]), mujoco.MjData(model)
-    data.qpos[:] = [0.7, 0.2]
-    mujoco.mj_fwdPosition(model, data)
-    for q in (data.qpos, data):
-        assert_allclose(c.arm.pose(q)[:3], data.site("tip").xpos, atol=1e-12)
-        assert_allclose(c.arm.base_at(q)[:3], [0, 0, 0.7])
-        assert_allclose(c.arm.pose([0.2])[2], data.site("tip").xpos[2] - 0.7, atol=1e-12)
-        assert_allclose(c.arm.base_pose[:3], 0.0)
-
-
 def test_a_scene_that_is_not_the_arms_own_model_is_read_by_names():
     """The arm is of a file, the data of a scene that mounts it elsewhere; qpos of the scene alone says too little."""
     scene = mujoco.MjSpec()
@@ -148,15 +133,3 @@ def test_a_scene_that_is_not_the_arms_own_model_is_read_by_names():
     for bad in ([[1], [2, 3]], 6 * ["a"], np.full(6, np.nan)):
         with pytest.raises(QuestionError, match=r"q must be (numbers|finite)"):
             c.arm.pose(bad)
-
-
-@pytest.mark.parametrize("kind", ["ball", "slide"])
-def test_a_joint_of_another_type_is_not_that_of_the_arm(kind):
-    text = f'<mujoco><worldbody><body><joint name="a" type="{kind}"/><geom size=".1"/><site name="tip" pos="1 0 0"/></body></worldbody></mujoco>'
-    c = Controller(mujoco.MjModel.from_xml_string(text.replace(kind, "hinge")), "tip")
-    data = mujoco.MjData(mujoco.MjModel.from_xml_string(text))
-    mujoco.mj_fwdPosition(data.model, data)
-    out = c.step_data(data, twist=[0, 0.1, 0, 0, 0, 0])
-    assert out.status & Status.INVALID_INPUT and 'joint "a" is of another type' in out.problem
-    with pytest.raises(ModelError, match="of another type"):
-        c.reset(data)
