@@ -11,8 +11,6 @@ from numpy.testing import assert_allclose
 
 import rmrc
 from project import examples
-from rmrc.scenario import StartPose
-from rmrc.simulation.configuration import start_positions
 
 # Joints: a hinge without range, one with a range of many turns, a slide without range, two hinges without range;
 # of the latter, the second leads a hinge by a ratio.
@@ -95,14 +93,6 @@ def test_the_posture_is_that_of_the_shortest_way_in_the_null_space():
     way[3] -= TURN
     wanted = np.linalg.pinv(J) @ [0.05, -0.02, 0.03] + (np.eye(5) - np.linalg.pinv(J) @ J) @ (1.5 * way)
     assert_allclose(got, wanted, rtol=0, atol=1e-12)
-
-
-def test_a_start_by_pose_stays_at_the_turns_of_the_positions_that_it_is_near():
-    arm = controller().arm
-    pose = arm.pose(Q + 0.1)
-    near = StartPose.model_validate({"position": pose[:3].tolist(), "orientation": pose[3:].tolist()})
-    first, second = (start_positions(arm, near, q, 1.0) for q in (Q, turned(free=2, roll=-3)))
-    assert_allclose(second - first, TURN * np.array([2, 0, 0, -3, 0]), rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("kind", ["ideal", "servo", "torque"])

@@ -121,21 +121,3 @@ def formula(variant, A, t, **parameters):
         bound=p["rate_bound"], maximum=p["damping_maximum"], below=p["damping_below"],
     )  # fmt: skip
     return G @ t, np.sum(vt.T * (G @ u), axis=0), lam
-
-
-def chain_text(seed, n):
-    """Return the MJCF of a serial chain of hinges and slides."""
-    rng = np.random.default_rng(seed)
-    text = lambda values: " ".join(f"{value:.17g}" for value in values)  # noqa: E731
-    bodies = ""
-    for j in range(n):
-        slides = rng.random() < 0.3
-        low, high = rng.uniform(-2.0, -0.5), rng.uniform(0.5, 2.0)
-        bodies += (
-            f'<body name="b{j}" pos="{text(rng.uniform(-0.4, 0.4, 3))}" quat="{text(rng.normal(size=4))}">'
-            f'<joint name="j{j}" type="{"slide" if slides else "hinge"}" axis="{text(rng.normal(size=3))}" '
-            f'pos="{text(rng.uniform(-0.1, 0.1, 3))}" range="{text([low, high])}" armature="0.1"/>'
-            '<geom type="sphere" size="0.03" mass="1"/>'
-        )
-    site = f'<site name="tip" pos="{text(rng.uniform(-0.3, 0.3, 3))}" quat="{text(rng.normal(size=4))}"/>'
-    return f'<mujoco><compiler angle="radian"/><worldbody>{bodies}{site}{"</body>" * n}</worldbody></mujoco>'
