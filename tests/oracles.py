@@ -18,7 +18,6 @@ from oracle_inverse import (
     damping,
     generalized_inverse,
     projector,
-    resolve,
     scaled_jacobian,
     scaling,
     second_inverse,
@@ -36,18 +35,6 @@ from oracle_limits import (
 from oracle_sensing import Sensing, true_model
 from oracle_way import Way
 from rmrc.scenario.choices import Status
-
-__all__ = [
-    "AXES",
-    "Kinematics",
-    "NumpyLoop",
-    "damping",
-    "generalized_inverse",
-    "known_model",
-    "projector",
-    "resolve",
-    "scaling",
-]
 
 
 def known_model(prepared):
@@ -240,7 +227,7 @@ class NumpyLoop:
                 assert not others, "no oracle but for rate servos: write it here"
                 data.ctrl[self.ctrl] = cmd
             else:
-                data.ctrl[self.ctrl] = self.servo(cmd) if plant.kind == "servo" else self.torque(cmd, rate)
+                data.ctrl[self.ctrl] = cmd if plant.kind == "servo" else self.torque(cmd, rate)
             mujoco.mj_step2(model, data)
             for _ in range(self.substeps - 1):
                 mujoco.mj_step(model, data)
@@ -261,61 +248,10 @@ class NumpyLoop:
         mujoco.mj_forward(self.known, known)
         M = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.known, known, M)
-        qddot = (cmd - self.told) / self.scenario.control.period
         fastest = min(500.0, 1.0 / self.scenario.control.period)
+        qddot = (cmd - self.told) / self.scenario.control.period
         qddot = qddot + (self.scenario.plant.bandwidth or fastest) * (cmd - qdot)
-        bias = known.qfrc_bias - known.qfrc_passive
-        tau = M[np.ix_(self.dof, self.dof)] @ qddot + bias[self.dof]
-        if self.scenario.plant.friction_compensation:
-            own = np.diag(M)[self.dof]
-            felt = self.felt_inertia(own)
-            tau += (felt - own) * qddot + self.friction(felt / own * qddot, qdot)
-        free = self.freed()
-        if len(free):  # M_uu of them and what implicit damping adds: they give way
-            felt = M[np.ix_(free, free)] + np.diag(self.known.opt.timestep * self.known.dof_damping[free])
-            way = np.linalg.solve(felt, -bias[free] - M[np.ix_(free, self.dof)] @ qddot)
-            tau += M[np.ix_(self.dof, free)] @ way
-        return tau
-
-    def servo(self, cmd):
-        """Return the rates that servos are told: those that are sent, and what resists these over the gain."""
-        if not self.scenario.plant.friction_compensation:
-            return cmd
-        damping = self.known.dof_damping[self.dof] * cmd
-        return (
-            cmd
-            + (damping + self.friction(np.zeros(self.arm.n), cmd)) / self.model.actuator_gainprm[self.ctrl, 0]
-        )
-
-    def friction(self, acceleration, rate):
-        """Return dry friction by the manual's formulas of constraints: impedance, regularization, reference."""
-        model, force = self.known, np.zeros(self.arm.n)
-        for j, dof in enumerate(self.dof):
-            if loss := model.dof_frictionloss[dof]:
-                dmin, dmax = model.dof_solimp[dof, :2]
-                R = (1 - dmin) / dmin * model.dof_invweight0[dof]
-                b = 2 / (dmax * max(model.dof_solref[dof, 0], 2 * model.opt.timestep))
-                force[j] = np.clip((acceleration[j] + b * rate[j]) / R, -loss, loss)
-        return force
-
-    def felt_inertia(self, own):
-        """Return torque over acceleration, by what a torque of 1 does in the implicit steps of a period."""
-        step, d, rate = self.known.opt.timestep, self.known.dof_damping[self.dof], np.zeros(self.arm.n)
-        for _ in range(self.substeps):
-            rate = (own * rate + step) / (own + step * d)
-        return self.substeps * step / rate
-
-    def freed(self):
-        """Return the degrees of freedom of the arm's tree that are not its own and that nothing drives."""
-        model = self.model
-        if self.scenario.arm.others == "hold":
-            return []
-        pulled = model.actuator_trnid[:, 0].tolist()
-        root = model.body_rootid[model.site_bodyid[self.site]]
-        return [
-            dof for dof, joint in enumerate(model.dof_jntid)
-            if joint not in pulled and model.body_rootid[model.dof_bodyid[dof]] == root
-        ]  # fmt: skip
+        return M[np.ix_(self.dof, self.dof)] @ qddot + (known.qfrc_bias - known.qfrc_passive)[self.dof]
 
     def law(self, q):
         """Return the row of a tick: (3), inverse, null space, pace, stop, limits."""

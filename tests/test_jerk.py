@@ -1,7 +1,6 @@
 """What a jerk limit promises: of the bounds of one joint, of any wishes, and of whole runs under every policy."""
 
 import functools
-import itertools
 import operator
 
 import numba
@@ -13,10 +12,10 @@ from hypothesis import strategies as st
 import rmrc
 from codes import Method, OnExcess
 from oracle_limits import least_way, ticks_to_rate
-from project import ROOT, examples, mostly_long
+from project import ROOT, examples
 from records import blank, put, resolve
 from rmrc.law import braking as stops
-from rmrc.scenario.choices import LIMITS, POLICIES, Status
+from rmrc.scenario.choices import LIMITS, Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 
@@ -31,11 +30,6 @@ EXCEEDED = Status.ACCELERATION_EXCEEDED | Status.JERK_EXCEEDED
 @numba.njit(error_model="numpy")
 def way(rate, change, braking, step):
     return stops.way(rate / step, change / step, braking / step) * step
-
-
-@numba.njit(error_model="numpy")
-def is_far(distance, rate, change, braking, step):
-    return stops.is_far(distance, rate, change, braking, step, 1.0)
 
 
 @numba.njit(error_model="numpy")
@@ -76,20 +70,6 @@ def test_the_bound_before_a_position_limit_is_sharp(braking, rate, last, part):
     assert least_way(rate + change, change, braking, 1.0) <= distance * (1 + 1e-6)
     more = change + 1e-3
     assert least_way(rate + more, more, braking, 1.0) > distance * (1 + 1e-6)
-
-
-@given(st.floats(0.0, 0.5), st.floats(-12.0, -1.0), st.sampled_from([0.3, 3.0]))
-def test_the_last_bit_of_the_way_is_gone_in_one_tick(rate, exponent, braking):
-    # what is much less than a step of jerk, or nothing: then any change to a negative rate would do, and none is wished for
-    for distance in (10.0**exponent, 0.0):
-        change = largest_change(distance, rate, -1.0, 1.0, braking, 1.0)
-        assert rate + change == pytest.approx(distance, rel=1e-9, abs=1e-15)
-
-
-@given(brakings, rates, changes)
-def test_what_is_far_by_the_short_bound_is_far(braking, rate, change):
-    change = max(change, -braking)
-    assert not is_far(way(rate, change, braking, 1.0) * (1 - 1e-9), rate, change, braking, 1.0)
 
 
 @given(st.floats(0.01, 100.0), st.floats(0.05, 1e4))
@@ -212,9 +192,7 @@ class Lagging(Joints):
         return sent, status
 
 
-@pytest.mark.parametrize(
-    ("jerk", "lag"), mostly_long(itertools.product([500.0, 5000.0], [2e-3, 1e-2, 3e-2]), 5)
-)
+@pytest.mark.parametrize(("jerk", "lag"), [(500.0, 3e-2), (5000.0, 1e-2)])
 def test_a_joint_that_lags_stops_within_jerk_before_its_position_limit(jerk, lag):
     limits = {"jerk": jerk, "acceleration": 10.0, "rate": 1.0, "ends": [[-0.5], [0.5]]}
     wishes = [50.0] * 1500 + [-50.0] * 2500
@@ -228,13 +206,6 @@ def test_a_joint_that_lags_stops_within_jerk_before_its_position_limit(jerk, lag
     hidden = Lagging(lag, tells=False, **limits)
     sent, q, status = hidden.run(wishes)
     assert np.abs(q).max() > 0.5 + 0.3 * lag and hidden.holds(sent, q) >= {"jerk"} and not status & EXCEEDED
-
-
-def test_the_same_wishes_break_a_jerk_limit_that_is_not_set():
-    joints = Joints(2, "clamp", jerk=500.0, rate=3.0)
-    put(joints.world, jerk_step=np.full(2, 1e30))
-    sent, q, _ = joints.run(greedy(0, 2))
-    assert joints.holds(sent, q) == ALL - {"jerk"}
 
 
 @examples(10, 30)
@@ -306,8 +277,6 @@ def test_scaled_rates_keep_their_direction_while_they_change():
 
 # Whole runs ---------------------------------------------------------------------------------------------------
 
-SHIPPED = sorted(path.stem for path in (ROOT / "scenarios").glob("*.yaml"))
-
 
 def jerk_of(run):
     """Return the largest jerk that is commanded, and what rounding of rates makes of it, added up while they change."""
@@ -322,34 +291,16 @@ def shipped(name, *overrides):
 
 @pytest.mark.parametrize(
     ("name", "policy", "on_excess", "jerk"),
-    mostly_long(
-        [
-            case
-            for case in itertools.product(SHIPPED, POLICIES.names, LIMITING, [5000.0, 500.0])
-            if not (
-                case[0] in ("selig_211", "start_by_pose", "whitney_1972") and POLICIES[case[1]].slows
-            )  # which is refused
-        ],
-        521,
-    ),
-)
+    [
+        ("stanford_wrist", "damp", "scale", 500.0), ("approach_singularity", "slow", "clamp", 5000.0),
+        ("slow_wrist", "singularity_consistent", "redistribute", 500.0), ("joint_limit", "stop", "optimal", 500.0),
+        ("at_the_stop", "damp", "sns", 5000.0), ("null_space", "keep_out", "reverse_priority", 500.0),
+        ("best_within_limits", "damp", "optimal", 5000.0),
+    ],
+)  # fmt: skip
 def test_shipped_scenarios_stay_below_a_jerk_limit_at_every_tick(name, policy, on_excess, jerk):
     limits = (f"control.limits.jerk={jerk}", f"control.limits.on_excess={on_excess}")
     run = shipped(name, f"control.at_singularity={policy}", *limits)
     peak, rounding = jerk_of(run)
     assert run.divergence is None and np.isfinite(run["qdot_cmd"]).all()
     assert peak <= jerk * (1 + 1e-9) + rounding
-
-
-STOPPING = ("stop_and_wait", "slow_wrist", "at_the_stop", "encoder_offsets")
-
-
-@pytest.mark.parametrize("name", STOPPING)
-def test_without_a_jerk_limit_these_do_not_stay_below_it_and_with_one_they_do_their_task(name):
-    free = shipped(name)
-    assert jerk_of(free)[0] > 2e4
-    bound = shipped(name, "control.limits.jerk=5000")
-    assert np.any(bound["status"] & Status.JERK_LIMITED) and not np.any(bound["status"] & EXCEEDED)
-    for figure in ("position_error.max", "position_error.end", "orientation_error.end"):
-        if figure in free.scorecard:
-            assert bound.scorecard[figure].value <= 1.6 * free.scorecard[figure].value + 1e-5

@@ -22,10 +22,10 @@ seeds = st.integers(0, 2**32 - 1)
 LIMITED = Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED
 
 
-def problem(seed, most=8):
+def problem(seed):
     """Return J, twist, λ, the middle and half the width of each joint's bounds, and a drift that the task does not feel."""
     rng = np.random.default_rng(seed)
-    n, m = rng.integers(2, most + 1), rng.integers(1, 7)
+    n, m = rng.integers(2, 9), rng.integers(1, 7)
     r = rng.integers(1, min(m, n) + 1)
     J = rng.normal(size=(m, r)) @ rng.normal(size=(r, n)) if rng.random() < 0.4 else rng.normal(size=(m, n))
     lam = rng.choice([0.0, 0.0, 1e-3, 1e-2, 0.1, 0.5])
@@ -58,9 +58,9 @@ def answer(world, tick, twist):
     return tick["qdot_cmd"][0, :n].copy(), span, world["drift"][0, :n].copy(), Status(int(tick["status"][0]))
 
 
-def solved(seed, most=8, **fields):
+def solved(seed, **fields):
     """Return a problem, the rates, their bounds and the drift; None where no limit is exceeded."""
-    J, twist, lam, middle, half, wish = problem(seed, most)
+    J, twist, lam, middle, half, wish = problem(seed)
     rank = np.linalg.matrix_rank(J)
     fields = {"nullspace_objective": 4, "nullspace_rates": wish, "rank": rank, **fields}
     y, span, drift, status = answer(*records(J, lam, middle, half, **fields), twist)

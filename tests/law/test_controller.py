@@ -85,18 +85,6 @@ def test_the_arms_own_chain_gives_the_same_but_for_rounding(name):
     assert (chain != run["qdot_cmd"]).any()  # they are two ways
 
 
-def test_where_encoders_are_off_the_chain_sees_what_the_law_of_a_run_sees():
-    prepared, run = ran("encoder_offsets")
-    controller = controller_of(prepared)
-    for t in range(min(len(run), 500)):
-        q = run["q"][t] + prepared.hardware.encoders.offset
-        out = controller.step(q, run["qdot"][t], pose=run["pose_ref"][t], twist=run["twist_ref"][t])
-        assert_array_equal(out.qdot_cmd, run["qdot_cmd"][t])
-        assert_array_equal(out.sigma, run["sigma"][t])
-        assert_array_equal(out.qdot_plain, run["qdot_plain"][t])
-        assert out.status == run["status"][t] and out.damping == run["damping"][t]
-
-
 # One arm ----------------------------------------------------------------------------------------
 
 ARM = load_arm(ROOT / "models/planar_3link.xml")
@@ -245,9 +233,6 @@ def test_a_position_is_the_integral_of_the_commands_within_the_range():
     assert_allclose(out.q_cmd, upper, atol=1e-15)
 
 
-SECONDARY = {"objective": "secondary", "secondary": {"site": "wrist", "axes": ["x"]}}
-
-
 def test_what_the_chain_does_not_tell_is_read_from_data():
     one = controller(START[:2], arm=load_arm(ARM.path, joints=ARM.joints[:2]))
     out = one.step(START[:2], **ahead())
@@ -259,42 +244,3 @@ def test_what_the_chain_does_not_tell_is_read_from_data():
     assert "the model of the data lacks a part of" in one.step_data(mujoco.MjData(other), **ahead()).problem
     assert one.step_data(None, **ahead()).problem == "step_data reads an mujoco.MjData, got NoneType"
     assert one.step_data(data, **ahead()).problem == ""
-
-
-def test_an_arm_is_found_in_another_model(tmp_path):
-    """Sites and joints have other numbers there: before the arm there is a thing with both."""
-    inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
-    thing = f'<body><joint name="thing"/>{inertia}<site name="thing"/></body>'
-    text = ARM.path.read_text("utf-8").replace("<worldbody>", f"<worldbody>{thing}")
-    path = tmp_path / "scene.xml"
-    path.write_text(text.replace('file="', f'file="{ARM.path.parent}/'), "utf-8")
-    model = mujoco.MjModel.from_xml_path(str(path))
-    wiring = ARM.wire(model)
-    there, here, chain = (
-        one(controller(nullspace=SECONDARY)).qdot_cmd
-        for one in (
-            lambda c: c.step_data(seen(ARM, START, model), **ahead()),
-            lambda c: c.step_data(seen(ARM, START), **ahead()),
-            lambda c: c.step(START, **ahead()),
-        )
-    )
-    assert (wiring.site, *wiring.joint) != (ARM.wiring.site, *ARM.wiring.joint)
-    assert_allclose(there, here, rtol=1e-12, atol=1e-12)
-    assert_allclose(chain, here, rtol=1e-12, atol=1e-12)
-
-
-def test_a_body_is_found_in_a_model_that_has_no_site_there():
-    """The arm has a site of its own for it, which the user's model lacks."""
-    model = mujoco.MjModel.from_xml_path(str(ROOT / "models/ur5e.xml"))
-    one = Controller("ur5e", body="wrist_2_link")
-    assert "wrist_2_link" not in [model.site(i).name for i in range(model.nsite)]
-    q = one.arm.configuration("home")[one.arm.wiring.qpos]
-    data = mujoco.MjData(model)
-    data.qpos[:5] = q
-    mujoco.mj_fwdPosition(model, data)
-    twist = np.array([0.1, -0.05, 0.02, 0.1, 0.0, -0.2])
-    chain = one.step(q, twist=twist).copy()
-    one.reset()
-    out = one.step_data(data, twist=twist)
-    assert_allclose(out.pose[:3], data.body("wrist_2_link").xpos, atol=1e-14)
-    assert_allclose(out.qdot_cmd, chain.qdot_cmd, rtol=1e-11, atol=1e-12)

@@ -83,66 +83,6 @@ def test_a_position_command_ends_with_the_range_of_its_servo_and_turns_at_once(s
     assert not status[-1]
 
 
-@pytest.mark.parametrize(
-    ("on_excess", "jerk"), [("scale", 300.0), ("redistribute", None), ("optimal", 300.0), ("clamp", None)]
-)
-def test_commands_come_to_the_end_of_a_range_within_all_limits(on_excess, jerk):
-    """Goals beyond random ranges, and input that is refused at times: differences of q_cmd are the oracle."""
-    rng = np.random.default_rng(7)
-    ends = np.add(np.sort(rng.uniform(-2, 2, (2, 2)), axis=1), [0, 0.4])
-    (a, b), (c0, c1) = ends
-    model = arm(
-        f'<position joint="a" kp="300" kv="30" ctrlrange="{a} {b}"/>'
-        f'<position joint="b" gear="-2" kp="80" kv="8" ctrlrange="{-2 * c1} {-2 * c0}"/>'
-    )
-    limits = {"rate": 2.0, "acceleration": 10.0, "jerk": jerk, "on_excess": on_excess}
-    c, data = controller(model, ends.mean(axis=1), limits), mujoco.MjData(model)
-    data.qpos[:2] = c.command.q_cmd
-    q_cmd = [c.command.q_cmd.copy()] * 3
-    for t in range(1500):
-        if t % 300 == 0:
-            goal = c.arm.pose(rng.uniform([-3, -2.8], [3, 2.8]))
-        mujoco.mj_fwdPosition(model, data)
-        out = c.step_data(data, pose=goal if rng.random() > 0.005 else np.full(7, np.nan))
-        data.ctrl[:] = c.controls()
-        mujoco.mj_step(model, data)
-        q_cmd.append(out.q_cmd.copy())
-        assert not out.status & (Status.ACCELERATION_EXCEEDED | Status.JERK_EXCEEDED)
-    assert (q_cmd >= ends[:, 0]).all() and (q_cmd <= ends[:, 1]).all()
-    assert np.isclose(q_cmd, ends[:, 0], atol=1e-3).any() or np.isclose(q_cmd, ends[:, 1], atol=1e-3).any()
-    for order, limit in ((1, 2.0), (2, 10.0), (3, jerk)):
-        if limit is not None:
-            assert np.abs(np.diff(q_cmd, order, axis=0)).max() <= limit * PERIOD**order + 1e-12
-
-
-def test_the_other_joints_make_up_for_a_servo_that_is_at_its_end():
-    """With one row, joint a can do what b does not; and a range that is not in the way limits nothing."""
-    model = arm(OTHER + SERVOS["range"])
-    data = mujoco.MjData(model)
-    c = Controller(model, "tip", {"feedback": 5}, period=PERIOD, joints=["a", "b"], task={"axes": ["y"]})
-    data.qpos[:2] = [0.3, 1.2]
-    c.reset(data)
-    goal = c.arm.pose([0.6, 1.3])
-    q_cmd, _, status = stepped(c, data, 4.0, goal)
-    assert abs(c.command.pose_error[1]) < 1e-3 and q_cmd[:, 1].max() <= BEND + 1e-12
-    assert not (status & Status.STUCK).any()
-
-
-@pytest.mark.parametrize(
-    ("beside", "end"),
-    [
-        ('<position joint="finger" kp="1" ctrlrange="-.1 .1"/>', 2.8),  # of a joint that is not driven
-        ('<position tendon="two" kp="1" ctrlrange="-.1 .1"/>', 2.8),  # of two joints
-        ('<motor joint="b" ctrlrange="-.1 .1"/>', 2.8),  # no position
-        ('<position tendon="one" kp="1" ctrlrange="-.65 9"/>', BEND),  # of b alone
-    ],
-)
-def test_only_servos_of_one_driven_joint_count(beside, end):
-    c = controller(arm(OTHER + '<position joint="b" kp="300" inheritrange="1"/>' + beside))
-    assert_allclose(c.arm.servo_limits[0][:, 1], [-2.8, end])
-    assert_allclose(c.arm.servo_limits[0][:, 0], [-np.inf, np.inf])
-
-
 RATES = '<velocity joint="a" kv="30"/><velocity joint="b" gear="-2" kv="9" ctrlrange="-1 1"/>'
 
 
@@ -198,31 +138,3 @@ def test_a_command_does_not_run_away_from_an_arm_that_its_actuator_cannot_lift(f
         out = free.step_data(data, pose=goal)
     assert out.q_cmd[0] > q[-1, 0] + 1.0  # negative control: the integral of the rates
     assert not out.status & (Status.TORQUE_LIMITED | Status.STUCK)
-
-
-STRONG = '<position joint="a" kp="900" kv="60"/>'
-
-
-@pytest.mark.parametrize(
-    ("drive", "holds"),
-    [
-        ('<position joint="b" kp="500" kv="30" forcerange="-30 .3"/>', False),
-        (
-            '<position joint="b" kp="500" kv="30" forcerange="-.3 30"/>',
-            True,
-        ),  # the side that bears the weight
-        ('<position joint="b" kp="500" forcerange="-.3 .3"/><velocity joint="b" kv="30"/>', True),
-    ],
-)
-def test_the_force_that_counts_is_that_of_the_servo_towards_the_command(drive, holds):
-    """Joint b bears 0.5 kg · g · 0.15 m · cos 0.7 = 0.56 N·m at the start, and 0.65 N·m at the goal."""
-    model = arm(STRONG + drive, -9.81, "0 1 0")
-    c, data = controller(model, (0.3, -1.0)), mujoco.MjData(model)
-    data.qpos[:2] = [0.3, -1.0]
-    goal = c.arm.pose([0.9, -1.4])
-    for _ in range(1500):
-        mujoco.mj_fwdPosition(model, data)
-        out = c.step_data(data, pose=goal)
-        data.ctrl[0], data.ctrl[1] = out.q_cmd * [1.0, -2.0 if "gear" in drive else 1.0]
-        mujoco.mj_step(model, data)
-    assert (np.linalg.norm(out.pose_error[:3]) > 0.02) == holds

@@ -118,50 +118,6 @@ def test_without_data_the_base_stands_where_the_model_has_it():
     assert floating.problem == 'joint "root" moves the site and is not actuated: step_data reads its position'
 
 
-@pytest.mark.parametrize("frame", ["base", "world"])
-def test_a_pose_in_the_base_moves_with_a_base_that_moves_at_each_tick(frame):
-    model = scene("mocap")
-    c, data = controller(model), mujoco.MjData(model)
-    data.qpos[:] = START
-    mujoco.mj_fwdPosition(model, data)
-    c.reset(data)
-    goal = (
-        c.arm.pose(data)
-        if frame == "world"
-        else pose_product(pose_inverse(c.arm.base_at(data)), c.arm.pose(data))
-    )
-    worst = 0.0
-    for t in range(200):
-        turn = 0.002 * t
-        data.mocap_pos[0], data.mocap_quat[0] = [0.001 * t, 0, 0.4], [np.cos(turn), 0, 0, np.sin(turn)]
-        mujoco.mj_fwdPosition(model, data)
-        out = c.step_data(data, pose=goal, frame=frame)
-        worst = max(worst, np.abs(out.pose_error[[0, 1, 5]]).max())
-        data.qpos[:] += 0.01 * out.qdot_cmd
-    # the base itself is no error of its own frame; in the world it is a disturbance
-    assert worst < 1e-9 if frame == "base" else worst > 1e-3
-
-
-@pytest.mark.parametrize("frame", ["base", "world"])
-def test_the_target_of_a_second_task_in_the_base_moves_with_it(frame):
-    model = scene("free")
-    second = {"site": "elbow", "axes": ["x", "y"], "frame": frame}
-    law = {"feedback": 4.0, "nullspace": {"objective": "secondary", "secondary": second}}
-    c, data = controller(model, control=law, task={"axes": ["rz"], "frame": "base"}), mujoco.MjData(model)
-    rng = np.random.default_rng(4)
-    place(data, rng)
-    c.reset(data)
-    still = np.abs(c.step_data(data).qdot_cmd).max()
-    q = data.qpos[7:].copy()
-    place(data, rng)
-    data.qpos[7:] = q
-    mujoco.mj_fwdPosition(model, data)
-    c.reset()
-    moving = np.abs(c.step_data(data).qdot_cmd).max()
-    assert still < 1e-9
-    assert moving < 1e-9 if frame == "base" else moving > 1e-2
-
-
 def test_a_run_and_a_loop_of_its_own_agree_about_a_base_that_turns(tmp_path):
     """The arm turns a waist that nothing holds; the rows of the task are those of the base."""
     path = tmp_path / "model.xml"

@@ -54,30 +54,6 @@ def test_a_copy_goes_on_as_the_original_and_on_its_own(way):
     assert (onwards(fresh, q)[0] != wanted).any()  # memory matters
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_a_batch_a_second_task_and_a_watchdog_are_copied(way):
-    secondary = {"objective": "secondary", "secondary": {"site": "wrist", "axes": ["x"]}}
-    one = rmrc.Controller(
-        ARM, control=LAW | {"nullspace": secondary}, period=0.004, watchdog=5.0, task={"axes": ["x", "y"]}
-    )
-    q = HOME + np.array([[0.0], [0.1]])
-    one.reset(q)
-    q = onwards(one, q)[1]
-    other = WAYS[way](one)
-    assert_array_equal(other.command_at(0.0).qdot_cmd, one.command_at(0.0).qdot_cmd)
-    assert_array_equal(onwards(other, q)[0], onwards(one, q)[0])
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_law_without_an_arm_is_copied(way):
-    law, J = rmrc.Law(3, 2, LAW, period=0.004), np.array([[1.0, 2.0, 3.0], [0.0, 1.0, 1.0]])
-    for _ in range(10):
-        law.step(J, [0.5, 0.2], HOME)
-    other = WAYS[way](law)
-    for _ in range(10):
-        assert_array_equal(other.step(J, [0.1, 0.3]).q_cmd, law.step(J, [0.1, 0.3]).q_cmd)
-
-
 def test_a_new_process_takes_a_controller():
     one, q = moving()
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:

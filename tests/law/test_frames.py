@@ -115,32 +115,6 @@ def test_a_free_axis_of_the_site_has_no_error_and_the_others_are_its_tilt(free, 
     assert np.abs(felt[rows]).max() < 1e-12 < abs(felt[3 + free])
 
 
-@pytest.mark.parametrize(
-    ("frame", "rows"), [("world", [0, 1, 2]), ("base", [0, 1, 2, 3, 4]), ("site", [0, 2, 3, 4])]
-)
-def test_the_gradient_of_manipulability_is_that_of_the_turned_rows(frame, rows):
-    """Against differences of the product of singular values of mj_jacSite, of sixth order: 1e-9 at this step."""
-    task, step = Task(PUMA, np.array(rows), frame=frame), 2e-3
-
-    def w(q):
-        _, R, J, B = site_axes(PUMA, q)
-        axes = {"world": np.eye(3), "base": B, "site": R}[frame]
-        return np.prod(np.linalg.svd((both(axes).T @ J)[rows], compute_uv=False))
-
-    factors = {-3: -1, -2: 9, -1: -45, 1: 45, 2: -9, 3: 1}
-    slope = [sum(f * w(Q + i * step * e) for i, f in factors.items()) / (60 * step) for e in np.eye(6)]
-    section = control(
-        inverse={"method": "pseudoinverse"}, nullspace={"objective": "manipulability"}, feedback=0.0
-    )
-    controller = Controller(PUMA, control=section, task=task)
-    controller.step(Q, pose=PUMA.pose(Q))
-    got = controller._worlds[0]["scratch"]["qdot0"][:6]  # what is left of the wish in the null space
-    _, R, J, B = site_axes(PUMA, Q)
-    A = (both({"world": np.eye(3), "base": B, "site": R}[frame]).T @ J)[rows]
-    N = np.eye(6) - np.linalg.pinv(A) @ A
-    assert_allclose(got, N @ slope, rtol=0, atol=1e-8)
-
-
 def test_the_error_of_a_second_task_is_along_its_own_site(simulate):
     """Of a planar arm: the way that the tip has gone, along the y of the tip as it is turned now."""
     _, run = simulate(

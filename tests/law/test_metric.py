@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from numpy.testing import assert_allclose
-from scipy.optimize import lsq_linear
 
 from chains import random_chain, seeds
-from oracle_limits import bounds
 from project import ROOT, examples
 from rmrc.arm import load
 from rmrc.scenario import loads
@@ -81,36 +79,6 @@ def test_any_chain_has_the_singular_values_and_rates_that_mujocos_inertia_gives(
     assert_allclose(run["qdot_cmd"][t], want, rtol=0, atol=1e-9 * max(np.abs(want).max(), 1e-6))
 
 
-def projector(metric):
-    """Return N of an xArm7 at rest, column by column from what the law makes of wishes, and what it stands at."""
-    columns = []
-    for j in range(7):
-        rates = [float(i == j) for i in range(7)]
-        prepared, run = first_tick(
-            XARM, SIX, STILL, f"control.inverse.metric={metric}", "control.limits.on_excess=none",
-            f"control.nullspace={{objective: rates, rates: {rates}}}",
-        )  # fmt: skip
-        columns.append(run["qdot_cmd"][0])
-    return prepared.arm, run["q"][0], np.array(columns).T
-
-
-@pytest.mark.parametrize(("metric", "felt"), [("inertia", False), ("joints", True)])
-def test_null_space_torques_move_the_joints_and_not_the_tip(metric, felt):
-    # τ = Nᵀ τ_0 is dynamically consistent: MuJoCo accelerates the joints, and J q̈ = J M⁻¹ Nᵀ τ_0 stays as it was.
-    arm, q, N = projector(metric)
-    data, accelerations = mujoco.MjData(arm.model), []
-    data.qpos[:] = arm.configuration(q)
-    for tau in (np.zeros(7), N.T @ np.array([5.0, -8.0, 3.0, 6.0, -2.0, 1.0, 0.5])):
-        data.qfrc_applied[arm.wiring.dof] = tau
-        mujoco.mj_forward(arm.model, data)
-        accelerations.append(data.qacc[arm.wiring.dof].copy())
-    change = accelerations[1] - accelerations[0]
-    tip = arm.jacobian(q) @ change
-    assert np.abs(change).max() > 1.0
-    # MuJoCo's solver of contacts and limits, which do not act here, leaves 1e-10 of an acceleration
-    assert (np.abs(tip).max() > 0.1) if felt else (np.abs(tip).max() < 1e-8 * np.abs(change).max())
-
-
 @pytest.mark.parametrize("model", ["xarm7", "chain", "followers"])
 def test_the_slope_of_w_is_that_of_the_arm_with_its_inertia(tmp_path, model):
     # 4e-4 to either side: differences of fourth order are off by 1e-13, and by rounding over 4e-4
@@ -139,34 +107,6 @@ def test_the_slope_of_w_is_that_of_the_arm_with_its_inertia(tmp_path, model):
     wished = 0.8 * np.linalg.solve(M, slope)
     assert np.abs(N @ wished).max() > 1e-3
     assert_allclose(run["qdot_cmd"][0], N @ wished, rtol=0, atol=1e-7 * np.abs(wished).max())
-
-
-FOLDED = (
-    f"arm={{model: {ROOT}/models/planar_3link.xml, start: [0, -20 deg, 159 deg]}}", "task.axes=[x, y]",
-    "target.path=[{line: {by: [-0.4, 0.1]}}]", "control.period=0.004",
-)  # fmt: skip
-
-
-def test_at_a_stop_rates_are_the_best_within_the_bounds_in_the_metric_of_the_arm():
-    lam = 0.2
-    prepared, run = first_tick(
-        *FOLDED, INERTIA, f"control.inverse.damping={{schedule: constant, maximum: {lam}}}", "control.limits.rate=1000",
-    )  # fmt: skip
-    limited, arm, K = run["status"] & 16 > 0, prepared.arm, prepared.scenario.control.feedback
-    assert np.count_nonzero(limited) > 20
-    zero, other = np.zeros(arm.n), 0
-    for t in np.flatnonzero(limited)[::5]:
-        A, M = task_matrices(prepared, run["q"][t])
-        asked = (run["twist_ref"][t] + K * run["pose_error"][t])[:2]
-        low, up, *_ = bounds(run["q"][t], zero, np.full(3, 1e3), np.full(3, np.inf), np.full(3, 10.0),
-                             arm.position_limit, 0.004)  # fmt: skip
-        for metric in (M, np.eye(3)):
-            root = np.linalg.cholesky(metric).T
-            best = lsq_linear(np.vstack([A, lam * root]), np.r_[asked, zero], (low, up + 1e-12), tol=1e-14).x
-            same = np.allclose(run["qdot_cmd"][t], best, rtol=0, atol=1e-6)
-            assert same or metric is not M
-            other += not same
-    assert other > 3  # negative control: in the metric of the joints others are the best
 
 
 def test_what_clamps_joint_by_joint_is_refused():

@@ -93,26 +93,3 @@ def test_the_posture_is_that_of_the_shortest_way_in_the_null_space():
     way[3] -= TURN
     wanted = np.linalg.pinv(J) @ [0.05, -0.02, 0.03] + (np.eye(5) - np.linalg.pinv(J) @ J) @ (1.5 * way)
     assert_allclose(got, wanted, rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", ["ideal", "servo", "torque"])
-def test_a_run_from_another_turn_has_the_same_rates_and_keeps_its_turns(tmp_path, kind):
-    (tmp_path / "arm.xml").write_text(ARM.format(ratio=2))
-    scenario = rmrc.loads(
-        f"""
-name: turns
-arm: {{model: {tmp_path}/arm.xml, site: tip, start: {Q.tolist()}}}
-task: {{axes: [x, y, z]}}
-control: {{period: 0.005, feedback: 5, nullspace: {{objective: posture, posture: {POSTURE.tolist()}}}}}
-target: {{path: [{{line: {{by: [0.05, 0.02, -0.03]}}}}]}}
-plant: {{kind: {kind}}}
-"""
-    )
-    first, second = (
-        rmrc.run(scenario.set({"arm.start": q.tolist()})) for q in (Q, turned(free=1, roll=-2, leader=3))
-    )
-    # rounding of q, 1e-15 a tick, over 100 ticks of stiff servos
-    assert_allclose(second["qdot_cmd"], first["qdot_cmd"], rtol=0, atol=1e-9)
-    turns = TURN * np.array([1, 0, 0, -2, 3])
-    assert_allclose(second["q"] - first["q"], np.tile(turns, (len(first), 1)), rtol=0, atol=1e-9)
-    assert np.abs(first["qdot_cmd"]).max() > 0.1
