@@ -80,14 +80,6 @@ def test_noise_is_white_and_normal_with_the_deviation_that_is_asked_for(scenario
 # An integrated state ----------------------------------------------------------------------------
 
 
-def test_the_integral_of_the_commands_is_where_an_arm_is_that_does_them(simulate):
-    _, measured = simulate(*PLANAR, SHORT)
-    _, integrated = simulate(*PLANAR, SHORT, "control.state=integrated")
-    # kinematics by MuJoCo and by the chain round differently, 1e-16 a tick
-    assert_allclose(integrated["q"], measured["q"], rtol=0, atol=1e-12)
-    assert_allclose(integrated["q_believed"], integrated["q"], rtol=0, atol=1e-12)
-
-
 DRIVEN = """<mujoco>
   <option timestep="0.001" gravity="0 0 -9.81"/>
   <worldbody>

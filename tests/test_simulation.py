@@ -222,16 +222,10 @@ OFF = {
     "damping at a stop": ("at a stop, redundant", "control.inverse.damping.maximum=0.2000002"),
     "acceleration": ("clamped, all limits", "control.limits.acceleration=[2, 1.000001, 2]"),
     "slow.change": ("slow", "control.slow.change=10.00001"),
-    "jitter": ("late now and then, and lost, torque", "plant.jitter=0.009000009"),
     "lag": ("lagging, slow", "plant.lag=[0.05, 0, 0.01000001]"),
     "backlash": ("play", "plant.backlash=[0.004000004, 0, 0.01]"),
-    "resonance.frequency": ("swinging, model", "plant.resonance.frequency=12.000012"),
-    "rate_filter": ("encoders late, filtered rates, torque", "control.rate_filter=0.004000004"),
     "plant.stretch": ("other lengths, stop", "plant.stretch.link_3=0.970001"),
     "plant.friction.viscous": ("friction that nobody knows, torque", "plant.friction.viscous=1.000001"),
-    "encoder.deviation": (
-        "encoders off, drawn, slow, manipulability", "arm.encoder.deviation=[0.5 deg, 1.000001 deg, 0]",
-    ),
 }  # fmt: skip
 
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from numpy.testing import assert_allclose
-from worlds import SHAPES, VARIANT, VARIANTS, fits, matrices, named, one_world, seeds
+from worlds import SHAPES, VARIANT, fits, matrices, named, one_world, seeds
 
-from codes import Method
 from rmrc.law.bare import resolve_rates
 from rmrc.scenario.choices import Status
 from wording import says
@@ -134,7 +133,3 @@ def test_resolve_rates_refuses_what_it_cannot_resolve(arguments, message):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         resolve_rates(*arguments[:3], **dict(zip(("schedule",), arguments[3:], strict=False)))
     assert str(caught.value) == says(message)
-
-
-def test_every_method_and_schedule_runs_in_these_tests():
-    assert {variant.method for variant in VARIANTS} == set(Method)

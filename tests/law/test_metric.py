@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from numpy.testing import assert_allclose
+from scipy.optimize import lsq_linear
 
 from chains import random_chain, seeds
+from oracle_limits import bounds
 from project import ROOT, examples
 from rmrc.arm import load
 from rmrc.scenario import loads
@@ -107,6 +109,34 @@ def test_the_slope_of_w_is_that_of_the_arm_with_its_inertia(tmp_path, model):
     wished = 0.8 * np.linalg.solve(M, slope)
     assert np.abs(N @ wished).max() > 1e-3
     assert_allclose(run["qdot_cmd"][0], N @ wished, rtol=0, atol=1e-7 * np.abs(wished).max())
+
+
+FOLDED = (
+    f"arm={{model: {ROOT}/models/planar_3link.xml, start: [0, -20 deg, 159 deg]}}", "task.axes=[x, y]",
+    "target.path=[{line: {by: [-0.4, 0.1]}}]", "control.period=0.004",
+)  # fmt: skip
+
+
+def test_at_a_stop_rates_are_the_best_within_the_bounds_in_the_metric_of_the_arm():
+    lam = 0.2
+    prepared, run = first_tick(
+        *FOLDED, INERTIA, f"control.inverse.damping={{schedule: constant, maximum: {lam}}}", "control.limits.rate=1000",
+    )  # fmt: skip
+    limited, arm, K = run["status"] & 16 > 0, prepared.arm, prepared.scenario.control.feedback
+    assert np.count_nonzero(limited) > 20
+    zero, other = np.zeros(arm.n), 0
+    for t in np.flatnonzero(limited)[::5]:
+        A, M = task_matrices(prepared, run["q"][t])
+        asked = (run["twist_ref"][t] + K * run["pose_error"][t])[:2]
+        low, up, *_ = bounds(run["q"][t], zero, np.full(3, 1e3), np.full(3, np.inf), np.full(3, 10.0),
+                             arm.position_limit, 0.004)  # fmt: skip
+        for metric in (M, np.eye(3)):
+            root = np.linalg.cholesky(metric).T
+            best = lsq_linear(np.vstack([A, lam * root]), np.r_[asked, zero], (low, up + 1e-12), tol=1e-14).x
+            same = np.allclose(run["qdot_cmd"][t], best, rtol=0, atol=1e-6)
+            assert same or metric is not M
+            other += not same
+    assert other > 3  # negative control: in the metric of the joints others are the best
 
 
 def test_what_clamps_joint_by_joint_is_refused():
