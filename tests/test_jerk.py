@@ -15,6 +15,7 @@ from oracle_limits import least_way, ticks_to_rate
 from project import ROOT, examples
 from records import blank, put, resolve
 from rmrc.law import braking as stops
+from rmrc.law.jerk import remember
 from rmrc.scenario.choices import LIMITS, Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -104,21 +105,22 @@ class Joints:
             change_limit=self.acceleration * T, braking=np.minimum(each(braking), self.acceleration),
             rate_limit=self.rate, position_limit=self.ends,
         )  # fmt: skip
-        self.q, self.last, self.change, self.n = np.zeros(n), np.zeros(n), np.zeros(n), n
+        self.q, self.last, self.change, self.course, self.n = *np.zeros((4, n)), n
 
     def at(self, q, rate, change):
         """Put the joints into a state."""
-        self.q, self.last, self.change = (
-            np.broadcast_to(np.asarray(x, float), self.n).copy() for x in (q, rate, change)
-        )
+        self.q, self.last, self.change = (np.full(self.n, x, float) for x in (q, rate, change))
+        self.course = self.change
         return self
 
     def step(self, wish):
         """Return rates and status of a tick, and go on."""
-        put(self.world, q=self.q, qdot_cmd_last=self.last, change_last=self.change, course=self.change)
+        put(self.world, q=self.q, qdot_cmd_last=self.last, change_last=self.change, course=self.course)
         self.world["twist_cmd"][0, : self.n] = wish
         resolve(self.world, self.tick)
         sent = self.tick["qdot_cmd"][0, : self.n].copy()
+        remember.entry(8)(self.world.records.ctypes.data)
+        self.course = self.world["course"][0, : self.n].copy()
         self.change, self.last, self.q = sent - self.last, sent, self.q + T * sent
         return sent, Status(int(self.tick["status"][0]))
 
@@ -234,6 +236,12 @@ def test_position_and_rate_come_before_acceleration_and_that_before_jerk(
 def test_acceleration_and_jerk_give_way_to_a_limit_that_is_too_near():
     near = Joints(1, ends=[[-1.0], [1.0]], acceleration=20.0, rate=2.0).at(0.999, 1.0, 0.0)
     assert near.step(50.0)[1] & EXCEEDED == EXCEEDED
+    # of a stop in one tick no more goes on than braking and jerk allow
+    alone = Joints(1, ends=[[-1.0], [1.0]], rate=2.0).at(0.9999, 1.5, 0.0)
+    sent, _, status = alone.run([50.0] * 5)
+    assert (
+        status & Status.JERK_EXCEEDED and sent[0] < 0.2 and np.abs(np.diff(sent, axis=0)).max() < 2 * 10.0 * T
+    )
     # 1 rad/s² · 1 s²/2 away: jerk has to give way, and acceleration has not
     late = Joints(1, ends=[[-1.0], [1.0]], acceleration=20.0, rate=2.0, jerk=50.0).at(0.96, 1.0, 0.0)
     _, q, status = late.run([50.0] * 500)

@@ -58,10 +58,10 @@ def answer(world, tick, twist):
     return tick["qdot_cmd"][0, :n].copy(), span, world["drift"][0, :n].copy(), Status(int(tick["status"][0]))
 
 
-def solved(seed, **fields):
+def solved(seed, size=1.0, **fields):
     """Return a problem, the rates, their bounds and the drift; None where no limit is exceeded."""
     J, twist, lam, middle, half, wish = problem(seed)
-    rank = np.linalg.matrix_rank(J)
+    J, rank = size * J, np.linalg.matrix_rank(J)
     fields = {"nullspace_objective": 4, "nullspace_rates": wish, "rank": rank, **fields}
     y, span, drift, status = answer(*records(J, lam, middle, half, **fields), twist)
     return (J, twist, lam, y, *span, drift) if status & LIMITED else None
@@ -99,9 +99,9 @@ def excess_of_norm(J, twist, y, lower, upper, drift):
 
 
 @given(seeds)
-@examples(12, 150)
+@examples(80, 300)
 def test_rates_are_the_best_of_all_within_the_bounds(seed):
-    if (found := solved(seed)) is None:
+    if (found := solved(seed, (1.0, 0.1)[seed % 2])) is None:  # σ far above λ, and below it
         return
     J, twist, lam, y, lower, upper, drift = found
     assert np.all(y >= lower) and np.all(y <= upper)

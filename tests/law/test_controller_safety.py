@@ -101,6 +101,16 @@ def test_joints_are_brought_to_where_they_are_told_within_all_limits(law):
     assert np.isfinite(out.sigma).all() and out.path_rate == 1.0
 
 
+def test_a_joint_that_brakes_before_its_stop_is_named():
+    one, q, named = controller("jerk"), ARM.configuration("home")[ARM.wiring.qpos], set()
+    one.reset(q)
+    for _ in range(1200):
+        out = one.step(q, qdot_target=np.array([1.4, 0.0, 0.0]))
+        named.add(out.limited_by.get("position"))
+        q = q + PERIOD * out.qdot_cmd
+    assert named == {None, ("shoulder",)}
+
+
 # The watchdog -----------------------------------------------------------------------------------
 
 

@@ -113,16 +113,3 @@ def test_a_free_axis_of_the_site_has_no_error_and_the_others_are_its_tilt(free, 
     left = np.linalg.svd(body[rows])[2][-1]
     felt = body @ left
     assert np.abs(felt[rows]).max() < 1e-12 < abs(felt[3 + free])
-
-
-def test_the_error_of_a_second_task_is_along_its_own_site(simulate):
-    """Of a planar arm: the way that the tip has gone, along the y of the tip as it is turned now."""
-    _, run = simulate(
-        "arm.model=models/planar_3link.xml", "arm.start=[0.4, -0.8, 0.3]", "plant.kind=ideal", "task.axes=[x]",
-        "target.path=[{line: {by: [0.2, 0.0]}}]", "control.inverse.method=pseudoinverse", "control.limits.on_excess=none",
-        "control.nullspace={objective: secondary, secondary: {axes: [y], frame: site}}",
-    )  # fmt: skip
-    angle, away = run["q"].sum(axis=1), run["pose"][:, :3] - run["pose"][0, :3]
-    along_y = -np.sin(angle) * away[:, 0] + np.cos(angle) * away[:, 1]
-    assert_allclose(run["secondary_error"], np.abs(along_y), rtol=0, atol=1e-9)
-    assert np.abs(away[:, 1]).max() > 1e-3  # negative control: along the world's y it would have had to stay
