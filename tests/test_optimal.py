@@ -98,17 +98,18 @@ def excess_of_norm(J, twist, y, lower, upper, drift):
     return found.fun
 
 
-@given(seeds)
-@examples(80, 300)
-def test_rates_are_the_best_of_all_within_the_bounds(seed):
-    if (found := solved(seed, (1.0, 0.1)[seed % 2])) is None:  # σ far above λ, and below it
-        return
-    J, twist, lam, y, lower, upper, drift = found
-    assert np.all(y >= lower) and np.all(y <= upper)
-    assert violation(*found) <= 1.0
-    if lam == 0.0:
-        # the linear program is feasible to 1e-7
-        assert excess_of_norm(J, twist, y, lower, upper, drift) <= 1e-6
+@pytest.mark.parametrize("size", [1.0, 0.1])
+def test_rates_are_the_best_of_all_within_the_bounds(size):
+    """With singular values far above the damping, and below it, where the slopes at bounds depend on it."""
+    for seed in range(150):
+        if (case := solved(seed, size)) is None:
+            continue
+        J, twist, lam, y, lower, upper, drift = case
+        assert np.all(y >= lower) and np.all(y <= upper)
+        assert violation(*case) <= 1.0, seed
+        if lam == 0.0:
+            # the linear program is feasible to 1e-7
+            assert excess_of_norm(J, twist, y, lower, upper, drift) <= 1e-6, seed
 
 
 @pytest.mark.parametrize("other", [OnExcess.SCALE, OnExcess.CLAMP])
