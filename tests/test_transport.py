@@ -1,6 +1,5 @@
 """What is between the command and the plant, against queues, exponentials, roots and the law of large numbers."""
 
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
