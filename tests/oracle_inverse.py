@@ -94,11 +94,6 @@ def generalized_inverse(
     return G / np.sqrt(wq)[:, None] * np.sqrt(wx)
 
 
-def resolve(J, v, wx, wq, method, tolerance=1e-6, lam=0.0, **parameters):
-    """Return weighted resolved rates of one task: the first term of (6)."""
-    return generalized_inverse(J, v, wx, wq, method, tolerance, lam, **parameters) @ v
-
-
 def filtered_inverse(A, squares):
     """Return Σ σ/(σ² + λ²) v uᵀ with λ² = squares(σ)."""
     u, sigma, vt = np.linalg.svd(A, full_matrices=False)

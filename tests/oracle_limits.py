@@ -1,7 +1,5 @@
 """The limits and the pace along the path, for the oracle: plain numpy, each function one equation of the theory."""
 
-import itertools
-
 import numpy as np
 from scipy.optimize import linprog, nnls
 
@@ -138,57 +136,6 @@ def held_at_stops(start, drift, lower, upper, resolve, pull):
             break
         side[j], fade[j], freed[j] = 0.0, 1.0, True
     return x
-
-
-def best_within(A, task, lam, wish, lower, upper):
-    """Return y within bounds with the least ‖task − A y‖² + λ² ‖y − wish‖²; for λ = 0 the second part decides ties.
-
-    By looking at each choice of who is at which bound: what the others would do without bounds, where that is within.
-    """
-    m, n = A.shape
-    best, least = None, (np.inf, np.inf)
-    for sides in itertools.product((0, -1, 1), repeat=n):
-        y = np.select([np.equal(sides, -1), np.equal(sides, 1)], [lower, upper], wish)
-        free = np.equal(sides, 0)
-        if not np.all(np.isfinite(y)):
-            continue
-        stacked = np.vstack([A[:, free], lam * np.eye(n)[:, free]])
-        # without damping the least squares of the least norm
-        y[free] += np.linalg.lstsq(stacked, np.append(task - A @ y, lam * (wish - y)), rcond=1e-12)[0]
-        if np.any(y < lower - 1e-9) or np.any(y > upper + 1e-9):
-            continue
-        missing, moved = np.sum((task - A @ y) ** 2), np.sum((y - wish) ** 2)
-        cost = missing + lam**2 * moved
-        tie = 0.0 if lam else 1e-16 * (1 + task @ task)
-        if cost < least[0] - tie or (cost <= least[0] + tie and moved < least[1]):
-            best, least = np.clip(y, lower, upper), (min(cost, least[0]), moved)
-    return best
-
-
-def largest_share(A, task, wish, lower, upper):
-    """Return the largest s in [0, 1] for which some y within bounds has A y = s · task; -1 if there is none.
-
-    The largest is taken at a corner: where all but as many as A has rows are at bounds, s among them. Rows that
-    depend on others do not count.
-    """
-    if np.abs(A @ (found := best_within(A, task, 0.0, wish, lower, upper)) - task).max() <= 1e-9:
-        return 1.0, found
-    u, sigma, _ = np.linalg.svd(np.column_stack([A, task]), full_matrices=False)
-    span = u[:, sigma > 1e-12 * sigma[0]].T
-    A, task = span @ A, span @ task
-    (m, n), most, best = A.shape, -1.0, None
-    for free in itertools.combinations(range(n), m - 1):
-        held = [j for j in range(n) if j not in free]
-        for ends in itertools.product(*zip(lower[held], upper[held], strict=True)):
-            y = np.zeros(n)
-            y[held] = ends
-            corner = np.column_stack([A[:, free], -task])
-            if np.linalg.cond(corner) > 1e12:
-                continue  # an edge, whose ends are corners of other joints
-            *y[list(free)], s = np.linalg.solve(corner, -A @ y)
-            if np.all(y >= lower - 1e-12) and np.all(y <= upper + 1e-12) and 0 <= s <= 1 and s > most:
-                most, best = s, y
-    return (most, best_within(A, most * task, 0.0, wish, lower, upper)) if best is not None else (-1.0, None)
 
 
 def bounding(a, b, lower, upper, free):

@@ -2,11 +2,10 @@
 
 Nothing here shares code with the compiled law: rotations are scipy's, the Jacobian is `mj_jacSite`, gradients are
 differences, and the physics is stepped on one `MjData`; the inverses are in `oracle_inverse`, the limits and the
-pace in `oracle_limits`, a bounded jerk in `oracle_jerk`.
+pace in `oracle_limits`. Bounded jerk and the solvers of `optimal`, `sns` and `reverse_priority` have tests of their own.
 """
 
 import copy
-import functools
 import math
 
 import mujoco
@@ -19,20 +18,16 @@ from oracle_inverse import (
     damping,
     generalized_inverse,
     projector,
-    resolve,
     scaled_jacobian,
     scaling,
     second_inverse,
 )
-from oracle_jerk import Easing
 from oracle_limits import (
-    best_within,
     bounds,
     fastest_pace,
     held_at_stops,
     held_off,
     kept_out,
-    largest_share,
     next_pace,
     redistributed,
     slowed_change,
@@ -40,18 +35,6 @@ from oracle_limits import (
 from oracle_sensing import Sensing, true_model
 from oracle_way import Way
 from rmrc.scenario.choices import Status
-
-__all__ = [
-    "AXES",
-    "Kinematics",
-    "NumpyLoop",
-    "damping",
-    "generalized_inverse",
-    "known_model",
-    "projector",
-    "resolve",
-    "scaling",
-]
 
 
 def known_model(prepared):
@@ -172,10 +155,6 @@ class NumpyLoop:
         anywhere = np.tile([-np.inf, np.inf], (n, 1))
         self.position = self.arm.position_limit if limits.position else anywhere
         self.deceleration = np.minimum(limits.braking, self.acceleration)
-        self.easing = None if limits.jerk is None else Easing(
-            n, limits.jerk, self.acceleration, self.deceleration, self.rate, self.position, control.period,
-            limits.on_excess == "clamp" or (limits.on_excess == "optimal" and not limits.keep_direction),
-        )  # fmt: skip
         self.start = prepared.qpos[self.qpos] - np.array(self.scenario.plant.joint_offset)
         self.sensing = Sensing(self.scenario, n)
         if control.nullspace.objective == "secondary":
@@ -232,8 +211,6 @@ class NumpyLoop:
         q = data.qpos[self.qpos].copy()
         self.kinematics.data.qpos[:] = data.qpos  # joints beside the arm move as well
         believed, rate = self.sensing(q, qdot, self.last)
-        if self.easing:
-            self.easing.watch(rate)
         row = self.law(believed)
         row |= {"q": q, "q_believed": believed, "qdot": qdot, "tau": tau}
         self.truth.data.qpos[:] = data.qpos
@@ -250,13 +227,11 @@ class NumpyLoop:
                 assert not others, "no oracle but for rate servos: write it here"
                 data.ctrl[self.ctrl] = cmd
             else:
-                data.ctrl[self.ctrl] = self.servo(cmd) if plant.kind == "servo" else self.torque(cmd, rate)
+                data.ctrl[self.ctrl] = cmd if plant.kind == "servo" else self.torque(cmd, rate)
             mujoco.mj_step2(model, data)
             for _ in range(self.substeps - 1):
                 mujoco.mj_step(model, data)
         self.last, self.told = row["qdot_cmd"], cmd
-        if self.easing:
-            self.easing.remember(self.last)
         return row
 
     def push(self):
@@ -273,61 +248,10 @@ class NumpyLoop:
         mujoco.mj_forward(self.known, known)
         M = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.known, known, M)
-        qddot = (cmd - self.told) / self.scenario.control.period
         fastest = min(500.0, 1.0 / self.scenario.control.period)
+        qddot = (cmd - self.told) / self.scenario.control.period
         qddot = qddot + (self.scenario.plant.bandwidth or fastest) * (cmd - qdot)
-        bias = known.qfrc_bias - known.qfrc_passive
-        tau = M[np.ix_(self.dof, self.dof)] @ qddot + bias[self.dof]
-        if self.scenario.plant.friction_compensation:
-            own = np.diag(M)[self.dof]
-            felt = self.felt_inertia(own)
-            tau += (felt - own) * qddot + self.friction(felt / own * qddot, qdot)
-        free = self.freed()
-        if len(free):  # M_uu of them and what implicit damping adds: they give way
-            felt = M[np.ix_(free, free)] + np.diag(self.known.opt.timestep * self.known.dof_damping[free])
-            way = np.linalg.solve(felt, -bias[free] - M[np.ix_(free, self.dof)] @ qddot)
-            tau += M[np.ix_(self.dof, free)] @ way
-        return tau
-
-    def servo(self, cmd):
-        """Return the rates that servos are told: those that are sent, and what resists these over the gain."""
-        if not self.scenario.plant.friction_compensation:
-            return cmd
-        damping = self.known.dof_damping[self.dof] * cmd
-        return (
-            cmd
-            + (damping + self.friction(np.zeros(self.arm.n), cmd)) / self.model.actuator_gainprm[self.ctrl, 0]
-        )
-
-    def friction(self, acceleration, rate):
-        """Return dry friction by the manual's formulas of constraints: impedance, regularization, reference."""
-        model, force = self.known, np.zeros(self.arm.n)
-        for j, dof in enumerate(self.dof):
-            if loss := model.dof_frictionloss[dof]:
-                dmin, dmax = model.dof_solimp[dof, :2]
-                R = (1 - dmin) / dmin * model.dof_invweight0[dof]
-                b = 2 / (dmax * max(model.dof_solref[dof, 0], 2 * model.opt.timestep))
-                force[j] = np.clip((acceleration[j] + b * rate[j]) / R, -loss, loss)
-        return force
-
-    def felt_inertia(self, own):
-        """Return torque over acceleration, by what a torque of 1 does in the implicit steps of a period."""
-        step, d, rate = self.known.opt.timestep, self.known.dof_damping[self.dof], np.zeros(self.arm.n)
-        for _ in range(self.substeps):
-            rate = (own * rate + step) / (own + step * d)
-        return self.substeps * step / rate
-
-    def freed(self):
-        """Return the degrees of freedom of the arm's tree that are not its own and that nothing drives."""
-        model = self.model
-        if self.scenario.arm.others == "hold":
-            return []
-        pulled = model.actuator_trnid[:, 0].tolist()
-        root = model.body_rootid[model.site_bodyid[self.site]]
-        return [
-            dof for dof, joint in enumerate(model.dof_jntid)
-            if joint not in pulled and model.body_rootid[model.dof_bodyid[dof]] == root
-        ]  # fmt: skip
+        return M[np.ix_(self.dof, self.dof)] @ qddot + (known.qfrc_bias - known.qfrc_passive)[self.dof]
 
     def law(self, q):
         """Return the row of a tick: (3), inverse, null space, pace, stop, limits."""
@@ -371,11 +295,7 @@ class NumpyLoop:
         v, drift, self.beside = v + J @ beside, drift + beside, bool(beside.any())
         cmd, limited = self.limit(q, J, v, lam, drift, rates)
         if barrier:
-            held = (
-                cmd
-                if self.easing
-                else held_off(barrier[0], lowest, cmd, self.last, self.acceleration * control.period)
-            )
+            held = held_off(barrier[0], lowest, cmd, self.last, self.acceleration * control.period)
             status |= Status.KEPT_OUT * bool(beside.any() or np.any(held != cmd))
             cmd = held
         status |= Status.STUCK * self.stands(self.pace * twist_ref[self.rows], v, J @ cmd, status)
@@ -585,143 +505,46 @@ class NumpyLoop:
         return self.still > 0.2
 
     def limit(self, q, J, v, lam, drift, rates):
-        """Return rates within the limits (21) to (24), eased (119) to (124), and which limits can have changed them."""
-        if self.scenario.control.limits.on_excess == "none":
-            return rates, Status.OK
-        if self.easing and self.easing.lets_pass(q, rates):
-            self.easing.look_back(q, rates, rates)
-            return rates, Status.OK
-        span = self.bounds(q, self.position)
-        cmd, limited = self.confine(J, v, lam, drift, rates, span)
-        if self.easing:
-            between = functools.partial(self.best_between, J, v, lam, drift) if self.chooses_best else None
-            cmd, is_held = self.easing.ease(q, cmd, *span[:2], between)
-            limited |= Status.ACCELERATION_LIMITED * bool(np.isfinite(self.acceleration).any())
-            limited |= Status.POSITION_LIMITED * is_held
-        return cmd, limited
-
-    def bounds(self, q, position):
-        """Return rest_lo, rest_up, lower and upper; where changes are eased, acceleration has no part in them."""
-        if self.easing:
-            return 2 * self.easing.rest_bounds(q, position)
-        period = self.scenario.control.period
-        return bounds(q, self.last, self.rate, self.acceleration, self.deceleration, position, period)
-
-    def confine(self, J, v, lam, drift, rates, span):
-        """Return rates within their bounds by what the scenario chooses, and which of the limits can have changed them."""
+        """Return rates within the limits (21) to (24), and which limits can have changed them."""
         limits, period = self.scenario.control.limits, self.scenario.control.period
-        rest_lo, rest_up, lower, upper = span
-        acceleration = np.full(len(rates), np.inf) if self.easing else self.acceleration
-        redistributes = limits.on_excess == "redistribute" or (
-            limits.on_excess == "optimal" and limits.keep_direction
+        how = limits.on_excess
+        if how == "none":
+            return rates, Status.OK
+        assert how in ("scale", "clamp", "redistribute") and limits.jerk is None, (
+            f"no oracle for {how}, or jerk"
         )
-        scaled = lambda J: scaled_jacobian(J, self.wx, self.wq)  # noqa: E731
-        S_q = 1 / np.sqrt(self.wq)
+        about = self.last, self.rate, self.acceleration, self.deceleration
+        rest_lo, rest_up, lower, upper = bounds(q, *about, self.position, period)
         near_stop = bool(np.any(np.minimum(rest_up, -rest_lo) < self.rate))
         # what a joint at its stop leaves to the others may be too fast for them
-        excess = (
-            limits.on_excess in ("redistribute", "optimal", "sns", "reverse_priority")
-            or near_stop
-            or np.any(np.abs(rates) > (1 - 1e-9) * self.rate)
-        )
+        excess = how == "redistribute" or near_stop or np.any(np.abs(rates) > (1 - 1e-9) * self.rate)
         limited = Status.RATE_LIMITED * bool(excess and np.isfinite(self.rate).any())
-        limited |= Status.ACCELERATION_LIMITED * bool(np.isfinite(acceleration).any())
+        limited |= Status.ACCELERATION_LIMITED * bool(np.isfinite(self.acceleration).any())
         limited |= Status.POSITION_LIMITED * near_stop
-        clipped, is_free = (
-            np.clip(rates, lower, upper),
-            limits.on_excess == "optimal" and not limits.keep_direction,
-        )
-        chosen = self.within_all(J, v, lam, drift, rates, span)
-        if chosen is not None:
-            return chosen, limited
-        if limits.on_excess == "clamp" or is_free:
-            return clipped, limited
-        assert limits.on_excess in ("scale", "redistribute", "optimal", "sns"), (
-            f"no oracle for {limits.on_excess}: write it here"
-        )
-        share = min(1.0, np.min(self.rate[rates != 0] / np.abs(rates[rates != 0]), initial=1.0))
-        cmd, wish, low, up = share * rates, share * drift, rest_lo, rest_up
-        if redistributes:
-            low, up = lower, upper
-            wide = self.bounds(0.0 * rates, np.tile([-np.inf, np.inf], (len(rates), 1)))[2:]
-            within = wide if not self.beside else (lower, upper)
+        if how == "clamp":
+            return np.clip(rates, lower, upper), limited
+        cmd, share, wish = None, 1.0, drift
+        if how == "redistribute":
+            wide = bounds(0.0 * q, *about, np.tile([-np.inf, np.inf], (len(q), 1)), period)[2:]
+            within = (lower, upper) if self.beside else wide
             if np.all((within[0] <= rates) & (rates <= within[1])):
-                # qdot(1), with the gains from before pace and stop changed the command
-                cmd, given = rates, 1.0
-            elif limits.on_excess == "optimal":
-                given, found = largest_share(
-                    scaled(J), scaled(J) @ (rates / S_q), drift / S_q, *(wide[:2] / S_q)
-                )
-                cmd = None if found is None else S_q * found
+                cmd = rates  # qdot(1), with the gains from before pace and stop changed the command
             else:
-                cmd, given = redistributed(J, v, drift, *wide, scaled, lambda J: self.inverse(J, v, lam))
-            if cmd is not None:
-                share, wish = given, drift
-            else:
-                redistributes, cmd, low, up = False, share * rates, rest_lo, rest_up
+                scaled = lambda J: scaled_jacobian(J, self.wx, self.wq)  # noqa: E731
+                cmd, share = redistributed(J, v, drift, *wide, scaled, lambda J: self.inverse(J, v, lam))
+        redistributes, low, up = cmd is not None, lower, upper
+        if not redistributes:
+            share = min(1.0, np.min(self.rate[rates != 0] / np.abs(rates[rates != 0]), initial=1.0))
+            cmd, wish, low, up = share * rates, share * drift, rest_lo, rest_up
         beyond = np.abs(cmd - np.clip(cmd, low, up))
         if np.any(beyond > 1e-12 * np.abs(cmd)):
             fast = np.minimum(self.rate, np.max(np.abs(cmd) * np.sqrt(self.wq)) / np.sqrt(self.wq))
             back = share + (1 - share) * min(1.0, np.max(beyond / fast))
-            if not redistributes:
-                wish = back * drift
-            share = back
-            cmd = self.give_way(J, share * v, lam, wish, cmd, low, up)
+            wish = wish if redistributes else back * drift
+            cmd = self.give_way(J, back * v, lam, wish, cmd, low, up)
         if redistributes:
             return np.clip(cmd, lower, upper), limited
-        return slowed_change(cmd, self.last, acceleration * period, lower, upper), limited
-
-    @property
-    def chooses_best(self):
-        """Whether the best rates for the task are taken, whatever their direction, and not those nearest to the inverse's."""
-        limits, method = self.scenario.control.limits, self.scenario.control.inverse.method
-        return limits.on_excess == "optimal" and not limits.keep_direction and method == "damped"
-
-    def best_between(self, J, v, lam, drift, one, other):
-        """Return the best of all rates between two."""
-        return self.best(J, v, lam, drift, np.minimum(one, other), np.maximum(one, other))
-
-    def best(self, J, v, lam, drift, lower, upper):
-        """Return the rates within bounds that are best for a task."""
-        scaled, S_q = scaled_jacobian(J, self.wx, self.wq), 1 / np.sqrt(self.wq)
-        rates = S_q * best_within(scaled, np.sqrt(self.wx) * v, lam, drift / S_q, lower / S_q, upper / S_q)
-        for bound in (lower, upper):  # which easing asks for to the bit
-            rates = np.where(np.abs(rates - bound) <= 1e-13, bound, rates)
-        return rates
-
-    def within_all(self, J, v, lam, drift, rates, span):
-        """Return what some choices make of rates by all bounds alike; None where they do not."""
-        how, S_q, (lower, upper) = self.scenario.control.limits.on_excess, 1 / np.sqrt(self.wq), span[2:]
-        if how == "reverse_priority":
-            return self.limits_first(J, v, lam, drift, rates, span[:2], lower, upper)
-        if np.all(np.clip(rates, lower, upper) == rates):
-            return None
-        if self.chooses_best:
-            return self.best(J, v, lam, drift, lower, upper)
-        if how == "sns":
-            A = scaled_jacobian(J, self.wx, self.wq)
-            _, found = largest_share(A, A @ (rates / S_q), drift / S_q, lower / S_q, upper / S_q)
-            return None if found is None else S_q * found
-        return None
-
-    def limits_first(self, J, v, lam, drift, start, rest, lower, upper):
-        """Return rates of which those beyond their bounds are put at them, one by one, and the others do the rest."""
-        resolve = self.resolver(J, v, lam)
-        held, x, fade = np.zeros(len(start), bool), start.copy(), np.ones(len(start))
-        while (j := self.farthest(x, held, *rest)) is not None or (
-            j := self.farthest(x, held, lower, upper)
-        ) is not None:
-            bound = np.clip(x[j], lower[j], upper[j])
-            fade[j] = abs(bound / x[j]) if abs(bound) < abs(x[j]) else 1.0
-            held[j], x[j] = True, bound
-            x = np.where(held, x, resolve(held, np.where(held, x, drift), fade)[0])
-        return np.clip(x, lower, upper)
-
-    def farthest(self, x, held, lower, upper):
-        """Return the joint, of those not held, that is farthest beyond its bounds, in its scale; None if none is."""
-        beyond = np.where(held, 0.0, np.abs(x - np.clip(x, lower, upper)))
-        beyond = np.where(beyond > 1e-12 * np.abs(x), beyond * np.sqrt(self.wq), 0.0)
-        return int(np.argmax(beyond)) if beyond.any() else None
+        return slowed_change(cmd, self.last, self.acceleration * period, lower, upper), limited
 
     def give_way(self, J, v, lam, drift, start, lower, upper):
         """Return rates within bounds that do what they can of a task."""

@@ -1,14 +1,10 @@
 """Any control rate: every plant takes a whole number of MuJoCo's steps per period, and says which."""
 
-import json
-import math
-
 import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-import rmrc
 from project import ROOT
 from rmrc.scenario import load
 from rmrc.simulation.prepare import prepare
@@ -68,28 +64,3 @@ def test_other_plants_follow_the_path_at_any_rate(kind, period):
         # a longer period holds each torque for longer: a rate error of 1 may become no less than 0 at its end
         assert prepared.plant.bandwidth == (1 / seconds if seconds > 0.002 else 500)
     assert run.scorecard["position_error.end"].value < 0.02 * np.ptp(run["pose_ref"][:, :2])
-
-
-def test_a_sweep_varies_the_rate_and_a_file_tells_the_step(tmp_path):
-    scenario = line("0.001", "servo", "target.path=[{line: {by: [0.02, 0]}}]").scenario
-    periods = ["30 Hz", 0.0166, "1/300"]
-    rows = rmrc.sweep(scenario, {"control.period": periods})
-    assert set(rows["status"].to_pylist()) == {"complete"}
-    ticks = [len(rmrc.run(scenario.set({"control.period": period}))) for period in periods]
-    assert rows["ticks"].to_pylist() == ticks and ticks[2] > 4 * ticks[1] / 1.1 > 4 * ticks[0] / 2.2
-    rmrc.run(scenario.set({"control.period": "60 Hz"}), out=tmp_path, record=False)
-    (file,) = tmp_path.glob("*.json")
-    facts = json.loads(file.read_text())
-    assert [one for one in facts["assumed"] if one == says(f"timestep {1 / 60 / 17:g} s … {1 / 60:g} s")]
-    assert facts["scenario"]["control"]["period"] == 1 / 60
-
-
-@pytest.mark.parametrize("period", [1e8, 1e308])
-def test_a_period_of_more_steps_than_a_run_may_have_is_refused(period):
-    still = f"control.period={period:.1e}", "target.path=[{hold: {for: 1}}]"
-    with pytest.raises(rmrc.ScenarioError) as caught:
-        line("0.001", "servo", *still)
-    assert any(
-        str(one) == says("--set plant.timestep: makes up to … steps of …") for one in caught.value.problems
-    )
-    assert math.isfinite(period)

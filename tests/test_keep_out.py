@@ -1,12 +1,8 @@
 """What keeping out of singularities, and following the kernel of [J | −t] through them, promise of whole runs."""
 
-import itertools
-
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
 
-from project import mostly_long
 from rmrc.scenario.choices import Status
 from test_policies import BEYOND, COARSE, PLAIN, START, error_norms, has, wrist
 
@@ -61,8 +57,11 @@ ARMS = {
 
 @pytest.mark.parametrize(
     ("arm", "on_excess"),
-    mostly_long([*itertools.product(ARMS, ["scale", "clamp", "redistribute", "none"])], 9),
-)
+    [
+        ("2-link", "scale"), ("2-link, quickly", "none"), ("wrist", "redistribute"), ("wrist, damped", "clamp"),
+        ("xarm7", "scale"),
+    ],
+)  # fmt: skip
 def test_the_smallest_singular_value_stays_above_its_floor(simulate, arm, on_excess):
     overrides = *ARMS[arm], f"control.limits.on_excess={on_excess}"
     prepared, run = simulate(*overrides)
@@ -84,7 +83,7 @@ def test_it_comes_back_and_waits_without_being_stuck(simulate):
     assert np.abs(run["pose_error"][:, 0]).max() > 0.1 > 20 * np.abs(run["pose_error"][:, 1]).max()
 
 
-@pytest.mark.parametrize("approach", [2.0, 10.0])
+@pytest.mark.parametrize("approach", [10.0])
 def test_it_takes_the_least_from_the_rates_and_nothing_far_away(simulate, approach):
     # Along a circle around the base nothing is lost; of a line outwards only what brings σ down too fast.
     prepared, run = simulate(
@@ -106,43 +105,12 @@ def test_it_takes_the_least_from_the_rates_and_nothing_far_away(simulate, approa
         assert has(run, Status.KEPT_OUT)[t] == (short > 0) or abs(short) < 1e-6
 
 
-def test_far_from_its_floor_it_changes_no_bit(simulate):
-    _, damp = simulate("plant.kind=ideal")
-    _, kept = simulate("plant.kind=ideal", KEEP_OUT, "control.keep_out.approach=50")
-    for name, column in damp.columns.items():
-        assert_array_equal(kept[name], column, err_msg=name)
-
-
-def test_its_rates_have_no_jumps(simulate):
-    # Half the period, half the largest change from tick to tick: rates are continuous in time, with a kink where the
-    # bound begins to act.
-    changes = [
-        np.abs(np.diff(simulate(*OUT, f"control.period={period}")[1]["qdot_cmd"], axis=0)).max()
-        for period in (0.002, 0.001)
-    ]
-    assert changes[1] < 0.6 * changes[0]
-
-
 def test_below_its_floor_an_arm_is_brought_back(simulate):
     hold = "target.path=[{hold: {for: 1.5}}]"
     prepared, run = simulate("arm.start=[2 deg, -4 deg]", *COARSE, hold, "plant.kind=ideal", KEEP_OUT)
     sigma = run["sigma"][:, -1]
     assert sigma[0] < 0.04 and np.all(np.diff(sigma) > -1e-6) and sigma[-1] > 0.09
     assert np.diff(sigma).max() / run.period <= 5.0 * 0.1  # no faster than by α times the floor
-
-
-@pytest.mark.parametrize("floor", [0.95, 0.9995])
-def test_where_singular_values_are_equal_none_of_them_passes_the_floor_by_more_than_a_tick(simulate, floor):
-    # A wrist whose axes are square to each other: all σ are 1, to the bit, and have no slopes of their own.
-    _, run = simulate(
-        "arm={model: models/spherical_wrist.xml, start: [0.2, 90 deg, 0.3]}", "task.axes=[rx, ry, rz]", *COARSE,
-        "target.path=[{turn: {axis: x, angle: 40 deg}}, {turn: {axis: x, angle: -40 deg}}]",
-        "plant.kind=ideal", KEEP_OUT, f"control.keep_out.sigma={floor}",
-    )  # fmt: skip
-    sigma = run["sigma"]
-    assert np.ptp(sigma[0]) < 1e-12 and np.any(has(run, Status.KEPT_OUT))
-    # a slope of at most 1 for each joint
-    assert sigma.min() > floor - np.abs(run["qdot_cmd"]).sum(axis=1).max() * run.period
 
 
 # Along the kernel ---------------------------------------------------------------------------------------------
@@ -158,9 +126,7 @@ def tangent(prepared, run):
     return np.abs(off).max()
 
 
-@pytest.mark.parametrize(
-    ("offset", "method"), mostly_long([*itertools.product(["1 deg", "0.1 deg"], ["inverse", "damped"])], 3)
-)
+@pytest.mark.parametrize(("offset", "method"), [("1 deg", "inverse"), ("0.1 deg", "damped")])
 def test_along_the_kernel_the_tip_is_on_the_tangent_and_rates_are_within_their_limits(
     simulate, offset, method
 ):
@@ -180,54 +146,8 @@ def test_along_the_kernel_the_tip_is_on_the_tangent_and_rates_are_within_their_l
     assert tangent(prepared, free) > 1e-3 or np.any(np.abs(free["qdot_cmd"]) > 3 * prepared.arm.rate_limit)
 
 
-def test_a_wrist_that_starts_singular_turns_until_the_tangent_is_within_reach_and_goes_on(simulate):
-    # At θ_5 = 0 the tangent is lost: joints 4 and 6 turn against each other, and the path waits for them.
-    start = "arm.start=[0, 90 deg, 0.7, 0, 0, 0]"
-    path = "target.path=[{turn: {axis: x, angle: 20 deg}}]"
-    over = "plant.kind=ideal", start, path
-    prepared, run = simulate(*wrist("1 deg", KERNEL), *over)
-    assert run["sigma"][0, -1] < 1e-12 and run.is_complete
-    assert np.all(np.abs(run["qdot_cmd"]) <= prepared.arm.rate_limit)
-    assert error_norms(run)[1][-1] < 1e-3
-
-
 def test_beyond_reach_it_waits_goes_on_and_comes_back(simulate):
     _, run = simulate(START, *COARSE, BEYOND, "plant.kind=ideal", KERNEL, "control.slow.patience=0.5")
     waits = run["path_rate"] < 1e-3
     assert np.count_nonzero(waits) * run.period == pytest.approx(0.5, abs=0.15)
     assert error_norms(run)[0][-1] < 0.002 and run.is_complete
-
-
-CROSSED = """
-<mujoco>
-  <option timestep="0.002"/>
-  <worldbody>
-    <body quat="0.7071067811865476 0 0 0.7071067811865476">
-      <joint name="across" type="slide" axis="1 0 0"/>
-      <geom size="0.05" mass="1"/>
-      <body quat="0.7071067811865476 0 0 -0.7071067811865476">
-        <joint name="along" type="slide" axis="1 0 0"/>
-        <geom size="0.05" mass="1"/>
-        <site name="tip"/>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
-
-
-@pytest.mark.parametrize("wish", [2, -2])
-def test_a_joint_that_moves_the_tip_along_its_path_by_rounding_alone_does_not_hold_it(
-    simulate, tmp_path, wish
-):
-    # The null space wants 2 m/s of a slide across the path, whose limit is 1 m/s.
-    (tmp_path / "crossed.xml").write_text(CROSSED)
-    prepared, run = simulate(
-        f"arm={{model: {tmp_path / 'crossed.xml'}, site: tip, start: [0, 0]}}", "task.axes=[x]", KERNEL,
-        "plant.kind=ideal", "control.limits={rate: 1, acceleration: null}", "target.path=[{line: {by: [0.1, 0, 0]}}]",
-        f"control.nullspace={{objective: rates, rates: [{wish}, 0]}}",
-    )  # fmt: skip
-    across, along = prepared.arm.jacobian(run["q"][0])[0]
-    assert 0 < abs(across) < 1e-15 < along
-    assert run.is_complete and np.all(run["path_rate"] == 1.0)
-    assert np.all(run["qdot_cmd"][:, 0] == np.sign(wish))

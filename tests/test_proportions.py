@@ -8,12 +8,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from project import ROOT
-from rmrc import Controller, load
+from rmrc import Controller
 from rmrc.analysis.check.check import check
 from rmrc.analysis.inspect.inspection import inspect
 from rmrc.analysis.scaling import scales
 from rmrc.arm import load as load_arm
-from rmrc.arm import load_model
 from rmrc.arm.geometry import damping_maximum
 from rmrc.law.task import choose
 from rmrc.scenario import loads
@@ -99,24 +98,6 @@ def test_a_larger_arm_has_a_larger_length_and_the_same_damping(factor):
     assert_allclose(numbers(other)[1:], np.multiply(factor, numbers(whole)[1:]), rtol=1e-12)
 
 
-def test_the_largest_damping_is_the_least_with_which_no_gain_exceeds_that_at_its_threshold():
-    def largest(below, maximum):
-        sigma = np.linspace(1e-4, 2.0, 20001) * below
-        damping = maximum * np.sqrt(np.clip(1.0 - (sigma / below) ** 2, 0.0, None))
-        return (sigma / (sigma**2 + damping**2)).max() * below
-
-    for below in (0.3, 0.061, 1.7, 4e-5):
-        assert largest(below, damping_maximum(below)) <= 1.0 + 1e-12
-        assert largest(below, 0.95 * below / math.sqrt(2)) > 1.0  # negative control: there is no less
-
-
-def test_the_weights_of_task_and_joints_count():
-    arm, weights, heavy = load_model(chain(), "tool"), [4, 1, 1, 1, 9, 1], [1, 2, 3, 4, 5, 6]
-    one = Controller(arm, control={"joint_weights": heavy}, task={"axes": AXES, "weights": weights})
-    usual = rule(jacobians(arm, arm.proportions.q), range(6), weights, heavy)[1]
-    assert numbers(one)[1] == float(f"{usual / 3:.2g}")
-
-
 # Its users ----------------------------------------------------------------------------------------
 
 
@@ -158,50 +139,3 @@ def test_what_is_given_stays_and_the_others_follow():
     )
     inverse = {"inverse": {"method": "pseudoinverse"}}
     assert Controller(path, "tool", inverse, task={"length": 1}).assumed == ()  # it reads none of them
-
-
-# Arms at the edge ---------------------------------------------------------------------------------
-
-
-def test_rows_that_an_arm_never_moves_do_not_count():
-    """All six rows of a planar arm: σ_min is always 0, and the numbers are those of the rows that it moves."""
-    path = ROOT / "models/planar_3link.xml"
-    six, three = (Controller(path, task={"axes": axes}) for axes in (AXES, ("x", "y", "rz")))
-    assert numbers(six) == numbers(three)
-
-
-@pytest.mark.parametrize("name", ["telescope", "mimic"])
-def test_a_joint_with_followers_counts_with_all_that_it_moves(name):
-    """By differences of the site's position, with the followers where MuJoCo's equalities put them."""
-    arm = load_arm(ROOT / f"tests/models/{name}.xml")
-    steps = 1e-6 * np.eye(arm.n)[~arm.is_slide]
-    moved = [[arm.pose(q + step)[:3] - arm.pose(q - step)[:3] for step in steps] for q in arm.proportions.q]
-    distance = math.sqrt(np.mean(np.sum(np.square(moved), axis=2))) / 2e-6
-    assert arm.proportions.distance == float(f"{distance:.2g}")
-
-
-def test_a_joint_without_a_range_is_a_circle():
-    model = chain()
-    model.jnt_limited[:3] = 0
-    arm = load_model(model, "tool")
-    width = np.radians([360] * 3 + [340] * 3)
-    assert_allclose(np.subtract(*arm.span[::-1]), width)
-    assert (np.ptp(arm.proportions.q, axis=0) > 0.95 * width).all()
-
-
-def test_a_site_that_the_joints_do_not_move_leaves_the_stated_numbers_and_says_so():
-    model = mujoco.MjModel.from_xml_string(
-        '<mujoco><worldbody><body><joint name="a" axis="0 0 1"/><geom size="0.01"/><site name="tool"/></body>'
-        "</worldbody></mujoco>"
-    )
-    one = Controller(model, "tool", task={"axes": ["x"]})
-    assert numbers(one) == (1.0, 0.3, damping_maximum(0.3)) and "do not move" in one.assumed[-1]
-
-
-# Its words ----------------------------------------------------------------------------------------
-
-
-def test_shipped_scenarios_leave_nothing_to_the_arm_that_changes_their_columns():
-    for path in sorted((ROOT / "scenarios").glob("*.yaml")):
-        scenario = load(path)
-        assert prepare(scenario).by_arm == "", path

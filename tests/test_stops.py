@@ -4,22 +4,17 @@ The oracle are the conditions of Karush, Kuhn and Tucker, which only the best ra
 say whether an answer is right and not how to find it.
 """
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from chains import seeds
 from codes import Method, OnExcess, Schedule, field
 from oracle_limits import brake
-from project import examples, mostly_long
+from project import examples
 from records import blank, resolve
 from rmrc.scenario.choices import Status
-from rmrc.simulation.prepare import prepare
-from rmrc.simulation.simulation import Simulation
 
 any_fixture = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 PERIOD, BRAKING, LAMBDA = 1e-3, 10.0, 0.1
@@ -89,7 +84,7 @@ def share_given(rates, lower, upper, limit):
 
 
 @given(seeds)
-@examples(60, 300)
+@examples(25, 300)
 def test_scaled_rates_at_stops_are_the_best_within_the_bounds(seed):
     J, twist, room, limit = random_task(seed)
     rates, status = answer(J, twist, room, limit)
@@ -107,54 +102,6 @@ def test_scaled_rates_at_stops_are_the_best_within_the_bounds(seed):
     rounding = 1e-10 * (1.0 + np.abs(J).T @ (np.abs(twist) + np.abs(J) @ np.abs(rates)))
     assert np.all((downhill <= rounding) | (rates == upper))
     assert np.all((downhill >= -rounding) | (rates == lower))
-
-
-@given(seeds)
-@examples(60, 300)
-def test_an_arm_stands_only_where_every_motion_that_helps_leads_beyond_a_stop(seed):
-    J, twist, room, limit = random_task(seed)
-    rates, _ = answer(J, twist, room, limit)
-    lower, upper = rest_bounds(room, limit)
-    pull = J.T @ twist
-    helps = np.where(pull > 0, upper, -lower) * np.abs(pull)
-    if helps.max() > 1e-6 * np.linalg.norm(twist) ** 2:
-        assert (J @ rates) @ twist > 0
-    else:
-        assert np.abs(J @ rates).max() <= 1e-3 * np.linalg.norm(twist)
-
-
-def test_scaling_all_joints_to_the_slowest_would_freeze_most_of_these_arms():
-    # The negative control: one factor for all rates, stops included.
-    frozen = []
-    for seed in range(200):
-        J, twist, room, limit = random_task(seed)
-        lower, upper = rest_bounds(room, limit)
-        free = damped(J, twist)
-        factor = np.min(np.where(free > 0, upper, -lower) / np.abs(free))
-        rates, _ = answer(J, twist, room, limit)
-        frozen.append(factor <= 1e-12 and (J @ rates) @ twist > 1e-3 * twist @ twist)
-    assert sum(frozen) > 60
-
-
-METHODS = (*Method,)
-
-
-@given(
-    seeds,
-    st.sampled_from(METHODS),
-    st.sampled_from([*Schedule]),
-    st.sampled_from([OnExcess.SCALE, OnExcess.REDISTRIBUTE]),
-)
-@examples(60, 300)
-def test_no_inverse_leaves_the_bounds_at_stops(seed, method, schedule, on_excess):
-    J, twist, room, limit = random_task(seed)
-    last = np.zeros(8)
-    rates, _ = answer(
-        J, twist, room, limit, method=method, schedule=schedule, on_excess=on_excess, qdot_cmd_last=last,
-        error=0.3, error_gain=1.0,
-    )  # fmt: skip
-    lower, upper = rest_bounds(room, limit)
-    assert np.all(np.isfinite(rates)) and np.all(rates >= lower) and np.all(rates <= upper)
 
 
 # Continuity -------------------------------------------------------------------------------------------------------
@@ -180,19 +127,17 @@ def quotient(rates, bounds):
 
 @pytest.mark.parametrize(
     ("shape", "schedule"),
-    mostly_long(
-        itertools.product(
-            [(3, 3), (2, 3), (6, 7)],
-            [Schedule.CONSTANT, Schedule.SMALLEST_SINGULAR_VALUE, Schedule.MANIPULABILITY],
-        ),
-        4,
-    ),
+    [
+        ((3, 3), Schedule.CONSTANT),
+        ((2, 3), Schedule.SMALLEST_SINGULAR_VALUE),
+        ((6, 7), Schedule.MANIPULABILITY),
+    ],
 )
 def test_rates_do_not_jump_where_a_joint_begins_to_be_held(shape, schedule):
     # Of rates that are continuous in the bound, the quotient hardly changes with a tenth of the step; at a jump it
     # grows tenfold. The steps are so small as some tasks pass from one set of held joints to the next within a
     # hundredth of the way.
-    for seed in range(4):
+    for seed in range(2):
         rng = np.random.default_rng([seed, *shape])
         J, limit = rng.normal(size=shape), rng.uniform(0.5, 3.0, shape[1])
         twist = rng.normal(size=shape[0])
@@ -202,18 +147,6 @@ def test_rates_do_not_jump_where_a_joint_begins_to_be_held(shape, schedule):
         j = int(np.argsort(-free / limit)[seed // 2])
         coarse, fine = (steepest(J, twist, limit, j, steps, schedule=schedule) for steps in (500, 5000))
         assert fine <= 3.0 * coarse, seed
-
-
-def test_a_jump_would_be_seen():
-    # Two joints, two rows, and a task ten times too fast for the first: scaled while it is free, and done whole as soon
-    # as it is held.
-    def rates(bounds):
-        return np.where(bounds[:, None] >= 1.0, [1.0, 0.1], np.column_stack([bounds, np.ones_like(bounds)]))
-
-    coarse, fine = (
-        quotient(rates(b), b) for b in (np.linspace(1.2, 0.0, steps + 1) for steps in (1000, 10000))
-    )
-    assert fine > 9 * coarse
 
 
 @pytest.mark.parametrize(
@@ -251,13 +184,11 @@ def to(*point):
 # Where one factor for all rates held the whole arm for 65, 55 and 49 % of the path.
 APPROACHES = {
     "beside the axis": to(0.3, 0.1, 1.3),
-    "to the axis": to(0, 0, 1.8),
     "above": to(0.05, 0.05, 2.0),
 }
 
 
-@pytest.mark.parametrize("on_excess", ["scale", "redistribute"])
-@pytest.mark.parametrize("approach", APPROACHES)
+@pytest.mark.parametrize(("approach", "on_excess"), [("beside the axis", "scale"), ("above", "redistribute")])
 def test_an_arm_whose_joint_stands_goes_on(simulate, approach, on_excess):
     prepared, run = simulate(*TORUS, APPROACHES[approach], FAST, f"control.limits.on_excess={on_excess}")
     stands = run["status"] & Status.POSITION_LIMITED > 0
@@ -269,32 +200,3 @@ def test_an_arm_whose_joint_stands_goes_on(simulate, approach, on_excess):
     lower, upper = prepared.arm.position_limit.T
     assert np.maximum(lower - run["q"], run["q"] - upper).max() <= 1e-12
     assert np.all(np.abs(run["qdot_cmd"]) <= prepared.arm.rate_limit * (1 + 1e-9))
-
-
-def test_an_arm_that_follows_again_did_not_chatter_at_its_stop(simulate):
-    _, run = simulate(*TORUS, APPROACHES["above"], FAST)
-    acceleration = np.diff(run["qdot_cmd"], axis=0) / run.period
-    there, back = acceleration[:-1], acceleration[1:]
-    # 5 rad/s²: ten times less than the braking that is chosen, and far above rounding
-    assert np.count_nonzero((there * back < 0) & (np.minimum(np.abs(there), np.abs(back)) > 5)) <= 2
-
-
-@given(seeds)
-@examples(8, 15, suppress_health_check=any_fixture.suppress_health_check)
-def test_an_arm_that_is_sent_anywhere_stands_only_where_its_joints_leave_it_nothing(scenario, seed):
-    # At every tenth tick of a run, from the recorded state: where the command is zero, whatever helps is blocked.
-    rng = np.random.default_rng(seed)
-    goal = rng.uniform([-1.0, -1.0, 0.3], [1.0, 1.0, 2.2]).round(2).tolist()
-    prepared = prepare(
-        scenario(*TORUS, f"target.path=[{{line: {{to: {goal}}}}}]", FAST, "control.period=0.005",
-                 "control.inverse.damping.schedule=constant", "control.feedback=10")
-    )  # fmt: skip
-    (run,) = Simulation([prepared]).run()
-    limits = prepared.arm.position_limit
-    for t in range(0, len(run), 10):
-        J = prepared.arm.jacobian(run["q"][t])[:3]
-        task = (run["twist_ref"][t] + 10 * run["pose_error"][t])[:3]
-        pull = J.T @ task
-        room = np.where(pull > 0, limits[:, 1] - run["q"][t], run["q"][t] - limits[:, 0])
-        if np.max(np.abs(pull) * (room > 1e-6)) > 1e-3 and np.linalg.norm(task) > 0.01:
-            assert (J @ run["qdot_cmd"][t]) @ task > 0, t

@@ -9,16 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from worlds import DEFAULTS, NAMES, VARIANT, along, fits, formula, with_sigma
+from worlds import NAMES, VARIANT, along, with_sigma
 
-from codes import Method, Objective, Schedule
+from codes import Method, Objective
 
-# What docs/theory.md promises, for every method and schedule. Those in BOUNDED have a derivative that is known.
-BOUNDED = {
+CONTINUOUS = {
     "damped-constant", "damped-smallest_singular_value", "damped-manipulability", "damped-error", "filtered",
-    "jparse", "transpose",
+    "jparse", "transpose", "selectively_damped",  # the last while no two σ meet
 }  # fmt: skip
-CONTINUOUS = BOUNDED | {"selectively_damped"}  # while no two σ meet
 DISCONTINUOUS = {"inverse", "pseudoinverse", "truncated", "damped-rate_bound"}
 
 COARSE = 150  # steps h; a tenth of them is what the growth is seen at
@@ -49,9 +47,9 @@ def turned(generator, s):
 
 
 @cache
-def path(kind, m, n, steps, seed=0):
+def path(kind, m, n, steps):
     """Return a path of m x n matrices: `one`, `two` σ that die one after another, or a `line` through rank loss."""
-    rng = np.random.default_rng([seed, m, n])
+    rng = np.random.default_rng([0, m, n])
     s, k = np.linspace(0, 1, steps + 1), min(m, n)
     twist = rng.normal(size=m)
     twist /= np.linalg.norm(twist)
@@ -71,12 +69,7 @@ def path(kind, m, n, steps, seed=0):
     return Path(J, twist, np.linalg.norm(Y, 2))
 
 
-PATHS = [
-    (kind, m, n)
-    for m, n in [(2, 2), (3, 3), (2, 4), (5, 3), (6, 7)]
-    for kind in ("one", "two", "line")
-    if kind != "two" or min(m, n) > 2  # something must be left that does not die
-]
+PATHS = [("one", 2, 2), ("line", 3, 3), ("one", 5, 3), ("two", 6, 7)]
 
 
 def quotients(J, rates):
@@ -84,23 +77,23 @@ def quotients(J, rates):
     return np.linalg.norm(np.diff(rates, axis=0), axis=1) / np.linalg.norm(np.diff(J, axis=0), axis=(1, 2))
 
 
-def growth(answer, kind, m, n, seed=0):
-    """Return by how much the quotient grows from a step h to the ten of h/10 in it, and the largest, of path -> rates.
+def growth(answer, kind, m, n):
+    """Return by how much the quotient grows from a step h to the ten of h/10 in it, of path -> rates.
 
     Each is held against those of its own step and of the two beside it, so that a small jump is found beside a
     steep slope elsewhere; but not against less than a tenth of the largest, as a quotient may pass through zero.
     """
-    coarse, fine = (path(kind, m, n, steps, seed) for steps in (COARSE, 10 * COARSE))
+    coarse, fine = (path(kind, m, n, steps) for steps in (COARSE, 10 * COARSE))
     one, ten = quotients(coarse.J, answer(coarse)), quotients(fine.J, answer(fine)).reshape(COARSE, 10)
     around = np.max([np.append(one[1:], 0), one, np.append(0, one[:-1])], axis=0)
-    return float(np.max(ten.max(axis=1) / np.maximum(around, 0.1 * one.max()))), float(ten.max())
+    return float(np.max(ten.max(axis=1) / np.maximum(around, 0.1 * one.max())))
 
 
-def law_of(name, cold=False):
+def law_of(name):
     """Return path -> rates of a variant of the law."""
     variant = VARIANT[name]
     parameters = {"method": variant.method, "schedule": variant.schedule, **SHARP.get(name, {})}
-    return lambda p: along(p.J, p.twist, cold, **parameters)
+    return lambda p: along(p.J, p.twist, **parameters)
 
 
 # Parameters that make the promise no easier than it need be: everything acts along the paths.
@@ -113,49 +106,6 @@ SHARP = {
 }
 
 
-def lipschitz(name, p):
-    """Return a bound of ‖dq̇‖/‖dJ‖ along a path, from the derivative of the filter.
-
-    The rates are F(J) t with F = Σ f(σ) v uᵀ. For an odd f the Frobenius norm of dF is at most that of dJ times
-    the largest |f(a) ∓ f(b)|/|a ∓ b| over pairs of ±σ, hence at most times sup |f'|. For f = σ/(σ² + λ²) the
-    differences are (λ² ∓ a b)/((a² + λ²)(b² + λ²)), not above 1/(σ_k² + λ²) by Cauchy and Schwarz. What f gets from J
-    besides (λ², γ σ_1) adds its own derivative: |∂f/∂λ²| = σ/(σ² + λ²)² ≤ (σ_k² + λ²)^(-3/2), and |dσ_i| ≤ ‖dJ‖.
-    """
-    method, schedule = VARIANT[name]
-    P = {**DEFAULTS, **SHARP.get(name, {})}
-    sigma = np.linalg.svd(p.J, compute_uv=False)
-    lam_max, below, w0 = P["damping_maximum"], P["damping_below"], P["manipulability_below"]
-    if method == Method.FILTERED:
-        # below ε: f = σ/(r σ² + λ_max²), with its steepest slope 1/λ_max² at 0; above it 1/σ² ≤ 1/ε²
-        return max(1 / lam_max**2, 1 / below**2)
-    if method == Method.JPARSE:
-        # slope 1/p² below p = γ σ_1, 1/σ² above; |∂f/∂p| = 2σ/p³ ≤ 2/p²
-        return np.max((1 + 2 * P["gamma"]) / (P["gamma"] * sigma[:, 0]) ** 2)
-    if method == Method.TRANSPOSE:
-        # q̇ = y ‖y‖²/‖z‖², y = Jᵀ t, z = J y: ‖dy‖ ≤ ‖dJ‖, ‖dz‖ ≤ (‖y‖ + σ_1) ‖dJ‖
-        y = np.einsum("sij,i->sj", p.J, p.twist)
-        y, z = np.linalg.norm(y, axis=1), np.linalg.norm(np.einsum("sij,sj->si", p.J, y), axis=1)
-        return np.max(3 * (y / z) ** 2 + 2 * (y / z) ** 3 * (y + sigma[:, 0]))
-    last, w = sigma[:, -1], np.prod(sigma, axis=1)
-    if schedule == Schedule.CONSTANT:
-        lam2, slope = lam_max**2, 0.0
-    elif schedule == Schedule.ERROR:
-        lam2, slope = (P["error"] * P["error_gain"]) ** 2, 0.0
-    elif schedule == Schedule.SMALLEST_SINGULAR_VALUE:
-        active = last < below
-        lam2 = active * (1 - (last / below) ** 2) * lam_max**2
-        slope = active * 2 * last / below**2 * lam_max**2
-    else:
-        assert schedule == Schedule.MANIPULABILITY
-        short = np.maximum(0, 1 - w / w0)
-        lam2, slope = (
-            lam_max**2 * short**2,
-            lam_max**2 * 2 * short / w0 * np.linalg.norm(w[:, None] / sigma, axis=1),
-        )
-    least = last**2 + lam2
-    return np.max(1 / least + slope * least**-1.5)
-
-
 def test_every_method_and_schedule_has_a_promise():
     without = set(NAMES) - CONTINUOUS - DISCONTINUOUS
     assert not without, f"say above, and in docs/theory.md, whether these are continuous: {without}"
@@ -163,100 +113,33 @@ def test_every_method_and_schedule_has_a_promise():
     assert not CONTINUOUS & DISCONTINUOUS
 
 
-@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.long)])
-@pytest.mark.parametrize("cold", [False, True], ids=["warm", "cold"])
 @pytest.mark.parametrize("name", sorted(CONTINUOUS))
-def test_rates_are_continuous_through_rank_loss(name, cold, every):
-    for kind, m, n in PATHS[::every]:
+def test_rates_are_continuous_through_rank_loss(name):
+    for kind, m, n in PATHS:
         if name == "selectively_damped" and kind != "one":
             continue  # its σ keep apart; of the others some meet, where it promises nothing
-        times, largest = growth(law_of(name, cold), kind, m, n)
+        times = growth(law_of(name), kind, m, n)
         assert times < GROWTH, (kind, m, n, times)
-        if name in BOUNDED:
-            assert largest <= lipschitz(name, path(kind, m, n, 10 * COARSE)) * (1 + 1e-6), (kind, m, n)
 
 
 @pytest.mark.parametrize("name", sorted(DISCONTINUOUS))
 def test_the_check_finds_the_methods_that_jump(name):
     # Each is said to jump, and does: else the theory is wrong, or the check finds nothing.
     kind, m, n = "one", 3, 3
-    assert fits(VARIANT[name], (m, n))
-    times, _ = growth(law_of(name), kind, m, n)
+    times = growth(law_of(name), kind, m, n)
     assert times > 5
-
-
-@pytest.mark.parametrize("kind", ["one", "two"])
-def test_the_law_is_no_smoother_or_rougher_than_the_formulas(kind):
-    # The same quotients from LAPACK and numpy: what grows, grows by itself and not by a cold or warm start.
-    m, n = 5, 3
-    p = path(kind, m, n, COARSE)
-    for name in sorted(CONTINUOUS):
-        variant = VARIANT[name]
-        want = np.array([formula(variant, J, p.twist, **SHARP.get(name, {}))[0] for J in p.J])
-        # rounding by κ: samples come as near to rank loss as 1e-4
-        np.testing.assert_allclose(law_of(name)(p), want, rtol=0, atol=1e-10, err_msg=name)
-
-
-def test_damping_by_the_error_is_an_inverse_once_the_error_is_zero():
-    # The exception that the theory makes: tracking is good just when the singularity is met.
-    answer = lambda p: along(p.J, p.twist, method=Method.DAMPED, schedule=Schedule.ERROR, error=0.0)  # noqa: E731
-    times, _ = growth(answer, "one", 3, 3)
-    assert times > 5
-
-
-def by_numpy(gains):
-    """Return path -> rates of a filter of all σ."""
-
-    def answer(p):
-        u, sigma, vt = np.linalg.svd(p.J, full_matrices=False)
-        c = np.einsum("sik,i->sk", u, p.twist)
-        return np.einsum("skj,sk->sj", vt, c * gains(sigma))
-
-    return answer
-
-
-def all_small_by_the_smallest(sigma):
-    lam2 = 0.01 * (1 - (np.minimum(sigma[:, -1:], 0.3) / 0.3) ** 2)
-    return sigma / (sigma**2 + np.where(sigma < 0.3, lam2, 0.0))
-
-
-def fading_to_a_level(sigma):  # σ/(γ σ_1)² replaced by the level 1/(γ σ_1), as if σ < γ σ_1 were raised to it
-    return 1 / np.maximum(sigma, 0.1 * sigma[:, :1])
-
-
-PLANTED = {
-    "pseudoinverse with a tolerance": ("one", lambda s: (s > 0.05 * s[:, :1]) / s),
-    "truncated": ("one", lambda s: (s > 0.05) / s),
-    "damped only below the threshold, by the constant": ("one", lambda s: s / (s**2 + (s < 0.3) * 0.01)),
-    "damps all small ones by the smallest": ("two", all_small_by_the_smallest),
-    "clamped, not damped": ("one", fading_to_a_level),
-    "λ² for λ at the threshold": ("one", lambda s: s / (s**2 + np.where(s < 0.3, 0.01, 0.0) * (1 - s / 0.6))),
-}
-
-
-@pytest.mark.parametrize("fault", PLANTED)
-def test_the_check_finds_filters_with_a_planted_jump(fault):
-    kind, gains = PLANTED[fault]
-    times, _ = growth(by_numpy(gains), kind, 3, 5)
-    assert times > 2  # ten but for small jumps on a steep slope, and well above what passes
-
-
-def test_the_check_passes_a_filter_that_is_smooth():
-    for kind in ("one", "two"):
-        times, _ = growth(by_numpy(lambda s: s / (s**2 + 0.01)), kind, 3, 5)
-        assert times < 1.05
 
 
 # Null space ---------------------------------------------------------------------------------------------------
 
-WIDE = [("one", 2, 4), ("one", 6, 7), ("two", 3, 5), ("line", 3, 5), ("two", 6, 7)]
+WIDE = [("one", 2, 4), ("line", 3, 5), ("two", 6, 7)]
 
 
-def projected(p, cold=False):
+def projected(p):
     """Return N qdot0 along a path of wide matrices, of constant wishes: the command is zero."""
     n = p.J.shape[2]
     return along(
-        p.J, np.zeros(p.J.shape[1]), cold, method=Method.DAMPED, damping_maximum=0.1,
+        p.J, np.zeros(p.J.shape[1]), method=Method.DAMPED, damping_maximum=0.1,
         objective=Objective.RATES, nullspace_gain=1.0, nullspace_rates=np.arange(1.0, n + 1),
     )  # fmt: skip
 
@@ -270,13 +153,14 @@ def projected_by_threshold(p):
     return wished - np.einsum("skj,ski,i->sj", held, held, wished)
 
 
-@pytest.mark.parametrize("cold", [False, True], ids=["warm", "cold"])
 @pytest.mark.parametrize(("kind", "m", "n"), WIDE)
-def test_null_space_motion_is_continuous_through_rank_loss(kind, m, n, cold):
-    times, _ = growth(lambda p: projected(p, cold), kind, m, n)
+def test_null_space_motion_is_continuous_through_rank_loss(kind, m, n):
+    times = growth(projected, kind, m, n)
+    jumps = growth(projected_by_threshold, kind, m, n)
+    assert jumps > 5  # negative control
     assert times < GROWTH
     fine = path(kind, m, n, 10 * COARSE)
-    rates = projected(fine, cold)
+    rates = projected(fine)
     if kind != "line":
         # N = I − V Vᵀ and dV = Y V ds, so ‖dN‖ ≤ 2 ‖Y‖ ds. Rounding turns v_k by 1e-15/σ_k, and σ_k > 1e-5.
         size = np.linalg.norm(np.arange(1.0, n + 1))
@@ -284,9 +168,3 @@ def test_null_space_motion_is_continuous_through_rank_loss(kind, m, n, cold):
         assert change.max() <= 2 * fine.turning * size * (1 / (10 * COARSE)) * (1 + 1e-3) + 1e-9
     # and there is such a motion
     assert np.linalg.norm(rates, axis=1).min() > 0.01
-
-
-@pytest.mark.parametrize(("kind", "m", "n"), WIDE)
-def test_the_check_finds_a_projector_that_decides_the_rank_by_a_threshold(kind, m, n):
-    times, _ = growth(projected_by_threshold, kind, m, n)
-    assert times > 5

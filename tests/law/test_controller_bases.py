@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from law.test_controller import own_loop
-from rmrc import arm as arms
 from rmrc.law.controller import Controller
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
@@ -24,10 +23,7 @@ ARM = """<body name="A" pos="0 .2 .2"><joint name="a" axis="0 0 1" range="-2.5 2
 <site name="tip" pos=".1 0 .05" euler=".3 0 0"/></body></body></body>"""
 BASES = {
     "hinge": '<joint name="waist" axis=".2 0 1"/>',
-    "slides": '<joint name="x" type="slide"/><joint name="y" type="slide" axis="0 1 0"/>',
-    "ball": '<joint name="neck" type="ball"/>',
     "free": '<freejoint name="root"/>',
-    "unnamed free": "<freejoint/>",
     "mocap": "",
 }
 
@@ -105,30 +101,6 @@ def test_a_frame_of_the_base_is_where_the_data_have_it(base):
         assert_allclose(c.arm.jacobian(data), jacobian(data), atol=1e-12)
 
 
-def test_an_arm_that_a_scene_mounts_elsewhere_has_its_base_there():
-    alone = arms.load_model(
-        mujoco.MjSpec.from_string(f"<mujoco><worldbody>{ARM}</worldbody></mujoco>"), "tip"
-    )
-    c, data = controller(alone, site=None, joints=None), mujoco.MjData(scene("free"))
-    place(data, np.random.default_rng(2))
-    R = data.body("torso").xmat.reshape(3, 3)
-    moved = jacobian(data) @ c.step_data(data, twist=[0.1, 0.2, 0, 0, 0, 0.3], frame="base").qdot_cmd
-    assert_allclose(moved, np.r_[R @ [0.1, 0.2, 0.0], R @ [0.0, 0.0, 0.3]], atol=1e-9)
-    assert_allclose(c.arm.pose(data)[:3], data.site("tip").xpos, atol=1e-12)
-
-
-def test_a_floating_base_that_a_specification_fixes_is_where_the_data_have_it():
-    spec = mujoco.MjSpec.from_string(text("free"))
-    c, data = controller(spec), mujoco.MjData(scene("free"))
-    assert c.arm.model.nq == 3
-    place(data, np.random.default_rng(5))
-    c.reset(data)
-    R = data.body("torso").xmat.reshape(3, 3)
-    moved = jacobian(data) @ c.step_data(data, twist=[0.1, 0.2, 0, 0, 0, 0.3], frame="base").qdot_cmd
-    assert_allclose(moved, np.r_[R @ [0.1, 0.2, 0.0], R @ [0.0, 0.0, 0.3]], atol=1e-9)
-    assert_allclose(c.arm.pose(data)[:3], data.site("tip").xpos, atol=1e-12)
-
-
 def test_without_data_the_base_stands_where_the_model_has_it():
     """Also after data; and where a joint moves the base, a step without data is refused."""
     model = scene("mocap")
@@ -144,50 +116,6 @@ def test_without_data_the_base_stands_where_the_model_has_it():
     floating = controller(scene("free")).step(START)
     assert floating.status & Status.INVALID_INPUT
     assert floating.problem == 'joint "root" moves the site and is not actuated: step_data reads its position'
-
-
-@pytest.mark.parametrize("frame", ["base", "world"])
-def test_a_pose_in_the_base_moves_with_a_base_that_moves_at_each_tick(frame):
-    model = scene("mocap")
-    c, data = controller(model), mujoco.MjData(model)
-    data.qpos[:] = START
-    mujoco.mj_fwdPosition(model, data)
-    c.reset(data)
-    goal = (
-        c.arm.pose(data)
-        if frame == "world"
-        else pose_product(pose_inverse(c.arm.base_at(data)), c.arm.pose(data))
-    )
-    worst = 0.0
-    for t in range(200):
-        turn = 0.002 * t
-        data.mocap_pos[0], data.mocap_quat[0] = [0.001 * t, 0, 0.4], [np.cos(turn), 0, 0, np.sin(turn)]
-        mujoco.mj_fwdPosition(model, data)
-        out = c.step_data(data, pose=goal, frame=frame)
-        worst = max(worst, np.abs(out.pose_error[[0, 1, 5]]).max())
-        data.qpos[:] += 0.01 * out.qdot_cmd
-    # the base itself is no error of its own frame; in the world it is a disturbance
-    assert worst < 1e-9 if frame == "base" else worst > 1e-3
-
-
-@pytest.mark.parametrize("frame", ["base", "world"])
-def test_the_target_of_a_second_task_in_the_base_moves_with_it(frame):
-    model = scene("free")
-    second = {"site": "elbow", "axes": ["x", "y"], "frame": frame}
-    law = {"feedback": 4.0, "nullspace": {"objective": "secondary", "secondary": second}}
-    c, data = controller(model, control=law, task={"axes": ["rz"], "frame": "base"}), mujoco.MjData(model)
-    rng = np.random.default_rng(4)
-    place(data, rng)
-    c.reset(data)
-    still = np.abs(c.step_data(data).qdot_cmd).max()
-    q = data.qpos[7:].copy()
-    place(data, rng)
-    data.qpos[7:] = q
-    mujoco.mj_fwdPosition(model, data)
-    c.reset()
-    moving = np.abs(c.step_data(data).qdot_cmd).max()
-    assert still < 1e-9
-    assert moving < 1e-9 if frame == "base" else moving > 1e-2
 
 
 def test_a_run_and_a_loop_of_its_own_agree_about_a_base_that_turns(tmp_path):

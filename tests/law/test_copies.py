@@ -5,7 +5,6 @@ import multiprocessing
 import pickle
 from concurrent.futures import ProcessPoolExecutor
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -53,62 +52,6 @@ def test_a_copy_goes_on_as_the_original_and_on_its_own(way):
     assert_array_equal(onwards(second, q)[0], wanted)
     fresh = rmrc.Controller(ARM, control=LAW, period=0.004, task={"axes": ["x", "y"]})
     assert (onwards(fresh, q)[0] != wanted).any()  # memory matters
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_batch_a_second_task_and_a_watchdog_are_copied(way):
-    secondary = {"objective": "secondary", "secondary": {"site": "wrist", "axes": ["x"]}}
-    one = rmrc.Controller(
-        ARM, control=LAW | {"nullspace": secondary}, period=0.004, watchdog=5.0, task={"axes": ["x", "y"]}
-    )
-    q = HOME + np.array([[0.0], [0.1]])
-    one.reset(q)
-    q = onwards(one, q)[1]
-    other = WAYS[way](one)
-    assert_array_equal(other.command_at(0.0).qdot_cmd, one.command_at(0.0).qdot_cmd)
-    assert_array_equal(onwards(other, q)[0], onwards(one, q)[0])
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_an_unusable_row_is_that_of_one_call_and_one_controller(way):
-    one, q = moving()[0], np.tile(HOME, (2, 1))
-    one.reset(q)
-    other = WAYS[way](one)
-    assert one.step([HOME, None]).problem[1].startswith("arm 1: q must be (3,)")
-    assert other.step(q).problem == ["", ""]
-    assert all(text.startswith("twist must be") for text in one.step([HOME, None], twist=[1.0]).problem)
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_copy_reads_the_data_that_it_is_given(way):
-    data, other_data = mujoco.MjData(ARM.model), mujoco.MjData(ARM.model)
-    one, twist = moving()[0], [0.1, 0.2, 0, 0, 0, 0]
-    for each in (data, other_data):
-        each.qpos[:] = HOME
-        mujoco.mj_fwdPosition(ARM.model, each)
-    one.step_data(data, twist=twist)
-    other = WAYS[way](one)
-    wanted = one.step_data(data, twist=twist).qdot_cmd
-    assert_array_equal(other.step_data(other_data, twist=twist).qdot_cmd, wanted)
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_law_without_an_arm_is_copied(way):
-    law, J = rmrc.Law(3, 2, LAW, period=0.004), np.array([[1.0, 2.0, 3.0], [0.0, 1.0, 1.0]])
-    for _ in range(10):
-        law.step(J, [0.5, 0.2], HOME)
-    other = WAYS[way](law)
-    for _ in range(10):
-        assert_array_equal(other.step(J, [0.1, 0.3]).q_cmd, law.step(J, [0.1, 0.3]).q_cmd)
-
-
-@pytest.mark.parametrize("name", ["fr3", "helical", "so101", "ur5e"])
-def test_an_arm_with_a_gripper_a_screw_or_assumptions_is_copied(name):
-    one = rmrc.Controller(name)
-    other, q = WAYS["pickle"](one), one.arm.configuration("home")[one.arm.wiring.qpos]
-    assert_array_equal(other.arm.pose(q), one.arm.pose(q))
-    assert other.arm.notes == one.arm.notes
-    assert copy.deepcopy(one).arm is copy.copy(one).arm is one.arm
 
 
 def test_a_new_process_takes_a_controller():

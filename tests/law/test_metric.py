@@ -18,7 +18,6 @@ from rmrc.scenario import loads
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ScenarioError
-from screws import screw_chain
 from wording import says
 
 INERTIA = "control.inverse.metric=inertia"
@@ -82,46 +81,6 @@ def test_any_chain_has_the_singular_values_and_rates_that_mujocos_inertia_gives(
     assert_allclose(run["qdot_cmd"][t], want, rtol=0, atol=1e-9 * max(np.abs(want).max(), 1e-6))
 
 
-def test_both_halves_of_a_screw_have_their_own_inertia(tmp_path):
-    path = tmp_path / "screw.xml"
-    path.write_text(screw_chain())
-    prepared, run = first_tick(f"arm={{model: {path}, start: home}}", "task.axes=[x, y]", INERTIA, STILL)
-    A, M = task_matrices(prepared, run["q"][0])
-    assert_allclose(
-        run["sigma"][0] ** 2, np.sort(np.linalg.eigvalsh(A @ np.linalg.solve(M, A.T)))[::-1], rtol=1e-10
-    )
-
-
-def projector(metric):
-    """Return N of an xArm7 at rest, column by column from what the law makes of wishes, and what it stands at."""
-    columns = []
-    for j in range(7):
-        rates = [float(i == j) for i in range(7)]
-        prepared, run = first_tick(
-            XARM, SIX, STILL, f"control.inverse.metric={metric}", "control.limits.on_excess=none",
-            f"control.nullspace={{objective: rates, rates: {rates}}}",
-        )  # fmt: skip
-        columns.append(run["qdot_cmd"][0])
-    return prepared.arm, run["q"][0], np.array(columns).T
-
-
-@pytest.mark.parametrize(("metric", "felt"), [("inertia", False), ("joints", True)])
-def test_null_space_torques_move_the_joints_and_not_the_tip(metric, felt):
-    # τ = Nᵀ τ_0 is dynamically consistent: MuJoCo accelerates the joints, and J q̈ = J M⁻¹ Nᵀ τ_0 stays as it was.
-    arm, q, N = projector(metric)
-    data, accelerations = mujoco.MjData(arm.model), []
-    data.qpos[:] = arm.configuration(q)
-    for tau in (np.zeros(7), N.T @ np.array([5.0, -8.0, 3.0, 6.0, -2.0, 1.0, 0.5])):
-        data.qfrc_applied[arm.wiring.dof] = tau
-        mujoco.mj_forward(arm.model, data)
-        accelerations.append(data.qacc[arm.wiring.dof].copy())
-    change = accelerations[1] - accelerations[0]
-    tip = arm.jacobian(q) @ change
-    assert np.abs(change).max() > 1.0
-    # MuJoCo's solver of contacts and limits, which do not act here, leaves 1e-10 of an acceleration
-    assert (np.abs(tip).max() > 0.1) if felt else (np.abs(tip).max() < 1e-8 * np.abs(change).max())
-
-
 @pytest.mark.parametrize("model", ["xarm7", "chain", "followers"])
 def test_the_slope_of_w_is_that_of_the_arm_with_its_inertia(tmp_path, model):
     # 4e-4 to either side: differences of fourth order are off by 1e-13, and by rounding over 4e-4
@@ -178,23 +137,6 @@ def test_at_a_stop_rates_are_the_best_within_the_bounds_in_the_metric_of_the_arm
             assert same or metric is not M
             other += not same
     assert other > 3  # negative control: in the metric of the joints others are the best
-
-
-def test_redistributed_rates_do_the_task_with_the_least_energy_of_the_free_joints():
-    prepared, run = first_tick(
-        *FOLDED, "arm.start=[10 deg, 40 deg, 60 deg]", INERTIA, "control.inverse.method=pseudoinverse",
-        "control.limits={on_excess: redistribute, rate: [0.04, 5, 5]}",
-    )  # fmt: skip
-    limited, K = run["status"] == 4, prepared.scenario.control.feedback
-    assert np.count_nonzero(limited) > 20
-    for t in np.flatnonzero(limited)[::10]:
-        A, M = task_matrices(prepared, run["q"][t])
-        rates = run["qdot_cmd"][t]
-        asked = (run["twist_ref"][t] + K * run["pose_error"][t])[:2]
-        assert abs(rates[0]) == pytest.approx(0.04, rel=1e-12)
-        assert_allclose(A @ rates, asked, rtol=0, atol=1e-11)
-        push = (M @ rates)[1:]  # what is left of its slope for joints 2 and 3 is made of the rows of J
-        assert_allclose(A[:, 1:].T @ np.linalg.lstsq(A[:, 1:].T, push)[0], push, rtol=0, atol=1e-10)
 
 
 def test_what_clamps_joint_by_joint_is_refused():

@@ -2,12 +2,10 @@
 
 import re
 
-import mujoco
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
-import rmrc
 from project import ROOT
 from rmrc.arm import load as load_arm
 from rmrc.law.controller import Controller
@@ -101,51 +99,6 @@ def test_a_loop_that_jitters_keeps_jerk_where_no_position_limit_is_near(order):
         assert np.abs(rates).max() > 0.9 * RATE
 
 
-def test_a_loop_that_jitters_keeps_position_and_acceleration_before_jerk():
-    for seed in range(3):
-        one = controller(**LAWS["jerk"])
-        times, rates, positions = jitter(one, "elapsed", seed)
-        assert np.abs(accelerations(times, rates)).max() <= ACCELERATION * SLACK
-        assert (positions <= UPPER + 1e-12).all() and (positions >= LOWER - 1e-12).all()
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_the_period_itself_as_time_changes_nothing(law):
-    with_time, without = controller(**LAWS[law]), controller(**LAWS[law])
-    q = HOME.copy()
-    for wish in wishes(0, 200):
-        u = without.step(q, **wish).qdot_cmd.copy()
-        assert_array_equal(with_time.step(q, **wish, dt=PERIOD).qdot_cmd, u)
-        q = q + PERIOD * u
-
-
-def test_after_reset_the_period_counts_again():
-    one, new = controller(**LAWS["jerk"]), controller(**LAWS["jerk"])
-    jitter(one, "elapsed", 0, steps=100)
-    one.reset(HOME)
-    for wish in wishes(5, 100):
-        assert_array_equal(one.step(HOME, **wish).qdot_cmd, new.step(HOME, **wish).qdot_cmd)
-
-
-def test_data_and_a_jacobian_alone_take_a_time_as_well():
-    """A planar arm seen through MuJoCo's data, and its task by a Jacobian: changes of the rates over the times."""
-    data, model = mujoco.MjData(ARM.model), ARM.model
-    one, law = (
-        controller(**LAWS["acceleration"]),
-        rmrc.Law(3, 2, {"limits": LAWS["acceleration"]}, period=PERIOD),
-    )
-    rng, q, last = np.random.default_rng(3), HOME.copy(), np.zeros((2, 3))
-    for k in range(300):
-        dt, twist = rng.uniform(0.002, 0.05), np.r_[2.0 * np.sin(0.3 * k + np.arange(2)), np.zeros(4)]
-        data.qpos[:] = q
-        mujoco.mj_fwdPosition(model, data)
-        seen, alone = one.step_data(data, twist=twist, dt=dt), law.step(ARM.jacobian(q)[:2], twist[:2], dt=dt)
-        now = np.array([seen.qdot_cmd, alone.qdot_cmd])
-        assert np.abs(now - last).max() <= ACCELERATION * dt * SLACK
-        last, q = now, q + dt * now[0]
-    assert np.abs(last).max() > 0.1
-
-
 def test_times_may_differ_in_a_batch():
     one = controller(**LAWS["acceleration"])
     one.reset(np.tile(HOME, (3, 1)))
@@ -155,7 +108,7 @@ def test_times_may_differ_in_a_batch():
     assert out.problem == ["", "", "dt must be > 0 and finite [s], got -1.0"]
 
 
-@pytest.mark.parametrize("dt", [0.0, -0.01, np.nan, np.inf, -np.inf, "soon", [0.01, 0.01], 1j, {}])
+@pytest.mark.parametrize("dt", [0.0, -0.01, np.nan, "soon"])
 def test_a_time_that_is_none_brakes_and_says_so(dt):
     one = controller(**LAWS["acceleration"])
     for _ in range(20):
@@ -178,24 +131,6 @@ def test_a_pause_is_no_license_to_jump(period, longest):
     assert np.isfinite(out.qdot_cmd).all() and out.problem == ""
 
 
-def test_an_overdue_step_goes_on_from_what_was_sent_meanwhile():
-    """By one period, whatever time has passed since the last step."""
-    now = [0.0]
-    one = Controller(
-        ARM, control={"limits": LAWS["acceleration"]}, period=PERIOD, watchdog=0.05, clock=lambda: now[0]
-    )
-    one.reset(HOME)
-    for _ in range(30):
-        now[0] += PERIOD
-        one.step(HOME, qdot_target=np.ones(3), dt=PERIOD)
-    for late in (0.053, 0.09):
-        now[0] += late
-        sent = one.command_at(now[0]).qdot_cmd.copy()
-        out = one.step(HOME, qdot_target=np.ones(3), dt=late)
-        assert out.status & Status.OVERDUE
-        assert np.abs(out.qdot_cmd - sent).max() <= 2 * ACCELERATION * PERIOD * SLACK
-
-
 # Targets slower than the loop -------------------------------------------------------------------
 
 UPDATE, LOOP = 1 / 30, 0.002
@@ -207,18 +142,11 @@ def follow(recipe, **limits):
     These are the largest distance from the path [m], that from the path one update ago, and the largest
     change of a rate over the period [rad/s²].
     """
-    one = Controller(
-        ARM,
-        control={"feedback": 20, "limits": {"rate": 2.0, **limits}},
-        period=LOOP,
-        task={"axes": ["x", "y"]},
-    )
+    law = {"feedback": 20, "limits": {"rate": 2.0, **limits}}
+    one = Controller(ARM, control=law, period=LOOP, task={"axes": ["x", "y"]})
     one.reset(HOME)
-    (recipes,) = re.findall(
-        r"```python\n(import numpy as np\n.*?)```", (ROOT / "docs/python.md").read_text(), re.DOTALL
-    )
-    page = {}
-    exec(compile(recipes, "python.md", "exec"), page)
+    text, page = (ROOT / "docs/python.md").read_text(), {}
+    exec(re.search(r"```python\n(import numpy as np\n.*?)```", text, re.DOTALL)[1], page)
     q, home, w, along = HOME.copy(), np.array(ARM.pose(HOME)), np.pi, np.array([-0.5, 0.5, 0, 0, 0, 0, 0])
     path = lambda t: home + 0.15 * (1 - np.cos(w * t)) * along  # noqa: E731
     twist = lambda t: 0.15 * w * np.sin(w * t) * along[:6]  # noqa: E731

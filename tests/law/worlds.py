@@ -1,17 +1,15 @@
-"""Worlds made by hand for the tests of the law: records from matrices and from chains, and what they shall give.
-
-`formula` is the law's filters once more, from docs/theory.md: LAPACK's decomposition, numpy, no records.
-"""
+"""Worlds made by hand for the tests of the law: records from matrices and from chains, and what they shall give."""
 
 from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from codes import Method, Schedule
-from oracle_inverse import damping
+from oracle_inverse import damping, generalized_inverse
 from records import blank, put, resolve
 from rmrc.scenario import ControlSection
 from rmrc.scenario.choices import INVERSES, PARAMETERS
@@ -32,8 +30,6 @@ DEFAULTS = {
     if one.field.startswith("inverse_")
     for name in [one.field.removeprefix("inverse_")]
 } | {"error": 0.1}
-
-ROUNDING = 1e-14  # of σ_1: at or below it a σ is rounding, whatever the method
 
 
 class Variant(NamedTuple):
@@ -58,6 +54,7 @@ VARIANTS += [
 ]
 NAMES = [str(variant) for variant in VARIANTS]
 VARIANT = dict(zip(NAMES, VARIANTS, strict=True))
+named = pytest.mark.parametrize("variant", VARIANTS, ids=NAMES)
 
 
 def fits(variant, shape):
@@ -88,20 +85,15 @@ def rates_of(J, twist, variant, **parameters):
     return one_world(J, twist, variant=variant, **parameters)[1]["qdot_cmd"][: J.shape[1]].copy()
 
 
-def along(J, twist, cold=False, **parameters):
-    """Return what the law answers along a path, (steps, n): warm, each tick starting from the last, or cold."""
+def along(J, twist, **parameters):
+    """Return what the law answers along a path, (steps, n), each tick starting from the last."""
     world, tick = make_world(J[0], twist, **parameters)
-    # bytes, because numpy copies a record field by field
-    start, state = world.records.tobytes(), memoryview(world.records.view(np.uint8))
     m, n = J[0].shape
-    measured, rates = world["J"][0, :m, :n], tick["qdot_cmd"][0, :n]
     answers = np.empty((len(J), n))
     for answer, jacobian in zip(answers, J, strict=True):
-        if cold:
-            state[:] = start
-        measured[:] = jacobian
+        world["J"][0, :m, :n] = jacobian
         resolve(world, tick)
-        answer[:] = rates
+        answer[:] = tick["qdot_cmd"][0, :n]
     return answers
 
 
@@ -113,78 +105,19 @@ def with_sigma(rng, m, n, sigma):
 
 
 def formula(variant, A, t, **parameters):
-    """Return (y, g, λ) by docs/theory.md: scaled rates, gains, and the damping of the smallest σ."""
+    """Return (y, g, λ) by the oracle: scaled rates, gains along LAPACK's singular vectors, and λ of the smallest σ."""
     p = {**DEFAULTS, **parameters}
     u, sigma, vt = np.linalg.svd(A, full_matrices=False)
-    c = u.T @ t
-    alive = sigma > ROUNDING * sigma[0]
-    safe = np.where(alive, sigma, 1.0)
-    lam, gain = 0.0, alive / safe
-    method = variant.method
-    if method == Method.PSEUDOINVERSE:
-        gain = gain * (sigma > p["tolerance"] * sigma[0])
-    elif method == Method.TRUNCATED:
-        gain = gain * (sigma > p["cutoff"])
-    elif method == Method.TRANSPOSE:
-        below = np.sum(sigma**4 * c**2)
-        gain = sigma * (np.sum(sigma**2 * c**2) / below if below > 0 else 0.0)
-    elif method == Method.JPARSE:
-        least = p["gamma"] * sigma[0]
-        gain = np.where(sigma >= least, gain, sigma / (least or 1.0) ** 2)
-    elif method == Method.FILTERED:
-        lam2 = fading(sigma, p["damping_below"], p["damping_maximum"])
-        gain, lam = sigma / np.where(alive, sigma**2 + lam2, 1.0), np.sqrt(lam2[-1])
-    elif method == Method.SELECTIVELY_DAMPED:
-        gain = gain * selective_shares(A, sigma, c, vt, alive, p["rate_bound"])
-    elif method == Method.DAMPED:
-        lam = scheduled(variant.schedule, sigma, c, p)
-        gain = sigma / np.where(alive, sigma**2 + lam**2, 1.0)
-    else:
-        assert method == Method.INVERSE, f"no formula for {variant}: write it here, from docs/theory.md"
-    gain = np.where(alive, gain, 0.0)
-    return vt.T @ (gain * c), gain, lam
-
-
-def fading(sigma, below, maximum):
-    """Return λ² that rises from 0 at σ = ε to λ_max² at σ = 0."""
-    return np.where(sigma < below, (1 - (sigma / below) ** 2) * maximum**2, 0.0)
-
-
-def scheduled(schedule, sigma, c, p):
-    """Return λ of (12)."""
-    return damping(
-        schedule.name.lower(), p["damping_maximum"], p["damping_below"], sigma[-1],
-        w=np.prod(sigma), w_below=p["manipulability_below"], error=p["error"], error_gain=p["error_gain"],
-        A=np.diag(sigma), t=c, bound=p["rate_bound"],
+    method, lam = variant.method.name.lower(), 0.0
+    if method in ("damped", "filtered"):
+        schedule = variant.schedule.name.lower() if method == "damped" else "smallest_singular_value"
+        lam = damping(
+            schedule, p["damping_maximum"], p["damping_below"], sigma[-1], w=np.prod(sigma),
+            w_below=p["manipulability_below"], error=p["error"], error_gain=p["error_gain"], A=A, t=t,
+            bound=p["rate_bound"],
+        )  # fmt: skip
+    G = generalized_inverse(
+        A, t, np.ones(len(A)), np.ones(len(A.T)), method, p["tolerance"], lam, cutoff=p["cutoff"], gamma=p["gamma"],
+        bound=p["rate_bound"], maximum=p["damping_maximum"], below=p["damping_below"],
     )  # fmt: skip
-
-
-def selective_shares(A, sigma, c, vt, alive, bound):
-    """Return h of (9)."""
-    rho = np.linalg.norm(A, axis=0)
-    h = np.zeros(len(sigma))
-    for i in np.flatnonzero(alive):
-        largest = np.abs(vt[i]).max()
-        most = bound * min(1.0, sigma[i] / (np.abs(vt[i]) @ rho))
-        h[i] = min(1.0, most * sigma[i] / (abs(c[i]) * largest)) if c[i] else 1.0
-    y = vt.T @ (h * c * alive / np.where(alive, sigma, 1.0))
-    return h * min(1.0, bound / np.abs(y).max()) if np.any(y) else h
-
-
-def chain_text(seed, n, scale=1.0):
-    """Return the MJCF of a serial chain of hinges and slides, whose lengths are multiplied by `scale`."""
-    rng = np.random.default_rng(seed)
-    text = lambda values: " ".join(f"{value:.17g}" for value in values)  # noqa: E731
-    bodies = ""
-    for j in range(n):
-        slides = rng.random() < 0.3
-        low, high = rng.uniform(-2.0, -0.5), rng.uniform(0.5, 2.0)
-        span = np.array([low, high]) * (scale if slides else 1.0)
-        bodies += (
-            f'<body name="b{j}" pos="{text(scale * rng.uniform(-0.4, 0.4, 3))}" quat="{text(rng.normal(size=4))}">'
-            f'<joint name="j{j}" type="{"slide" if slides else "hinge"}" axis="{text(rng.normal(size=3))}" '
-            f'pos="{text(scale * rng.uniform(-0.1, 0.1, 3))}" range="{text(span)}" armature="0.1"/>'
-            f'<geom type="sphere" size="{0.03 * scale:.17g}" mass="1"/>'
-        )
-    site = f'<site name="tip" pos="{text(scale * rng.uniform(-0.3, 0.3, 3))}" quat="{text(rng.normal(size=4))}"/>'
-    return f'<mujoco><compiler angle="radian"/><worldbody>{bodies}{site}{"</body>" * n}</worldbody></mujoco>'
+    return G @ t, np.sum(vt.T * (G @ u), axis=0), lam
