@@ -4,7 +4,6 @@ import re
 import shlex
 
 from project import ROOT
-from rmrc.scenario import loads
 from rmrc.scenario.profile import SHIPPED, load_profile
 
 PAGE = (ROOT / "docs/profiles.md").read_text("utf-8")
@@ -47,12 +46,3 @@ def test_the_commands_print_what_the_page_says(rmrc):
         )
         assert told in printed
     assert codes == [1, 0]
-
-
-def test_the_profile_of_the_page_is_one(tmp_path):
-    blocks = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
-    keys, own = blocks
-    text = f"name: x\narm: {{model: {ROOT}/models/fr3.xml}}\ntarget: {{path: [{{hold: {{for: 1}}}}]}}\n{keys}"
-    assert loads(text).control.limits.acceleration == (9.999,) * 7
-    (tmp_path / "own.yaml").write_text(own)
-    assert load_profile(str(tmp_path / "own.yaml")).loop.delay.value == (0.006, 0.012)
