@@ -121,19 +121,6 @@ def pose_of(arm):
     return pose[:3], Rotation.from_quat(pose[3:], scalar_first=True)
 
 
-def test_a_body_is_a_frame_as_mujoco_has_it(data):
-    arm = arms.load(MODELS / "gripper.xml", body="left")
-    assert arm.joints == ("j1", "j2", "j3", "l") and arm.site == "left" and arm.notes == ()
-    arm = arms.load(MODELS / "gripper.xml", body="palm")
-    position, turn = pose_of(arm)
-    body = data.body("palm")
-    assert_allclose(position, body.xpos, atol=1e-15)
-    assert_allclose(turn.as_matrix(), body.xmat.reshape(3, 3), atol=1e-15)
-    full = np.zeros((6, 5))
-    mujoco.mj_jacBody(data.model, data, full[:3], full[3:], body.id)
-    assert_allclose(arm.jacobian([0.4, -0.7, 0.3]), full[:, :3], atol=1e-15)
-
-
 @pytest.mark.parametrize(
     ("turned", "mass"),
     [

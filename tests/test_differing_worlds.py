@@ -1,14 +1,10 @@
 """Payload, gravity and stretched bodies: what they are, and that worlds which differ in them run side by side."""
 
-import math
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from project import ROOT
-from rmrc.arm import load
-from rmrc.recording.shapes import shapes_of
 from rmrc.results.columns import COLUMNS
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -91,18 +87,6 @@ def test_gravity_is_that_of_a_model_which_says_so(scenario, tmp_path):
 
 
 # Lengths ------------------------------------------------------------------------------------------
-
-
-def test_a_stretched_arm_is_where_its_lengths_put_it():
-    arm = load(ROOT / "models" / "planar_2link.xml").stretched({"link_1": 1.25, "link_2": 0.8})
-    for q1, q2 in ([0.3, -0.7], [1.1, 2.0]):
-        x = 1.25 * math.cos(q1) + 0.8 * math.cos(q1 + q2)
-        y = 1.25 * math.sin(q1) + 0.8 * math.sin(q1 + q2)
-        assert_allclose(arm.pose([q1, q2])[:3], [x, y, 0.0], atol=1e-12)  # rounding
-    assert_allclose(arm.chain.step[1], [1.25, 0.0, 0.0], atol=1e-15)
-    sizes = {shape.name: (shape.size, shape.pose) for shape in shapes_of(arm)}
-    assert_allclose(sizes["tube_2"][0][:2], 0.8 * np.array([0.03, 0.485]))
-    assert_allclose(sizes["tube_2"][1][:3], [0.8 * 0.485, 0.0, 0.0], atol=1e-15)
 
 
 @pytest.mark.parametrize("kind", ["servo", "torque"])

@@ -61,12 +61,8 @@ def written(path, pieces=DOWN_AND_UP, expect=None, **plant):
     }  # fmt: skip
 
 
-def scenario(*about, **options):
-    return Scenario.model_validate(written(*about, **options))
-
-
 def run(*about, **options):
-    prepared = prepare(scenario(*about, **options))
+    prepared = prepare(Scenario.model_validate(written(*about, **options)))
     (done,) = Simulation([prepared]).run()
     assert done.divergence is None
     return done
@@ -119,7 +115,7 @@ def test_drives_are_at_their_limit_where_a_plain_loop_clamps_them(tmp_path):
     free = run(arm(tmp_path, "", more=weightless, name="free"))
     most = 0.5 * free.scorecard["tau.peak"].value
     path = arm(tmp_path, "", more=weightless, joint=f'actuatorfrcrange="-{most} {most}"')
-    done, kv = run(path), prepare(scenario(path)).plant.kv
+    done, kv = run(path), prepare(Scenario.model_validate(written(path))).plant.kv
     spec = mujoco.MjSpec.from_file(str(path))
     spec.option.timestep, spec.option.integrator = TIMESTEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     for key in list(spec.keys):

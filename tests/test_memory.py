@@ -50,7 +50,6 @@ def small(monkeypatch, tmp_path):
 LONG = 8_000_001
 CASES = {
     "run": (["run", "long.yaml", "--no-record"], "6:10: control.slow.longest: … 80000010 ticks", 10 * LONG * 504),
-
     "compare": (
         ["compare", "long.yaml", "--no-record", "--vary", "control.feedback=1,2", "--set", "control.at_singularity=damp"],
         "5:16: target.path: … 8000001 ticks … 2 runs", 2 * LONG * 504,
@@ -77,7 +76,7 @@ def test_a_sweep_counts_the_runs_at_a_time(rmrc, tmp_path, monkeypatch):
     # a run holds 20 001 ticks of 504 B and a world: 10.3 MB; two are too much
     monkeypatch.setattr("rmrc.simulation.footprint.LIBRARIES", 0)
     monkeypatch.setattr(memory, "room", lambda: memory.Room(16e6, "the machine"))
-    options = (
+    options = [
         "sweep",
         "long.yaml",
         "--vary",
@@ -85,7 +84,7 @@ def test_a_sweep_counts_the_runs_at_a_time(rmrc, tmp_path, monkeypatch):
         "--set",
         "control.slow.longest=1",
         "-q",
-    )
+    ]
     code, out, err = rmrc(*options, "--threads", "2")
     assert (code, out) == (2, "") and not (tmp_path / "recordings").exists()
     wanted = "20001 ticks … 2 … 21 MB … 12.8 MB … 80% … machine …; … control.period …"

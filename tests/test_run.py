@@ -1,5 +1,3 @@
-import os
-import stat
 from dataclasses import fields
 
 import numpy as np
@@ -7,7 +5,6 @@ import pytest
 
 from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.results.run import Run
-from rmrc.support.files import written_whole
 from standing import make_run, random_columns
 
 
@@ -74,14 +71,3 @@ def test_a_run_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
     monkeypatch.undo()
     assert Run.read(path).name == "first"
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]
-
-
-def test_the_mode_is_what_the_umask_allows(tmp_path):
-    path = tmp_path / "run.npz"
-    before = os.umask(0o077)
-    try:
-        with written_whole(path) as temporary:
-            temporary.write_bytes(b"new")
-    finally:
-        os.umask(before)
-    assert stat.S_IMODE(path.stat().st_mode) == 0o600
