@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from chains import random_chain
 from project import ROOT
 from replacing import replaced
 from rmrc import arm as arms
@@ -156,6 +157,16 @@ def test_a_tool_is_a_frame_and_a_mass_on_a_body(data, turned, mass):
 
     slope = [(height(q + h * e) - height(q - h * e)) / (2 * h) for e in np.eye(3)]
     assert_allclose(more, m * 9.81 * np.array(slope), atol=1e-8)
+
+
+def test_a_tool_without_a_body_is_in_the_frame_of_the_site(tmp_path):
+    path = tmp_path / "chain.xml"
+    path.write_text(random_chain(5, 3))  # its site is turned
+    plain, arm = arms.load(path), arms.load(path, tool=ToolSection(position=(0.1, 0.2, 0.3)))
+    q = np.array([0.4, -0.7, 0.3])
+    pose = plain.pose(q)
+    turn = Rotation.from_quat(pose[3:], scalar_first=True)
+    assert_allclose(arm.pose(q)[:3], pose[:3] + turn.apply([0.1, 0.2, 0.3]), atol=1e-14)
 
 
 def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes(tmp_path):

@@ -144,7 +144,7 @@ ROWS = np.sort(np.append(np.arange(len(TIME)), [7, 30, 30, 31]))
 # The same motion with rows as loggers leave them, and what is told about it.
 CHANGED = {
     "rows twice": ({name: values[ROWS] for name, values in PLAIN.items()}, "4 duplicates …"),
-    "coarse clock": (PLAIN | {"t": np.floor(TIME / 0.04 + 1e-9) * 0.04}, "50 … spread …"),
+    "coarse clock": ({n: c[:100] for n, c in (PLAIN | {"t": np.floor(TIME / 0.04 + 1e-9) * 0.04}).items()}, "50 … spread …"),
     "out of order": ({n: c[[0, 2, 1, *range(3, len(TIME))]] for n, c in PLAIN.items()}, "1 out of order …"),
     "other messages": ({n: np.insert(c, [5, 9], np.nan) if n != "t" else np.insert(c, [5, 9], [0.09, 0.17])
                         for n, c in PLAIN.items()}, "2 rows …"),
@@ -154,7 +154,8 @@ CHANGED = {
 @pytest.mark.parametrize("case", CHANGED)
 def test_rows_as_loggers_leave_them_are_told_and_give_the_same_motion(case, tmp_path):
     table, told = CHANGED[case]
-    want, _ = followed(tmp_path / "plain.csv", PLAIN)
+    plain = {n: c[:100] for n, c in PLAIN.items()} if case == "coarse clock" else PLAIN
+    want, _ = followed(tmp_path / "plain.csv", plain)
     got, notes = followed(tmp_path / "rows.csv", table)
     assert_allclose(got.pose, want.pose, rtol=0, atol=1e-9)
     assert [*notes] == [says(f"rows.csv: {told}")]

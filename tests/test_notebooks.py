@@ -51,15 +51,6 @@ def pyplot():
         plt.close("all")
 
 
-def test_there_is_one_for_each_chapter_and_each_is_in_the_lists():
-    assert [name[:2] for name in NOTEBOOKS] == [f"{i:02}" for i in range(1, 9)]
-    for page in ("notebooks/README.md", "docs/textbook.md"):
-        listed = re.findall(
-            r"^\| \[[^]]+\]\((?:\.\./notebooks/)?(\w+)\.ipynb\)", (ROOT / page).read_text("utf-8"), re.M
-        )
-        assert listed == list(NOTEBOOKS), page
-
-
 @pytest.mark.parametrize("name", NOTEBOOKS)
 def test_only_public_names_are_used(name):
     code = "\n".join(cells(name, "code").values())

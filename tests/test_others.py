@@ -201,6 +201,16 @@ def test_limits_springs_equalities_and_contacts_do_not_move_what_is_locked(kind)
     assert np.abs(loose["qpos"][-1, still] - prepared.qpos[still]).max() > 0.01
 
 
+def test_a_spring_damper_does_not_unlock_a_joint(tmp_path):
+    """As MuJoCo replaces damping by it when it compiles."""
+    text = (MODELS / "loose_gripper.xml").read_text()
+    path = tmp_path / "gripper.xml"
+    path.write_text(text.replace('joint name="thumb"', 'joint name="thumb" springdamper="0.1 1"'))
+    prepared, done = run(path, site="hand", joints=LINKS)
+    thumb = prepared.arm.model.joint("thumb").qposadr[0]
+    assert np.ptp(done["qpos"][:, thumb]) < 1e-12
+
+
 def test_free_joints_do_what_they_do_in_the_authors_model():
     for model, ctrl in (("loose_gripper", {"thumb": 0.5}), ("idle_rail", {})):
         prepared, done = run(model, others="free", seconds=0.05)

@@ -245,6 +245,21 @@ def test_joint_positions_and_twists_lead_along_the_same_poses(tmp_path):
     assert_allclose(pose_error(second.pose, want), 0, rtol=0, atol=1e-5)
 
 
+def test_twists_of_coarse_rows_are_integrated_as_finely_as_they_are_linear(tmp_path):
+    """Rows of 0.2 s whose axis turns: by 2000 small turns of scipy. Of fourth order: 0.2⁵ of some rad/s are 1e-5 a row."""
+    time = np.arange(0, 1.01, 0.2)
+    w = np.column_stack([np.sin(np.pi * time), np.sin(2 * np.pi * time), 0.5 * np.sin(np.pi * time)])
+    file = write(tmp_path / "twist.csv", as_columns(time, np.hstack([0 * w, w]), TWIST))
+    loose = {"angular_velocity": 50, "angular_acceleration": 500, "angular_jerk": 1e5}
+    end = rotation(reference({"file": {"path": file}}, limits=loose).pose[-1])
+    fine = (np.arange(2000) + 0.5) / 2000
+    small = np.column_stack([np.interp(fine, time, row) for row in w.T]) / 2000
+    turned = TURN
+    for turn in Rotation.from_rotvec(small):
+        turned = turn * turned
+    assert (end * turned.inv()).magnitude() < 1e-4  # without the second term it is 5e-3 off
+
+
 def test_a_motion_begins_with_a_way_to_it_or_is_carried_to_the_start(tmp_path, line):
     shift = np.array([0.3, 0, 0.1])
     moved = np.hstack([line.pose[:, :3] + shift, line.pose[:, 3:]])

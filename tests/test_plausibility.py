@@ -48,6 +48,12 @@ def test_the_reach_of_a_shipped_arm_bounds_its_postures_and_speeds_tightly(model
     assert max(speeds) <= reach.speed
 
 
+def test_the_speed_of_a_planar_arm_is_that_of_its_outstretched_links():
+    arm = load(shipped("models")["planar_3link"])
+    rates = np.where(np.isfinite(arm.rate_limit), arm.rate_limit, 6.0)
+    assert reach_of(arm).speed == pytest.approx(arm.jacobian(np.zeros(3))[1] @ rates, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("override", "line"),
     [

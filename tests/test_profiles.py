@@ -191,6 +191,11 @@ def test_joints_brake_before_the_positions_of_the_profile_so_that_no_rate_near_a
     assert (braked < allowed)[braked < RATES - 1e-3].all()
 
 
+def test_chatter_counts_from_the_rate_in_a_second_or_a_tenth_of_the_acceleration():
+    limits = "control.limits={rate: [2, 2, 0.5, 2, 2, 2, 2], acceleration: 10}"
+    assert prepare(load(FR3, [limits])).chatter_floor == (1.0, 1.0, 0.5, 1.0, 1.0, 1.0, 1.0)
+
+
 def test_joints_that_are_driven_into_their_ends_keep_to_the_rates_there(tmp_path):
     """All but jerk, which the law bounds by itself: the joints race to their ends, where the rates fall to 0."""
     published = yaml.safe_load(SHIPPED["franka_fr3_before_5_9"].read_text())

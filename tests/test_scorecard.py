@@ -118,6 +118,13 @@ def test_peaks_means_extremes_and_times_are_those_of_numpy(seed, special):
 # By hand ----------------------------------------------------------------------------------------
 
 
+def test_commands_are_compared_with_rest_before_the_first():
+    got = values(make_run(3, ("a",), period=0.5, qdot_cmd=[[4.0], [5.0], [6.0]]))
+    # accelerations 8, 2, 2; jerks 16, −12, 0
+    assert (got["joint_acceleration_cmd.peak"], got["joint_acceleration_cmd.rms"]) == (8.0, math.sqrt(72 / 3))
+    assert (got["joint_jerk_cmd.peak"], got["joint_jerk_cmd.peak_time"]) == (16.0, 0.0)
+
+
 def test_torques_have_shares_of_the_limits_of_the_joints_that_have_one():
     tau, joints = [[1, -9, 3], [-2, 3, -40]], ("a", "b", "c")
     got = values(make_run(2, joints, tau=tau, torque_limit=(4.0, 10.0, math.inf)))

@@ -16,7 +16,7 @@ from rmrc.scenario import TargetSection, loads
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.simulation.trajectory import Places, make_reference
-from rmrc.support.errors import ScenarioError
+from rmrc.support.errors import ScenarioError, TargetError
 
 NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
 TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
@@ -225,3 +225,16 @@ def test_what_is_neither_smooth_nor_held_is_refused_with_the_way_out(prepared):
             ScenarioError, match=r"write speed: 0\.\d+ or speed: auto, or interpolation: hold"
         ):
             prepared(name, keys)
+
+
+def test_way_points_with_pauses_are_not_held_targets(tmp_path):
+    """They repeat as well, but a step of 0.1 m is none that a user expects."""
+    time, x = np.arange(10.0), np.repeat(np.arange(5.0), 2)
+    poses = np.tile(START, (10, 1))
+    poses[:, 0] += 0.1 * x
+    file = write(tmp_path / "points.csv", time, poses)
+    with pytest.raises(TargetError, match="interpolation: hold"):
+        reference(file, limits={"velocity": 0.05})
+    smooth = reference(file)  # and within the limits they are a spline
+    assert smooth.notes == () and np.abs(smooth.twist).max() > 0.1
+    assert_array_equal(np.abs(reference(file, interpolation="hold").twist).max(), 0)

@@ -155,6 +155,7 @@ SOFT = '<safety_controller soft_lower_limit="{}" soft_upper_limit="{}" k_velocit
 UNUSED = [
     ({LIMIT: LIMIT.replace('"-2"', '"3"')}, "range-reversed", "shoulder (3 to 1)"),
     ({LIMIT: LIMIT + SOFT.format(-1, 1)}, "unused", "shoulder (-1 to 1)"),
+    ({LIMIT: LIMIT + SOFT.format(-2.5, 0.5)}, "unused", "shoulder (-2.5 to 0.5)"),
     ({'<limit velocity="0"': '<limit lower="-3" upper="3" velocity="0"'}, "unused", "elbow (-3 to 3)"),
     ({LIMIT: LIMIT.replace('"1.5"', '"-1.5"')}, "unused", "velocity … shoulder (-1.5)"),
     ({LIMIT: LIMIT + '<mimic joint="nobody"/>'}, "unused", '<mimic> … shoulder ("nobody")'),
