@@ -11,7 +11,7 @@ def pieces(reference):
 def acceleration(reference):
     """Return the time derivative of the twist at each tick, (T, 6)."""
     number = np.searchsorted(reference.starts, reference.time, "right") - 1
-    ages = reference.time - reference.starts[number]
-    return np.array(
-        [reference.pieces[i].at(np.array([age]))[0, 13:] for i, age in zip(number, ages, strict=True)]
-    )
+    ages, rows = reference.time - reference.starts[number], np.zeros((len(number), 6))
+    for i in np.unique(number):
+        rows[number == i] = reference.pieces[i].at(ages[number == i])[:, 13:]
+    return rows

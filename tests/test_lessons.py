@@ -6,14 +6,14 @@ import pytest
 
 import rmrc
 from pages import page
-from project import ROOT, mostly_long
+from project import ROOT
 from rmrc.scenario.lesson import SHIPPED, Lesson
 from rmrc.scenario.messages import checked
 from rmrc.scenario.reading import Document
 from rmrc.support.errors import ScenarioError
 
 
-@pytest.mark.parametrize("name", mostly_long(sorted(SHIPPED), every=3))
+@pytest.mark.parametrize("name", sorted(SHIPPED))
 def test_the_number_to_find_is_what_the_setting_gives(name):
     lesson = checked(Lesson, Document.read(str(SHIPPED[name])))
     number, written = lesson.number, rmrc.load(lesson.scenario)

@@ -61,12 +61,8 @@ def written(path, pieces=DOWN_AND_UP, expect=None, **plant):
     }  # fmt: skip
 
 
-def scenario(*about, **options):
-    return Scenario.model_validate(written(*about, **options))
-
-
 def run(*about, **options):
-    prepared = prepare(scenario(*about, **options))
+    prepared = prepare(Scenario.model_validate(written(*about, **options)))
     (done,) = Simulation([prepared]).run()
     assert done.divergence is None
     return done
@@ -93,9 +89,8 @@ def is_in_contact(done):
     return done["status"] & Status.CONTACT > 0
 
 
-@pytest.mark.parametrize("world", [FLOOR, FLOOR + CUBE], ids=["floor", "floor and cube"])
-def test_contact_is_where_a_plain_loop_finds_one(tmp_path, world):
-    path = arm(tmp_path, world)
+def test_contact_is_where_a_plain_loop_finds_one(tmp_path):
+    path = arm(tmp_path, FLOOR + CUBE)
     done = run(path)
     wanted = np.array([bool(pairs) for pairs in pairs_by_mujoco(path, done)])
     assert 50 < np.count_nonzero(wanted) < len(done) - 50
@@ -120,7 +115,7 @@ def test_drives_are_at_their_limit_where_a_plain_loop_clamps_them(tmp_path):
     free = run(arm(tmp_path, "", more=weightless, name="free"))
     most = 0.5 * free.scorecard["tau.peak"].value
     path = arm(tmp_path, "", more=weightless, joint=f'actuatorfrcrange="-{most} {most}"')
-    done, kv = run(path), prepare(scenario(path)).plant.kv
+    done, kv = run(path), prepare(Scenario.model_validate(written(path))).plant.kv
     spec = mujoco.MjSpec.from_file(str(path))
     spec.option.timestep, spec.option.integrator = TIMESTEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     for key in list(spec.keys):
@@ -183,8 +178,7 @@ def test_the_verb_tells_contact_and_leaves_the_verdict_to_what_is_expected(rmrc,
     assert known["scorecard"]["contact"]["first_bodies"] == "lower – floor" and known["resting"] == []
 
 
-@pytest.mark.parametrize("kind", ["servo", "torque"])
-@pytest.mark.parametrize("joint", ['actuatorgravcomp="true"', ""])
+@pytest.mark.parametrize(("kind", "joint"), [("servo", ""), ("torque", 'actuatorgravcomp="true"')])
 def test_actuators_that_give_the_gravity_compensation_give_it_once(tmp_path, kind, joint):
     """At rest the actuators and the compensation beside them bear the weight, which MuJoCo's bias is there."""
     done = run(arm(tmp_path, "", joint=joint), HOLD, kind=kind, gravity_compensation=True)

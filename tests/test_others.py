@@ -11,13 +11,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from project import ROOT, mostly_long
+from physics import moved
+from project import ROOT
 from rmrc import arm as arms
 from rmrc.plants.servo import rate_servo
-from rmrc.recording.scene import Scene
-from rmrc.scenario import Scenario
-from rmrc.simulation.prepare import prepare
-from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ModelError
 
 MODELS = ROOT / "tests/models"
@@ -33,25 +30,14 @@ ROUNDING = (
 )
 
 
-def scenario(model, kind="servo", start="home", others="hold", seconds=0.2, joints=None, site=None, **plant):
-    """Return a short move, and a pause, of an arm of these models."""
+def run(model, kind="servo", start="home", others="hold", seconds=0.2, joints=None, site=None, **plant):
+    """Return the world of a short move, and a pause, of an arm of these models, and what it did."""
     known = KNOWN.get(model, (site, joints))
     path = MODELS / f"{model}.xml" if model in KNOWN else model
-    arm = {"model": path, "site": known[0], "joints": known[1], "start": start, "others": others}
-    move = {"line": {"by": (0.03, 0.0, -0.03)}}
-    return Scenario.model_validate({
-        "name": "others", "arm": arm, "task": {"axes": ("x", "z")},
-        "control": {"period": PERIOD, "feedback": 20.0}, "target": {"path": (move, {"hold": {"for": seconds}})},
-        "plant": {"kind": kind, "timestep": TIMESTEP, **plant},
-    })  # fmt: skip
-
-
-def run(*about, **options):
-    """Return the world and what it did."""
-    prepared = prepare(scenario(*about, **options))
-    (done,) = Simulation([prepared]).run()
-    assert done.divergence is None
-    return prepared, done
+    arm = {"site": known[0], "joints": known[1], "start": start, "others": others}
+    move = ({"line": {"by": (0.03, 0.0, -0.03)}}, {"hold": {"for": seconds}})
+    control = {"period": PERIOD, "feedback": 20.0}
+    return moved(path, kind, move, arm=arm, control=control, timestep=TIMESTEP, **plant)
 
 
 def plain_loop(prepared, done, ctrl, act=0.0):
@@ -147,9 +133,7 @@ HELD = {
     '<general joint="o" gear="-3" biastype="affine" gainprm="4" biasprm="1 -4 0"/>': (-2.65, None),
     '<general joint="o" biastype="affine" dyntype="integrator" gainprm="4" biasprm="0 -8 0" actlimited="true" actrange="-1 1"/>': (0.0, 1.0),
     '<position joint="o" kp="20" delay="0.1" nsample="60"/>': (0.8, None),
-    '<position jointinparent="o" kp="20"/>': (0.8, None),
     '<motor joint="o"/>': (0.0, None),
-    '<velocity joint="o" kv="3"/>': (0.0, None),
     '<damper joint="o" kv="3" ctrlrange="0 1"/>': (0.0, None),
     '<general joint="o" biastype="affine" gainprm="4" biasprm="0 8 0"/>': (0.0, None),  # it pushes away
 }  # fmt: skip
@@ -185,8 +169,7 @@ def test_an_actuator_gets_what_holds_its_joint_and_a_joint_that_none_holds_is_lo
 # Locked -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["servo", "torque"])
-@pytest.mark.parametrize("floats", [True, False])
+@pytest.mark.parametrize(("kind", "floats"), [("servo", True), ("torque", False)])
 def test_an_arm_on_locked_joints_moves_as_on_none(tmp_path, kind, floats):
     about = {"gravity_compensation": floats, "start": "moved"} | ({"kv": 300.0} if kind == "servo" else {})
     prepared, done = run("idle_rail", kind, **about)
@@ -216,6 +199,16 @@ def test_limits_springs_equalities_and_contacts_do_not_move_what_is_locked(kind)
     assert_allclose(done["qpos"][-1, wheel], 2.0 * done["q"][-1, 1], atol=0.01)
     _, loose = run("loose_gripper", kind, others="free")
     assert np.abs(loose["qpos"][-1, still] - prepared.qpos[still]).max() > 0.01
+
+
+def test_a_spring_damper_does_not_unlock_a_joint(tmp_path):
+    """As MuJoCo replaces damping by it when it compiles."""
+    text = (MODELS / "loose_gripper.xml").read_text()
+    path = tmp_path / "gripper.xml"
+    path.write_text(text.replace('joint name="thumb"', 'joint name="thumb" springdamper="0.1 1"'))
+    prepared, done = run(path, site="hand", joints=LINKS)
+    thumb = prepared.arm.model.joint("thumb").qposadr[0]
+    assert np.ptp(done["qpos"][:, thumb]) < 1e-12
 
 
 def test_free_joints_do_what_they_do_in_the_authors_model():
@@ -255,13 +248,6 @@ def test_a_flex_hangs_at_the_arm_and_beside_it_as_in_the_authors_model():
     run(MODELS / "soft.xml", kind="model", **about)
 
 
-def test_a_model_without_other_joints_is_not_touched():
-    for name in ("planar_2link", "puma560", "helical"):
-        arm = arms.load(ROOT / f"models/{name}.xml")
-        assert not arm.others.locked and not arm.others.kept
-        assert arm.at(arm.configuration([0.1] * arm.n)) is arm
-
-
 def test_passive_joints_of_a_closed_loop_with_a_driven_one_are_free(tmp_path):
     """A four-bar gripper: one joint has an actuator, a connect closes the loop over two that have none."""
     path = tmp_path / "model.xml"
@@ -280,53 +266,7 @@ def test_passive_joints_of_a_closed_loop_with_a_driven_one_are_free(tmp_path):
     assert {arm.model.joint(j).name for j in arm.others.locked} == {"crank", "bar", "rocker", "lid"}
 
 
-def test_tendons_and_sites_are_the_arms_where_they_pull_at_nothing_else(tmp_path):
-    path = tmp_path / "model.xml"
-    path.write_text("""<mujoco><worldbody><site name="ceiling" pos="0 0 1"/><body><joint name="a" axis="0 1 0"/><geom size=".1"/>
-    <site name="mid" pos=".2 0 0"/><body pos=".3 0 0"><joint name="b" axis="0 1 0"/><geom size=".1"/>
-    <site name="tip" pos=".2 0 0"/><body name="f"><joint name="f" type="slide"/><geom size=".01"/><site name="nail"/></body>
-    </body></body></worldbody><tendon><spatial name="cord"><site site="ceiling"/><site site="mid"/></spatial>
-    <spatial name="claw"><site site="mid"/><site site="nail"/></spatial>
-    <fixed name="both"><joint joint="a" coef="1"/><joint joint="b" coef="1"/></fixed></tendon>
-    <actuator><position tendon="cord"/><position tendon="claw"/><position tendon="both"/><position site="tip" kp="3"/>
-    <general site="nail" refsite="tip"/></actuator></mujoco>""")
-    arm = arms.load(path, "tip")
-    others = arm.others
-    assert others.replaced == {0, 2, 3} and others.kept == (1, 4)
-    assert others.locked == frozenset()  # the claw holds the finger
-
-
 # One configuration for all ----------------------------------------------------------------------
-
-
-BODIES = [
-    ("idle_rail", "moved", "hold"), ("loose_gripper", "home", "free"),
-    ("tendon_gripper", "shut", "hold"), ("two_arms", "home", "hold"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("kind", "model", "start", "others"),
-    mostly_long([(kind, *one) for kind in ("ideal", "servo", "torque") for one in BODIES], 5),
-)
-def test_bodies_are_drawn_where_the_physics_has_them(kind, model, start, others):
-    prepared, done = run(model, kind, start, others)
-    assert done["qpos"].shape == (len(done), prepared.arm.model.nq)
-    data = mujoco.MjData(prepared.arm.model)
-    drawn = Scene(prepared).frames(done, np.arange(len(done))).bodies[:, :, :3]
-    for row, qpos in zip(drawn, done["qpos"], strict=True):
-        data.qpos[:] = qpos
-        mujoco.mj_kinematics(prepared.arm.model, data)
-        assert_allclose(row, data.xpos, atol=1e-12)
-    assert_allclose(done["qpos"][:, prepared.arm.wiring.qpos], done["q"], atol=0.0)
-
-
-def test_law_path_and_physics_start_at_one_place_with_idle_joints_off_home():
-    prepared, done = run("idle_rail", start="moved")
-    assert_allclose(done["pose_error"][0], 0.0, atol=1e-12)
-    assert_allclose(prepared.arm.pose(done["q"][-1]), done["pose"][-1], atol=1e-9)
-    at_home = arms.load(prepared.arm.path, "hand", LINKS)
-    assert np.linalg.norm(at_home.pose(done["q"][-1])[:3] - done["pose"][-1, :3]) > 0.5
 
 
 def test_an_arm_that_stands_elsewhere_has_the_kinematics_and_statics_of_there():
@@ -352,38 +292,15 @@ def test_an_arm_that_stands_elsewhere_has_the_kinematics_and_statics_of_there():
 # Added actuators --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["servo", "torque"])
-def test_what_a_default_says_of_actuators_is_not_said_of_those_that_are_added(tmp_path, kind):
+def test_what_a_default_says_of_actuators_is_not_said_of_those_that_are_added(tmp_path):
     text = (MODELS / "hostile_default.xml").read_text()
     path = tmp_path / "mild.xml"
     path.write_text(re.sub("<default>.*</default>", "", text, flags=re.DOTALL))
-    _, hostile = run("hostile_default", kind)
-    _, mild = run(path, kind, site="hand", joints=LINKS)
+    _, hostile = run("hostile_default")
+    _, mild = run(path, site="hand", joints=LINKS)
     for name in hostile.columns:
         assert_array_equal(hostile[name], mild[name], err_msg=name)
     assert np.abs(hostile["qdot_cmd"]).max() > 0.1  # which its ctrlrange would clamp
-
-
-def test_torque_limits_of_a_geared_motor_hold_at_the_joint(tmp_path):
-    path = tmp_path / "model.xml"
-    text = re.sub("<general.*?/>", "", (MODELS / "hostile_default.xml").read_text(), flags=re.DOTALL)
-    motors = '<actuator><motor joint="shoulder"/><motor joint="elbow" ctrlrange="-.002 .002"/></actuator>'
-    path.write_text(text.replace("<keyframe>", motors + "<keyframe>"))
-    prepared, done = run(path, site="hand", joints=LINKS, gravity_compensation=False)
-    # of all motors of the class: gear 100 · force 1; and of the elbow: gear 100 · 0.002
-    assert_allclose(prepared.arm.torque_limit, [100.0, 0.2])
-    assert np.abs(done["tau"][:, 1]).max() == pytest.approx(0.2)
-    assert np.abs(done["tau"][:, 0]).max() > 1.0  # N·m at the joint, not of the motor behind its gear
-
-
-def test_a_sensor_of_an_actuator_that_is_replaced_does_not_stop_a_plant(tmp_path):
-    (
-        tmp_path / "model.xml"
-    ).write_text("""<mujoco><worldbody><body name="hand"><joint name="j"/><geom size=".1"/></body>
-      </worldbody><actuator><motor name="m" joint="j"/></actuator>
-      <sensor><actuatorfrc actuator="m"/><jointpos joint="j"/></sensor></mujoco>""")
-    adapted = arms.load(tmp_path / "model.xml").adapted(rate_servo, TIMESTEP, gravity_compensation=True)
-    assert adapted.nsensor == 0 and adapted.nu == 1
 
 
 # What motion capture places -----------------------------------------------------------------------
@@ -396,30 +313,14 @@ CARRIED = """<mujoco><compiler angle="radian"/><worldbody>
  <body name="wall" mocap="true" pos="3 0 0"><geom type="box" size="0.05 0.5 0.5"/></body></worldbody>
 <keyframe><key name="home" qpos="-0.5 1.2"/>
  <key name="moved" qpos="-0.5 1.2" mpos="0.3 -0.2 0.6  3 0 0" mquat="0.8 0 0 0.6  1 0 0 0" qvel="0.1 0"/>
- <key name="walled" qpos="-0.5 1.2" mpos="0.1 0 0.5  0.93 0 0.5"/></keyframe></mujoco>"""
+</keyframe></mujoco>"""
 
 
-@pytest.fixture
-def carried(tmp_path):
-    """Return a function: start -> (prepared, run) of an arm that a mocap body carries."""
+@pytest.mark.parametrize(("start", "kind"), [("home", "servo"), ("moved", "ideal"), ("moved", "torque")])
+def test_bodies_of_motion_capture_start_where_the_keyframe_has_them(tmp_path, start, kind):
     path = tmp_path / "carried.xml"
     path.write_text(CARRIED)
-
-    def started(start, kind="servo", by=(0.0, 0.0, 0.05)):
-        prepared = prepare(Scenario.model_validate({
-            "name": "carried", "arm": {"model": path, "site": "tip", "start": start}, "task": {"axes": ("x", "z")},
-            "target": {"path": ({"line": {"by": by}},)}, "plant": {"kind": kind},
-        }))  # fmt: skip
-        (done,) = Simulation([prepared]).run()
-        return prepared, done
-
-    return started
-
-
-@pytest.mark.parametrize("kind", ["ideal", "servo", "torque"])
-@pytest.mark.parametrize("start", ["home", "moved"])
-def test_bodies_of_motion_capture_start_where_the_keyframe_has_them(carried, start, kind):
-    prepared, done = carried(start, kind)
+    prepared, done = run(path, kind, start, site="tip", joints=LINKS)
     model = mujoco.MjModel.from_xml_string(CARRIED)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(start).id)

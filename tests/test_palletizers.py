@@ -7,12 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rmrc.scenario import Scenario
+from physics import moved
 from rmrc.scenario.choices import Status
-from rmrc.simulation.prepare import prepare
-from rmrc.simulation.simulation import Simulation
 
-PERIOD = 0.001
 START = (0.2, 0.4, 0.3)
 FINGER = """<body pos="0 .02 0"><joint name="finger" type="slide" axis="0 1 0"/>
 <inertial pos="0 0 0" mass=".01" diaginertia="1e-6 1e-6 1e-6"/></body>"""
@@ -54,7 +51,6 @@ def drives(element, gain=""):
 
 
 ARMS = {
-    "desktop": {"size": 1.0, "mass": 1.0, "wrist": (0.05, 1e-4)},
     "ratio two with offsets": {
         "size": 1.0, "mass": 1.0, "wrist": (0.05, 1e-4), "rules": ((0.3, -2.0), (-0.2, 1.5))
     },
@@ -68,16 +64,11 @@ ARMS = {
 
 def ran(path, kind, **plant):
     """Return a world, and what it did: a short straight move of the tip and a pause."""
-    prepared = prepare(Scenario.model_validate({
-        "name": "palletizer", "arm": {"model": path, "site": "tip", "start": START}, "task": {"axes": ("x", "y", "z")},
-        "control": {"period": PERIOD, "feedback": 10.0, "inverse": {"method": "pseudoinverse"}},
-        "target": {"path": ({"line": {"by": (0.03, 0.02, 0.02)}}, {"hold": {"for": 0.2}}),
-                   "limits": {"velocity": 0.1, "acceleration": 0.5, "jerk": 5.0}},
-        "plant": {"kind": kind, **plant},
-    }))  # fmt: skip
-    (run,) = Simulation([prepared]).run()
-    assert run.divergence is None and run.is_complete
-    return prepared, run
+    path_of_tip = ({"line": {"by": (0.03, 0.02, 0.02)}}, {"hold": {"for": 0.2}})
+    return moved(
+        path, kind, path_of_tip, arm={"start": START}, axes=("x", "y", "z"), **plant,
+        control={"inverse": {"method": "pseudoinverse"}}, limits={"velocity": 0.1, "acceleration": 0.5, "jerk": 5.0},
+    )  # fmt: skip
 
 
 def gap(model, qpos):
@@ -133,13 +124,13 @@ def test_it_keeps_its_path_as_the_ideal_arm_does_on_every_plant(write, about):
 def test_a_hand_may_have_more_followers_than_the_arm_has_joints(write):
     hand = "".join(FINGER.replace('"finger"', f'"finger{i}"') for i in range(9))
     rules = "".join(FOLLOWS.replace('"finger"', f'"finger{i}"').replace("0.02", f"0.0{i}") for i in range(9))
-    prepared, run = ran(write(**ARMS["desktop"], hand=hand, finger=rules), "ideal")
+    prepared, run = ran(write(size=1.0, mass=1.0, wrist=(0.05, 1e-4), hand=hand, finger=rules), "ideal")
     assert len(prepared.arm.followers) == 11 and run["slip"].max() < 1e-12
     assert gap(prepared.arm.model, run["qpos"]).max() < 1e-12
 
 
-@pytest.mark.parametrize("kv", [1.0, 1e3, 1e7])
+@pytest.mark.parametrize("kv", [1.0, 1e7])
 def test_no_gain_is_too_stiff_for_the_equalities(write, kv):
-    _, run = ran(write(**ARMS["desktop"]), "servo", kv=kv)
+    _, run = ran(write(size=1.0, mass=1.0, wrist=(0.05, 1e-4)), "servo", kv=kv)
     assert error(run) < 1e-3 and run["slip"].max() < 1e-7
     assert np.abs(np.diff(run["qdot"], axis=0)).max() < 0.01  # no chatter

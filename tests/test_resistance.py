@@ -5,36 +5,27 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from physics import moved
 from project import ROOT
 from rmrc.arm import load
-from rmrc.scenario import Scenario
-from rmrc.simulation.prepare import prepare
-from rmrc.simulation.simulation import Simulation
 
 # One joint without gravity: what it does at a constant rate is told by the balance of its torques alone.
 WHEEL = """<mujoco><worldbody><body name="wheel"><joint name="j" axis="0 0 1" {joint}/>
 <geom type="box" size=".1 .1 .1" mass="3"/><site name="tip" pos=".2 0 0"/></body></worldbody>{tail}</mujoco>"""
-INERTIA = 3 * (0.2**2 + 0.2**2) / 12
 DAMPED, DRY, DRAG = 'damping="2"', 'frictionloss="0.5"', 'damping="2 0.4 0.3"'
 FLAG = '<mujoco><option><flag contact="disable"/></option>'
 TURN, PERIOD = 0.4, 0.001
 KINDS = ("servo", "torque")
 
 
-def turning(path, kind, site="tip", compensates=True, period=PERIOD, rate=TURN, start="home", **plant):
+def turning(path, kind, compensates=True, arm=None, **plant):
     """Return an arm that goes round with its hand and stops, and what it did."""
-    scenario = Scenario.model_validate({
-        "name": "turning", "arm": {"model": path, "site": site, "start": start}, "task": {"axes": ("rz",)},
-        "control": {"period": period, "inverse": {"method": "pseudoinverse"},
-                    "limits": {"on_excess": "none", "position": False}},
-        "target": {"path": ({"turn": {"axis": "z", "angle": 0.5}}, {"hold": {"for": 0.2}}),
-                   "limits": {"angular_velocity": rate, "angular_acceleration": 2.0, "angular_jerk": 20.0}},
-        "plant": {"kind": kind, "friction_compensation": compensates, **plant},
-    })  # fmt: skip
-    prepared = prepare(scenario)
-    (done,) = Simulation([prepared]).run()
-    assert done.divergence is None
-    return prepared, done
+    return moved(
+        path, kind, ({"turn": {"axis": "z", "angle": 0.5}}, {"hold": {"for": 0.2}}), arm=arm, axes=("rz",),
+        control={"feedback": 20.0, "inverse": {"method": "pseudoinverse"}, "limits": {"on_excess": "none", "position": False}},
+        limits={"angular_velocity": TURN, "angular_acceleration": 2.0, "angular_jerk": 20.0},
+        friction_compensation=compensates, **plant,
+    )  # fmt: skip
 
 
 @pytest.fixture
@@ -49,8 +40,9 @@ def wheel(tmp_path):
     return write
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("joint", [DAMPED, DRY, DRAG, f"{DRAG} {DRY}"])
+@pytest.mark.parametrize(
+    ("kind", "joint"), [("servo", DAMPED), ("torque", DRY), ("servo", DRAG), ("torque", f"{DRAG} {DRY}")]
+)
 def test_the_torque_at_a_constant_rate_is_what_resists_it_and_the_rate_is_kept(wheel, kind, joint):
     """damping · q̇ + loss: the numbers of the file, far beyond the rate at which dry friction still creeps."""
     _, done = turning(wheel(joint), kind)
@@ -65,6 +57,20 @@ def test_the_torque_at_a_constant_rate_is_what_resists_it_and_the_rate_is_kept(w
     assert lag[0] < (2.0 if DRY in joint else 1.01) * lag[1] + 1e-5
 
 
+FOLLOWER = """</body><body name="wheel2" pos="1 0 0"><joint name="f" axis="0 0 1" damping="0.5" frictionloss="0.3"/>
+<geom type="box" size=".1 .1 .1" mass="1"/></body></worldbody>
+<equality><joint joint1="f" joint2="j" polycoef="0 -2 0 0 0"/></equality></mujoco>"""
+
+
+def test_a_follower_resists_its_leader_by_its_ratio(wheel):
+    path = wheel(DAMPED)
+    path.write_text(path.read_text().replace("</body></worldbody></mujoco>", FOLLOWER))
+    _, done = turning(path, "servo")
+    assert done["qdot"][800, 0] == pytest.approx(TURN, abs=1e-5)  # its rate has settled
+    # |ratio| times the loss, and its square times the damping
+    assert done["tau"][800, 0] == pytest.approx(2.0 * TURN + 4 * 0.5 * TURN + 2 * 0.3, abs=1e-4)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_without_compensation_it_lags(wheel, kind):
     """The negative control of the test above."""
@@ -76,8 +82,7 @@ def test_without_compensation_it_lags(wheel, kind):
     assert lag > 3 * little
 
 
-@pytest.mark.parametrize("joint", [DAMPED, DRY, DRAG, f"{DAMPED} {DRY}"])
-@pytest.mark.parametrize("steps", [1, 4])
+@pytest.mark.parametrize(("joint", "steps"), [(DAMPED, 4), (DRY, 1), (DRAG, 4), (f"{DAMPED} {DRY}", 1)])
 def test_computed_torque_gives_the_acceleration_that_it_wants(wheel, joint, steps):
     """Δq̇ = period · q̈ to rounding, with the implicit steps of damping and the creep of dry friction as they are.
 
@@ -99,26 +104,20 @@ def test_servos_take_a_step_with_damping_as_one_without():
     mujoco.mj_fwdPosition(arm.model, data)
     M = np.zeros((arm.model.nv,) * 2)
     mujoco.mj_fullM(arm.model, data, M)
-    prepared, _ = turning(arm.path, "servo", site="tool", start=(0.0, -0.3, 0.0, 1.2, 0.0, 1.5, 0.0))
+    start = (0.0, -0.3, 0.0, 1.2, 0.0, 1.5, 0.0)
+    prepared, _ = turning(arm.path, "servo", arm={"site": "tool", "start": start})
     assert_allclose(prepared.plant.kv, np.diag(M) / 0.001 + [10, 10, 5, 5, 5, 2, 2], rtol=1e-12)
 
 
-@pytest.mark.parametrize("damping", ["", 'damping="3"'])
-def test_computed_torque_beside_joints_that_give_way_gives_the_acceleration_that_it_wants(tmp_path, damping):
+def test_computed_torque_beside_joints_that_give_way_gives_the_acceleration_that_it_wants(tmp_path):
     """The rail and the turntable are pushed by the arm and move, and the arm moves as if they were at rest."""
     text = (ROOT / "tests/models/idle_rail.xml").read_text()
     path = tmp_path / "rail.xml"
-    path.write_text(text.replace('name="rail"', f'name="rail" {damping}').replace("<mujoco>", FLAG))
-    scenario = Scenario.model_validate({
-        "name": "rail", "task": {"axes": ("x", "z")},
-        "arm": {"model": path, "site": "hand", "joints": ("shoulder", "elbow"), "others": "free"},
-        "control": {"period": PERIOD, "feedback": 0.0},
-        "target": {"path": ({"line": {"by": (0.03, 0.0, -0.03)}},)},
-        "plant": {"kind": "torque", "gravity_compensation": False},
-    })  # fmt: skip
-    prepared = prepare(scenario)
-    (done,) = Simulation([prepared]).run()
-    assert done.divergence is None and done.is_complete
+    path.write_text(text.replace('name="rail"', 'name="rail" damping="3"').replace("<mujoco>", FLAG))
+    arm = {"site": "hand", "joints": ("shoulder", "elbow"), "others": "free"}
+    move, without = ({"line": {"by": (0.03, 0.0, -0.03)}},), {"feedback": 0.0}
+    prepared, done = moved(path, "torque", move, arm=arm, control=without, gravity_compensation=False)
+    assert done.is_complete
     sent, qdot = done["qdot_cmd"], done["qdot"]
     before = np.vstack([np.zeros(2), sent[:-1]])
     wanted = sent - before + PERIOD * prepared.plant.bandwidth * (sent - qdot)

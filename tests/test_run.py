@@ -1,45 +1,29 @@
-import os
-import stat
 from dataclasses import fields
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.results.run import Run
-from rmrc.support.files import written_whole
+from standing import make_run, random_columns
 
 
-def make_run(ticks=4, **given):
-    rng = np.random.default_rng(1)
-    width = {"n": 3, "k": 2, "nq": 4, "6": 6, "7": 7}
-    columns = {
-        name: rng.normal(size=(ticks, width[column.width]) if column.width else ticks)
-        for name, column in COLUMNS.items()
-    }
-    columns["status"] = np.arange(ticks)
-    columns["path_time"] = np.arange(ticks) * (1e-3 / 3.0)
+def random_run(ticks=4, **given):
+    """Return a run of random numbers with names, limits and a period of many digits."""
     facts = {
-        "name": "case",
-        "joints": ("base", "µ elbow", "d3"),
-        "is_slide": (False, False, True),
-        "axes": ("x", "rz"),
-        "length": 0.1,
         "weights": (0.1 + 0.2, 7.0),
         "torque_limit": (100.0, np.inf, 1e-3 / 3.0),
-        "period": 1e-3 / 3.0,  # not a short decimal: every bit must come back
-        "columns": columns,
-        "planned": ticks,
+        "is_slide": (False, False, True),
     }
-    return Run(**(facts | given))
+    columns = random_columns(np.random.default_rng(1), ticks, 3, 2) | {"status": np.arange(ticks)}
+    period = 1e-3 / 3.0  # not a short decimal: every bit must come back
+    return make_run(ticks, ("base", "µ elbow", "d3"), ("x", "rz"), period, **(facts | columns | given))
 
 
 @pytest.mark.parametrize("ticks", [0, 50])
 @pytest.mark.parametrize("divergence", [None, Divergence(3, 0.003, "µ elbow", "rate is not finite")])
 def test_what_is_saved_is_read_back_bit_for_bit(tmp_path, ticks, divergence):
-    run = make_run(ticks, planned=60, divergence=divergence, wall_time=0.1 + 0.2)
+    run = random_run(ticks, planned=60, divergence=divergence, wall_time=0.1 + 0.2)
     if ticks:
         run["condition"][0] = np.inf
         run["tau"][0, 0] = np.nan
@@ -58,62 +42,23 @@ def test_what_is_saved_is_read_back_bit_for_bit(tmp_path, ticks, divergence):
     assert len(back) == ticks and not back.is_complete
 
 
-@given(st.text(st.characters(exclude_categories=["Cs"])), st.floats(-1e99, 1e99))
-def test_any_name_and_any_number_come_back(tmp_path_factory, text, number):
-    path = tmp_path_factory.mktemp("runs") / "run.npz"
-    make_run(name=text, length=number).save(path)
-    back = Run.read(path)
-    assert (back.name, back.length) == (text, number)
-
-
-def test_a_file_says_the_unit_of_every_column(tmp_path):
-    # For a reader without rmrc: numpy and json are enough.
-    make_run().save(tmp_path / "run.npz")
-    with np.load(tmp_path / "run.npz", allow_pickle=False) as file:
-        assert set(file) == {*COLUMNS, "facts"}
-        for name, column in COLUMNS.items():
-            assert f'"{name}": ' in str(file["facts"])
-            assert column.unit
-
-
 def test_a_run_is_complete_when_its_path_was_recorded_to_the_end():
-    assert make_run(4, planned=4).is_complete
-    assert not make_run(3, planned=4).is_complete
-    assert [make_run(ticks, planned=4).completed for ticks in (0, 3)] == [0.0, 0.75]
-    slowed = make_run(4, planned=4)  # more ticks than planned, and still on its way
+    assert random_run(4, planned=4).is_complete
+    assert not random_run(3, planned=4).is_complete
+    assert [random_run(ticks, planned=4).completed for ticks in (0, 3)] == [0.0, 0.75]
+    slowed = random_run(4, planned=4)  # more ticks than planned, and still on its way
     slowed.columns["path_time"][:] *= 0.5
     assert slowed.completed == 0.625
     assert not slowed.is_complete
     assert [slowed.joint_unit(j) for j in range(3)] == ["rad", "rad", "m"]
 
 
-def test_a_divergence_is_one_line_that_names_tick_time_joint_and_reason():
-    text = 'diverged at tick 12 (0.0120 s) at joint "elbow": rate is not finite'
-    assert str(Divergence(12, 0.012, "elbow", "rate is not finite")) == text
-    assert str(Divergence(12, 0.012, "", "rate is not finite")) == text.replace(' at joint "elbow"', "")
-
-
 # Files ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("crash", [KeyboardInterrupt, OSError])
-def test_a_crash_while_writing_leaves_the_old_file_and_no_other(tmp_path, crash):
-    path = tmp_path / "run.npz"
-    path.write_bytes(b"old")
-
-    def write():
-        with written_whole(path) as temporary:
-            temporary.write_bytes(b"half")
-            raise crash
-
-    with pytest.raises(crash):
-        write()
-    assert [file.name for file in tmp_path.iterdir()] == ["run.npz"] and path.read_bytes() == b"old"
 
 
 def test_a_run_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
     path = tmp_path / "run.npz"
-    make_run(name="first").save(path)
+    random_run(name="first").save(path)
 
     def full(file, **_arrays):
         file.write(b"half")
@@ -121,35 +66,8 @@ def test_a_run_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
 
     monkeypatch.setattr(np, "savez", full)
     with pytest.raises(OSError, match=r"^\[Errno 28\] No space left on device: ") as caught:
-        make_run(name="second").save(path)
+        random_run(name="second").save(path)
     assert caught.value.filename == str(path)  # which the command line tells, where it has a trace for bugs
     monkeypatch.undo()
     assert Run.read(path).name == "first"
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]
-
-
-def test_two_writers_of_one_path_do_not_mix_and_a_reader_sees_whole_files(tmp_path):
-    path = tmp_path / "run.npz"
-    path.write_bytes(b"old")
-    with written_whole(path) as first:
-        first.write_bytes(b"first")
-        with written_whole(path) as second:
-            second.write_bytes(b"second")
-            assert path.read_bytes() == b"old"
-        assert path.read_bytes() == b"second"
-        # a rename is atomic only within a file system; programs choose a format by the suffix
-        assert (first.parent, first.name[:5], first.suffix) == (tmp_path, ".run-", ".npz")
-    assert path.read_bytes() == b"first"
-    assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]
-
-
-@pytest.mark.parametrize("umask", [0o022, 0o077])
-def test_the_mode_is_what_the_umask_allows(tmp_path, umask):
-    path = tmp_path / "run.npz"
-    before = os.umask(umask)
-    try:
-        with written_whole(path) as temporary:
-            temporary.write_bytes(b"new")
-    finally:
-        os.umask(before)
-    assert stat.S_IMODE(path.stat().st_mode) == 0o666 & ~umask

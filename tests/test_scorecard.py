@@ -11,36 +11,28 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from oracles import error_parts
 from project import ROOT
-from rmrc.results.columns import COLUMNS
 from rmrc.results.expectations import blank, check, refuse_unknown
-from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, scorecard
 from rmrc.scenario import Check, load
 from rmrc.scenario.choices import IN_RUNS, Status
-from rmrc.scenario.profile import Profile
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ScenarioError
+from standing import make_run, random_columns
 from wording import says
 
 PLANE = ("x", "y")
 SPACE = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def make_run(ticks, joints=("shoulder", "elbow"), axes=PLANE, period=0.001, **given):
-    """Return a run that stands still, but for the columns and fields that are given."""
-    n = len(joints)
-    width = {"n": n, "k": min(n, len(axes)), "nq": n, "6": 6, "7": 7}
-    columns = {
-        name: np.zeros((ticks, width[column.width]) if column.width else ticks)
-        for name, column in COLUMNS.items()
-    }
-    columns["time"] = columns["path_time"] = np.arange(ticks) * period
-    columns["status"] = np.zeros(ticks, np.int64)
-    columns |= {name: np.asarray(values) for name, values in given.items() if name in COLUMNS}
-    fields = {"is_slide": (False,) * n, "length": 1.0, "planned": ticks or 1, "wall_time": 0.5}
-    fields |= {name: value for name, value in given.items() if name not in COLUMNS}
-    return Run("case", tuple(joints), axes=axes, period=period, columns=columns, **fields)
+def random_run(rng, ticks, special):
+    """Return a run of random numbers; a share of the entries is NaN, infinite, or equal to others."""
+    columns = random_columns(rng, ticks, N, K)
+    for numbers in columns.values():
+        chosen = rng.random(numbers.shape) < special
+        numbers[chosen] = rng.choice([math.nan, math.inf, -math.inf, 3.0, -3.0, 0.0, -0.0], chosen.sum())
+    columns["status"] = rng.integers(0, 2 ** len(IN_RUNS), ticks) & rng.integers(0, 2 ** len(IN_RUNS), ticks)
+    return make_run(ticks, "abcd", AXES, PERIOD, length=LENGTH, weights=WEIGHTS, **columns)
 
 
 def values(run):
@@ -52,19 +44,6 @@ def values(run):
 N, K, LENGTH, PERIOD = 4, 3, 0.7, 0.002
 AXES, ROWS, WEIGHTS = ("x", "z", "ry"), [0, 2, 4], (0.3, 2.0, 5.0)
 SCALE = np.sqrt(WEIGHTS) / [LENGTH, LENGTH, 1.0]
-
-
-def random_run(rng, ticks, special):
-    """Return a run of random numbers; a share of the entries is NaN, infinite, or equal to others."""
-    columns, width = {}, {"n": N, "k": K, "nq": N, "6": 6, "7": 7}
-    for name, column in COLUMNS.items():
-        numbers = rng.normal(size=(ticks, width[column.width]) if column.width else ticks)
-        chosen = rng.random(numbers.shape) < special
-        numbers[chosen] = rng.choice([math.nan, math.inf, -math.inf, 3.0, -3.0, 0.0, -0.0], chosen.sum())
-        columns[name] = numbers
-    columns["time"] = columns["path_time"] = np.arange(ticks) * PERIOD
-    columns["status"] = rng.integers(0, 2 ** len(IN_RUNS), ticks) & rng.integers(0, 2 ** len(IN_RUNS), ticks)
-    return make_run(ticks, "abcd", AXES, PERIOD, length=LENGTH, weights=WEIGHTS, **columns)
 
 
 def from_rest(column):
@@ -95,8 +74,7 @@ def by_numpy(run):
     return {name: np.abs(column) for name, column in joints.items()}, errors
 
 
-@pytest.mark.parametrize("special", [0.0, 0.02, 0.5])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("seed", "special"), [(0, 0.0), (1, 0.02), (2, 0.5)])
 def test_peaks_means_extremes_and_times_are_those_of_numpy(seed, special):
     run = random_run(np.random.default_rng(seed), 400, special)
     with np.errstate(invalid="ignore"):
@@ -140,6 +118,13 @@ def test_peaks_means_extremes_and_times_are_those_of_numpy(seed, special):
 # By hand ----------------------------------------------------------------------------------------
 
 
+def test_commands_are_compared_with_rest_before_the_first():
+    got = values(make_run(3, ("a",), period=0.5, qdot_cmd=[[4.0], [5.0], [6.0]]))
+    # accelerations 8, 2, 2; jerks 16, −12, 0
+    assert (got["joint_acceleration_cmd.peak"], got["joint_acceleration_cmd.rms"]) == (8.0, math.sqrt(72 / 3))
+    assert (got["joint_jerk_cmd.peak"], got["joint_jerk_cmd.peak_time"]) == (16.0, 0.0)
+
+
 def test_torques_have_shares_of_the_limits_of_the_joints_that_have_one():
     tau, joints = [[1, -9, 3], [-2, 3, -40]], ("a", "b", "c")
     got = values(make_run(2, joints, tau=tau, torque_limit=(4.0, 10.0, math.inf)))
@@ -163,16 +148,6 @@ def test_contact_and_torque_limits_have_their_time_their_first_time_and_who_it_w
     assert got["contact.first_bodies"] == "link – floor"
     assert (got["torque_limited.time"], got["torque_limited.first_time"]) == (1.0, 1.0)
     assert (got["torque_limited.first_joint"], got["status_time.OK"]) == ("elbow", 0.5)
-
-
-def test_the_longest_time_stuck_is_one_stretch_and_the_first_of_equals():
-    there = Status.STUCK | Status.DAMPED
-    got = values(make_run(10, period=0.5, status=[there, 0, there, there, 1, there, there, 0, 0, there]))
-    assert (got["stuck.longest"], got["stuck.longest_time"]) == (1.0, 1.0)
-    assert (got["stuck.share"], got["status_time.STUCK"]) == (0.6, 3.0)
-    never = values(make_run(2))
-    assert (never["stuck.longest"], never["stuck.share"]) == (0.0, 0.0)
-    assert math.isnan(never["stuck.longest_time"])
 
 
 HOME = (1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0)
@@ -233,19 +208,12 @@ def test_of_a_direction_without_linear_part_all_of_the_position_error_is_across(
     assert [got[f"{name}.end"] for name in SPLIT] == [0.0, 5.0, 1.5, 0.0]
 
 
-@pytest.mark.parametrize(
-    "task",
-    [
-        "task.length=0.3",
-        "task={axes: [x, y, z, rx, ry, rz], length: 0.25, weights: [1, 2, 0.5, 0.1, 3, 0.7]}",
-        "task={axes: [x, y, z, rx, rz], length: 4.0, weights: [0.2, 1, 5, 2, 0.1]}",  # more joints than rows
-    ],
-)
-def test_error_parts_of_a_run_past_a_wrist_singularity_are_those_that_numpy_finds(task):
-    scenario = load(
-        ROOT / "scenarios/stanford_wrist.yaml",
-        [task, "target.path=[{turn: {axis: z, angle: 45 deg}}]", "control.period=0.004"],
+def test_error_parts_of_a_run_past_a_wrist_singularity_are_those_that_numpy_finds():
+    task = (
+        "task={axes: [x, y, z, rx, rz], length: 4.0, weights: [0.2, 1, 5, 2, 0.1]}"  # more joints than rows
     )
+    turn = "target.path=[{turn: {axis: z, angle: 45 deg}}]"
+    scenario = load(ROOT / "scenarios/stanford_wrist.yaml", [task, turn, "control.period=0.004"])
     prepared = prepare(scenario)
     (run,) = Simulation([prepared]).run()
     arm, rows = prepared.arm, [SPACE.index(axis) for axis in scenario.task.axes]
@@ -265,37 +233,17 @@ def test_error_parts_of_a_run_past_a_wrist_singularity_are_those_that_numpy_find
         assert got[f"{name}.end"].value == pytest.approx(size[-1], rel=1e-9, abs=1e-13), name
         assert got[f"{name}.max"].unit == ("m" if name.startswith("position") else "rad")
         assert size.max() > 1e-6, "a part of nothing but rounding would show no slip"
-    for kind in ("position", "orientation"):
-        whole = got[f"{kind}_error.max"].value
-        assert max(got[f"{kind}_error_{part}.max"].value for part in ("along", "across")) <= whole
 
 
 # Names ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ticks", [0, 1, 2])
-@pytest.mark.parametrize("axes", [PLANE, SPACE, ("rz",)])
+@pytest.mark.parametrize(("ticks", "axes"), [(0, PLANE), (1, SPACE), (2, ("rz",))])
 def test_the_names_depend_on_joints_and_axes_alone(ticks, axes):
     joints = ("a", "b", "c")
     assert list(scorecard(make_run(ticks, joints, axes))) == list(blank(joints, axes))
     groups = {name.partition(".")[0] for name in blank(joints, axes)}
     assert ("position_error" in groups, "orientation_error" in groups) == (axes != ("rz",), axes != PLANE)
-
-
-@pytest.mark.parametrize("joints", [("shoulder", "elbow"), ("peak", "peak.rms")])
-def test_nested_values_are_those_of_the_flat_names_as_strict_json(joints):
-    card = scorecard(make_run(3, joints, qdot_plain=[[math.inf, 1.0]] * 3))
-
-    def flat(tree, prefix=""):
-        for key, value in tree.items():
-            yield from (
-                flat(value, f"{prefix}{key}.") if isinstance(value, dict) else [(f"{prefix}{key}", value)]
-            )
-
-    found = dict(flat(json.loads(json.dumps(card.nested(), allow_nan=False))))
-    assert list(found) == list(card) or set(found) == set(card)
-    assert found["joint_rate_plain.peak"] == "inf" and found["stuck.longest_time"] is None
-    assert found["ticks"] == 3 and found["chatter_joint"] is None
 
 
 # Expectations -----------------------------------------------------------------------------------
@@ -308,16 +256,11 @@ def card_of(value, unit="rad/s"):
 @pytest.mark.parametrize(
     ("value", "wanted", "missed_by", "message"),
     [
-        (2.5, Check(below=3), 0.0, "expected below 3 rad/s, got 2.5"),
         (3.21, Check(below=3), 0.21, "expected below 3 rad/s, got 3.21, 0.21 too high"),
         (3.0, Check(below=3), 0.0, "expected below 3 rad/s, got 3, exactly the bound"),
-        (2.5, Check(above=3), -0.5, "expected above 3 rad/s, got 2.5, 0.5 too low"),
-        (3.0, Check(above=3), 0.0, "expected above 3 rad/s, got 3, exactly the bound"),
         (0.5, Check(above=1, below=2.25), -0.5, "expected above 1 and below 2.25 rad/s, got 0.5, 0.5 too low"),
         (0.75, Check(equals=1, within=0.25), 0.0, "expected 1 within 0.25 rad/s, got 0.75"),
-        (1.5, Check(equals=1, within=0.25), 0.25, "expected 1 within 0.25 rad/s, got 1.5, 0.25 too high"),
         (0.25, Check(equals=1, within=0.25), -0.5, "expected 1 within 0.25 rad/s, got 0.25, 0.5 too low"),
-        (math.inf, Check(below=3), math.inf, "expected below 3 rad/s, got inf, inf too high"),
     ],
 )  # fmt: skip
 def test_an_outcome_says_what_was_wanted_and_by_how_much_it_was_missed(value, wanted, missed_by, message):
@@ -329,17 +272,10 @@ def test_an_outcome_says_what_was_wanted_and_by_how_much_it_was_missed(value, wa
     assert str(outcome) == f"joint_rate.peak: {message}"
 
 
-@pytest.mark.parametrize("wanted", [Check(below=3), Check(above=-3), Check(equals=0, within=1e300)], ids=str)
-def test_an_undefined_figure_meets_nothing(wanted):
-    (outcome,) = check(card_of(math.nan), {"joint_rate.peak": wanted})
-    assert not outcome.ok
-    assert math.isnan(outcome.missed_by)
-    text = f"joint_rate.peak: expected {outcome.wanted}, but it is undefined for this run"
-    assert str(outcome) == text
-
-
 @given(st.floats(allow_nan=False), st.floats(-1e6, 1e6), st.floats(0, 1e6))
 def test_ok_is_what_the_comparison_says_and_a_miss_has_its_sign(value, bound, within):
+    (undefined,) = check(card_of(math.nan), {"joint_rate.peak": Check(equals=bound, within=1e300)})
+    assert not undefined.ok and math.isnan(undefined.missed_by)
     for wanted, ok in (
         (Check(below=bound), value < bound),
         (Check(above=bound), value > bound),
@@ -349,14 +285,6 @@ def test_ok_is_what_the_comparison_says_and_a_miss_has_its_sign(value, bound, wi
         assert outcome.ok == ok
         assert ok or value == bound or (outcome.missed_by > 0) == (value > bound)
         assert json.loads(json.dumps(outcome.facts(), allow_nan=False))["text"] == str(outcome)
-
-
-def test_a_profile_is_an_expectation_with_the_first_refused_command():
-    profile = Profile(robot="any", joints=2, rate={"value": (1.0, 1.0), "source": "here"})
-    run = make_run(3, qdot_cmd=[[0.0, 0.5], [0.0, -2.0], [0.0, 3.0]], profile=profile)
-    (outcome,) = check(run.scorecard, {"profile": "any.yaml"})
-    assert (outcome.ok, outcome.value) == (False, 2.0)
-    assert str(outcome) == says('profile: … any accepts… 2 of 3 … rate … "elbow" at 0.001 s')
 
 
 def test_names_that_cannot_be_expected_are_refused_with_the_way_out(scenario):

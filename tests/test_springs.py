@@ -11,11 +11,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import rmrc
-from rmrc.scenario import Scenario
-from rmrc.simulation.prepare import prepare
-from rmrc.simulation.simulation import Simulation
+from physics import moved
 
-PERIOD = 0.001
 # A slide under a hinge, which an arm of two joints moves in a plane; a third joint follows the hinge.
 ARM = """<mujoco><compiler angle="radian"/><default><geom contype="0" conaffinity="0" type="capsule" size=".03"/></default>
 <worldbody><body pos="0 0 .5"><joint name="slide" type="slide" axis="1 0 0" range="-.3 .3" {slide}/>
@@ -51,26 +48,22 @@ def write(tmp_path):
     return write
 
 
-def ran(path, kind, by=(0.06, 0.0, -0.05), period=PERIOD, **plant):
+def ran(path, kind, by=(0.06, 0.0, -0.05), **plant):
     """Return a world, and what it did: a move of the tip, if any, and a pause."""
     move = ({"line": {"by": by}},) if any(by) else ()
-    prepared = prepare(Scenario.model_validate({
-        "name": "springs", "arm": {"model": path, "site": "tip"}, "task": {"axes": ("x", "z")},
-        "control": {"period": period, "feedback": 10.0, "inverse": {"method": "inverse"}},
-        "target": {"path": (*move, {"hold": {"for": 0.1}}), "limits": {"velocity": 0.1, "acceleration": 0.5, "jerk": 5.0}},
-        "plant": {"kind": kind, **plant},
-    }))  # fmt: skip
-    (run,) = Simulation([prepared]).run()
-    assert run.divergence is None and run.is_complete
-    return prepared, run
+    limits, inverse = {"velocity": 0.1, "acceleration": 0.5, "jerk": 5.0}, {"method": "inverse"}
+    path_of_tip = (*move, {"hold": {"for": 0.1}})
+    return moved(path, kind, path_of_tip, control={"inverse": inverse}, limits=limits, **plant)
 
 
 def error(run):
     return np.abs(run["pose_error"][:, [0, 2]]).max()
 
 
-@pytest.mark.parametrize("name", SPRINGS)
-@pytest.mark.parametrize("kind", ["servo", "torque"])
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [*(("servo", name) for name in SPRINGS), ("torque", "follower"), ("torque", "polynomial")],
+)
 def test_an_arm_at_rest_gives_what_its_springs_take_and_stays(write, kind, name):
     parts, torques = SPRINGS[name]
     prepared, run = ran(write(**parts), kind, by=(0.0, 0.0, 0.0))
@@ -91,9 +84,8 @@ def test_an_arm_at_rest_gives_what_its_springs_take_and_stays(write, kind, name)
             assert f"{abs(torque):.3g} N" in told
 
 
-@pytest.mark.parametrize("name", ["slide", "hinge", "polynomial"])
-def test_servos_are_a_plain_loop_that_cancels_the_springs(write, name):
-    prepared, run = ran(write(**SPRINGS[name][0]), "servo")
+def test_servos_are_a_plain_loop_that_cancels_the_springs(write):
+    prepared, run = ran(write(**SPRINGS["polynomial"][0]), "servo")
     model = prepared.plant.own_model()
     data, wiring = mujoco.MjData(model), prepared.arm.wire(model)
     data.qpos[:] = run["qpos"][0]
@@ -111,12 +103,7 @@ MOTOR = '<motor joint="{}"/>'
 
 @pytest.mark.parametrize(
     ("slide", "hinge", "joints"),
-    [
-        (VELOCITY, VELOCITY, ["slide", "hinge"]),
-        (POSITION, POSITION, ["slide", "hinge"]),
-        (MOTOR, VELOCITY, ["hinge"]),
-        (MOTOR, MOTOR, []),
-    ],
+    [(VELOCITY, POSITION, ["slide", "hinge"]), (MOTOR, VELOCITY, ["hinge"]), (MOTOR, MOTOR, [])],
 )
 def test_springs_that_no_drive_of_the_author_carries_are_told(write, slide, hinge, joints):
     drives = f"<actuator>{slide.format('slide')}{hinge.format('hinge')}</actuator>"

@@ -3,8 +3,6 @@
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from project import ROOT
@@ -26,7 +24,7 @@ def random_pose_and_wrench(arm, seed):
     return rng.uniform(lower, upper), rng.normal(size=6) * 10
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(4))
 def test_equivalent_torques_are_those_of_mj_jac_and_of_mj_applyFT(arm, seed):
     q, wrench = random_pose_and_wrench(arm, seed)
     model, data = arm.model, mujoco.MjData(arm.model)
@@ -75,10 +73,3 @@ def test_a_force_in_the_lost_direction_costs_no_torque(arm):
     lost[rows], kept[rows] = u[:, -1], u[:, 0]
     assert_allclose(joint_torques(J, lost), 0, atol=1e-12)
     assert np.linalg.norm(joint_torques(J, kept)) == pytest.approx(sigma[0])  # any other force does cost
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_torques_and_wrench_have_the_same_power(seed):
-    rng = np.random.default_rng(seed)
-    J, qdot, wrench = rng.normal(size=(6, 4)), rng.normal(size=4), rng.normal(size=6)
-    assert joint_torques(J, wrench) @ qdot == pytest.approx(wrench @ (J @ qdot), abs=1e-12)

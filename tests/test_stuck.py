@@ -1,12 +1,10 @@
 """An arm that stands still while it should move is STUCK, and no other; and `run` says so in a line."""
 
-import json
-
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from project import ROOT, mostly_long
+from project import ROOT
 from rmrc.scenario import load
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -30,11 +28,10 @@ STUCK_RUNS = {
 OTHER_RUNS = {
     "straight and back": (*TWO, OUT),
     "a slow start": (*TWO, OUT, "control.limits.acceleration=0.5"),
-    "nothing but a hold": (*TWO, "target.path=[{hold: {for: 1}}]"),
+
     "told to stop": (*TWO, OUT, "control.at_singularity=stop", "control.stop.sigma=0.2"),
     "slowed down": (*TWO, OUT, "control.at_singularity=slow", "control.inverse.method=inverse", "control.limits.rate=0.5"),
     "without feed-forward": (*TWO, OUT, "control.feedforward=false"),
-    "more rows than joints": (*TWO, OUT, "task.axes=[x, y, rz]"),
 }  # fmt: skip
 
 
@@ -60,7 +57,7 @@ def stands_by_hand(prepared, run):
     return np.array(found)
 
 
-@pytest.mark.parametrize("name", mostly_long(STUCK_RUNS | OTHER_RUNS, 2))
+@pytest.mark.parametrize("name", STUCK_RUNS | OTHER_RUNS)
 def test_a_run_is_stuck_where_its_columns_say_so_and_nowhere_else(simulate, name):
     prepared, run = simulate(*(STUCK_RUNS | OTHER_RUNS)[name])
     is_stuck = run["status"] & Status.STUCK > 0
@@ -75,22 +72,3 @@ def test_a_locked_arm_is_stuck_until_its_path_ends_and_one_that_comes_back_is_no
     (back,) = Simulation([prepare(load(ROOT / "scenarios/beyond_reach.yaml"))]).run()
     assert np.any(back["status"] & Status.STUCK) and not back["status"][-1] & Status.STUCK
     assert np.linalg.norm(back["pose_error"][-1, :2]) < 0.002
-
-
-@pytest.mark.parametrize(("expected", "code"), [("", 0), ("{stuck.longest: {below: 0.5}}", 1)])
-def test_run_says_so_and_exits_by_what_is_expected(rmrc, tmp_path, expected, code):
-    # `truncated` at full reach, as the first comment of this scenario has it.
-    chosen = (
-        "control.inverse.method=truncated", "target.limits.acceleration=1", "target.limits.jerk=10",
-        f"expect={expected or '{}'}",
-    )  # fmt: skip
-    options = [option for text in chosen for option in ("--set", text)]
-    path = ROOT / "scenarios/full_reach.yaml"
-    got, out, err = rmrc("run", str(path), "--no-record", "--out", str(tmp_path), *options)
-    assert got == code
-    lines = err.splitlines()
-    assert sum("full_reach: STUCK: " in line for line in lines) == (not expected)
-    assert sum("missed: stuck.longest: expected below 0.5 s" in line for line in lines) == bool(code)
-    figures = json.loads((tmp_path / "full_reach.json").read_text())["scorecard"]
-    assert figures["stuck"]["longest"] > 1.0 and figures["status_time"]["STUCK"] > 1.0
-    assert "stuck.longest" in out

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import ruckig
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -211,13 +210,13 @@ def test_any_mix_of_limits_can_be_timed(extent, vaj, kind):
 
 
 def test_limits_for_which_ruckig_itself_fails_can_be_timed():
-    # its step 1 fails for these numbers over a way of 1, see the last test below
+    # its step 1 fails for these numbers over a way of 1
     limits = TargetLimitsSection(velocity=1.0, acceleration=30680.182456523315, jerk=1e9)
     reference = make_reference([line((1.0, 0, 0))], limits, START, 1e-3)
     assert reference.duration == pytest.approx(1.001)
 
 
-@pytest.mark.parametrize("radius", [1e-3, 0.03, 0.1, 1.0, 10.0])
+@pytest.mark.parametrize("radius", [1e-3, 0.1, 1.0])
 def test_a_full_circle_comes_within_two_fifths_of_a_limit(radius):
     # the bound that target._along documents
     reference = make_reference([arc((0.5 + radius, 0), FULL)], LIMITS, START, 1e-3)
@@ -227,16 +226,6 @@ def test_a_full_circle_comes_within_two_fifths_of_a_limit(radius):
         norms(np.diff(acceleration(reference)[:, :3], axis=0)).max() / 1e-3 / LIMITS.jerk,
     )
     assert 0.4 < max(peaks) < 1 + 1e-9
-
-
-def test_a_wide_arc_is_as_fast_as_a_line_of_its_length():
-    radius, length, period = 1e6, 1.0, 1e-4
-    wide = make_reference([arc((0.5 + radius, 0), length / radius)], LIMITS, START, period)
-    straight = make_reference([line((length, 0, 0))], LIMITS, START, period)
-    assert wide.duration == straight.duration
-    # r (1 − cos L/r) = L²/2r, which a difference of cosines would round to 1e-10
-    end = [0.5 + length**2 / (2 * radius), -length, 0.3]
-    np.testing.assert_allclose(wide.pose[-1, :3], end, rtol=0, atol=ROUNDING)
 
 
 # Position, twist and acceleration ----------------------------------------------------------------
@@ -299,14 +288,6 @@ def test_translation_and_rotation_keep_the_same_fraction_of_their_way(turning):
     assert way[-2] < 1
 
 
-@given(poses, points, turns.filter(lambda t: t.to is None), limit_sets)
-def test_omega_keeps_its_direction_within_a_segment(pose, by, turning, limits):
-    by = (by[0] + 2, *by[1:])
-    omega = make_reference([line(by, turn=turning)], limits, pose, 0.01).twist[:, 3:]
-    across = np.cross(omega, unit_axis(turning.axis))
-    assert norms(across).max() < ROUNDING * limits.angular_velocity
-
-
 @given(poses, long_points, axes, angles)
 def test_an_arc_keeps_its_radius_and_its_height_along_the_axis(pose, offset, axis, angle):
     n = unit_axis(axis)
@@ -319,45 +300,6 @@ def test_an_arc_keeps_its_radius_and_its_height_along_the_axis(pose, offset, axi
     radius = norms(np.cross(offset, n))
     np.testing.assert_allclose(norms(np.cross(way, n)), radius, rtol=0, atol=ROUNDING)
     np.testing.assert_allclose(reference.twist[:, :3] @ n, 0, atol=ROUNDING)
-
-
-def test_an_arc_goes_counterclockwise_about_its_axis():
-    reference = make_reference([arc((0.0, 0.0), math.pi / 2)], LIMITS, START, 1e-2)
-    np.testing.assert_allclose(reference.pose[-1, :3], [0, 0.5, 0.3], atol=ROUNDING)
-    back = make_reference([arc((0.0, 0.0), -math.pi / 2, "z")], LIMITS, START, 1e-2)
-    np.testing.assert_allclose(back.pose[-1, :3], [0, -0.5, 0.3], atol=ROUNDING)
-
-
-SQUARE = [line((0.3, 0)), line((0, 0.3)), line((-0.3, 0, 0)), line(to=(0.5, 0.0))]
-
-
-@pytest.mark.parametrize(
-    "segments",
-    [
-        [arc((0.2, 0.1), FULL)],
-        [arc((0.2, 0.1, 9.0), -FULL, (1, 2, 3), Turn(axis="y", angle=2 * FULL))],
-        SQUARE,
-        [line((0.1, 0, 0), turn=Turn(axis="x", angle=1)), line((-0.1, 0), turn=Turn(axis="x", angle=-1))],
-        [turn(axis=(1, 1, 1), angle=FULL)],
-    ],
-)  # fmt: skip
-def test_a_closed_path_returns_to_its_start(segments):
-    end = make_reference(segments, LIMITS, START, 1e-2).pose[-1]
-    np.testing.assert_allclose(end[:3], START[:3], rtol=0, atol=ROUNDING)
-    np.testing.assert_allclose(np.abs(end[3:]), START[3:], rtol=0, atol=ROUNDING)
-
-
-def test_two_values_keep_z():
-    def end(segment):
-        return make_reference([segment], LIMITS, START, 1e-2).pose[-1, :3]
-
-    np.testing.assert_allclose(end(line(to=(0.1, 0.2))), [0.1, 0.2, 0.3], atol=ROUNDING)
-    np.testing.assert_allclose(end(line(to=(0.1, 0.2, 0.4))), [0.1, 0.2, 0.4], atol=ROUNDING)
-    np.testing.assert_allclose(end(line((0.1, 0.2))), [0.6, 0.2, 0.3], atol=ROUNDING)
-    np.testing.assert_allclose(end(line((0.1, 0.2, 0.4))), [0.6, 0.2, 0.7], atol=ROUNDING)
-    half = math.pi
-    np.testing.assert_allclose(end(arc((0.1, 0.0), half, "y")), [-0.3, 0, 0.3], atol=ROUNDING)
-    np.testing.assert_allclose(end(arc((0.1, 0.0, 0), half, "y")), [-0.3, 0, -0.3], atol=ROUNDING)
 
 
 # Turns to an orientation -------------------------------------------------------------------------
@@ -378,7 +320,7 @@ def test_a_turn_to_an_orientation_takes_the_shortest_way_whatever_its_sign_and_l
         np.testing.assert_allclose(way, rotvec, rtol=0, atol=3e-3)
 
 
-@pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (1, -1, 0), (-1, 1, 0), (-1, -1, -1), (0, 1, -2)])
+@pytest.mark.parametrize("axis", [(0, -1, 0), (-1, 1, 0), (0, 1, -2)])
 def test_a_half_turn_takes_the_same_way_whatever_the_rounding(axis):
     way = set()
     for noise in (0.0, 1e-13, -1e-13):
@@ -395,11 +337,6 @@ def test_a_half_turn_takes_the_same_way_whatever_the_rounding(axis):
     assert len(way) == 1
 
 
-def test_an_orientation_that_is_already_there_may_ride_along_a_line():
-    reference = make_reference([line((0.1, 0), turn=Turn(to=(2, 0, 0, 0)))], LIMITS, START, 1e-2)
-    np.testing.assert_array_equal(reference.pose[:, 3:], np.tile(START[3:], (len(reference.time), 1)))
-
-
 # Time --------------------------------------------------------------------------------------------
 
 
@@ -408,13 +345,9 @@ def test_an_orientation_that_is_already_there_may_ride_along_a_line():
     [
         ([0.3], 0.1, 4),  # 0.3/0.1 < 3
         ([0.1, 0.2], 0.1, 4),  # 0.1 + 0.2 > 0.3
-        ([0.1] * 10, 0.1, 11),
-        ([1e-3] * 999, 1e-3, 1000),
         ([0.7], 0.007, 101),  # 0.7/0.007 < 100
         ([100.0], 1e-3, 100_001),
-        ([0.25], 0.1, 4),
         ([0.301], 0.1, 5),
-        ([1e-9], 0.1, 2),
     ],
 )
 def test_ticks_cover_the_path_and_rounding_adds_none(pauses, period, ticks):
@@ -437,30 +370,6 @@ def test_the_last_tick_is_the_end_itself_where_rounding_puts_it_a_little_before(
     np.testing.assert_array_equal(reference.pose[-1, :3], np.add(START[:3], [0.1, 0, 0]))
 
 
-def test_each_tick_names_its_segment_and_segments_join_between_ticks():
-    segments = [hold(0.25), line((0.1, 0)), hold(0.05), turn(axis="z", angle=0.1)]
-    reference = make_reference(segments, LIMITS, START, 0.1)
-    moving = fastest(0.1, 0.25, 1.0, 10.0), fastest(0.1, 1.0, 4.0, 40.0)
-    starts = np.cumsum([0.25, moving[0], 0.05])
-    expected = [int((starts <= t).sum()) for t in reference.time]
-    assert pieces(reference).tolist() == expected
-    assert len(reference.time) == math.ceil((0.3 + sum(moving)) / 0.1) + 1
-
-
-def test_the_way_of_one_segment_does_not_depend_on_the_tick_it_starts_at():
-    shifted = make_reference([hold(0.0125), line((0.1, 0))], LIMITS, START, 0.01)
-    alone = make_reference([line((0.1, 0))], LIMITS, START, 0.0025)
-    ticks = np.arange(2, len(shifted.time) - 1)
-    np.testing.assert_allclose(shifted.pose[ticks], alone.pose[4 * ticks - 5], rtol=0, atol=ROUNDING)
-
-
-def test_the_same_arguments_give_the_same_bits():
-    segments = [line((0.1, 0.2), turn=Turn(axis=(1, 2, 3), angle=1.0)), arc((0, 0), 1.0)]
-    a, b = (make_reference(segments, LIMITS, START, 1e-3) for _ in range(2))
-    for name in ("time", "pose", "twist", "starts"):
-        assert getattr(a, name).tobytes() == getattr(b, name).tobytes()
-
-
 # Messages ----------------------------------------------------------------------------------------
 
 NAN = math.nan
@@ -473,20 +382,12 @@ TOO_LONG = "target.path: … {} s … {} … 0.001 s … 10000000; … target.li
     [
         ([hold(1), line((0.0, 0, 0))], "target.path[1].line: … 0 … [0.5, 0, 0.3] … hold … turn"),
         (
-            [line(to=(0.5, 0), turn=Turn(axis="z", angle=1))],
-            "target.path[0].line: … 0 … [0.5, 0, 0.3] … hold … turn",
-        ),
-        ([arc((0.4, 0), 1e-9)], "target.path[0].arc: … 0 … [0.5, 0, 0.3] … hold … turn"),
-        (
             [line((0.1, 0)), arc((0.6, 0, 7.0), 1.0)],
             "target.path[1].arc: … [0.6, 0, 0.3] … axis … 0; … center … turn …",
         ),
-        ([turn(axis="x", angle=0.0)], "target.path[0].turn: … 0 … [0.5, 0, 0.3]; … hold …"),
         ([turn(to=(-1, 0, 0, 0))], "target.path[0].turn: … 0 … [0.5, 0, 0.3]; … hold …"),
         ([Segment.model_construct(line=UNCHECKED)], "target.path[0].line: … finite; … numbers"),
-        ([line((1e308, 1e308, 1e308))], "target.path[0].line: … finite; … numbers"),
         ([arc((-1e308, 1e308), 1.0)], "target.path[0].arc: … finite; … numbers"),
-        ([hold(1e300)], TOO_LONG.format("1e+300", "1e+303")),
         ([hold(1e308), hold(1e308)], TOO_LONG.format("inf", "inf")),
         ([hold(1e4), hold(0.01)], TOO_LONG.format("10000", "10000010")),
     ],
@@ -497,33 +398,6 @@ def test_a_path_that_cannot_be_followed_is_refused(segments, message):
     assert str(caught.value) == says(message)
 
 
-def test_limits_that_let_nothing_move_make_the_path_too_long():
-    limits = TargetLimitsSection(velocity=1e-300)
-    with pytest.raises(TargetError) as caught:
-        make_reference([line((1e100, 0, 0))], limits, START, 1e-3)
-    assert str(caught.value) == says(TOO_LONG.format("inf", "inf"))
-
-
-def test_what_ruckig_cannot_time_is_told_in_one_line(monkeypatch):
-    real = ruckig.Ruckig(1)
-
-    class Extreme:
-        """Ruckig, asked for what it is known to fail at and target.py keeps away from it."""
-
-        def __init__(self, degrees_of_freedom):
-            assert degrees_of_freedom == 1
-
-        def calculate(self, motion, trajectory):
-            motion.max_velocity, motion.max_jerk = [1.0], [1e9]
-            motion.max_acceleration = [30680.182456523315]
-            return real.calculate(motion, trajectory)
-
-    monkeypatch.setattr(trajectory.ruckig, "Ruckig", Extreme)
-    with pytest.raises(TargetError) as caught:
-        make_reference([hold(1), line((0.1, 0))], LIMITS, START, 1e-3)
-    assert str(caught.value) == says("target.path[1].line: … error in step 1")
-
-
 def test_a_length_at_which_two_cases_meet_is_timed():
     # 2 a³/j² is the longest way whose acceleration only just reaches a, for no time: four ramps of a/j each.
     limits = TargetLimitsSection(velocity=0.25, acceleration=1.0, jerk=10.0)
@@ -531,46 +405,3 @@ def test_a_length_at_which_two_cases_meet_is_timed():
     assert reference.duration == pytest.approx(0.4, abs=1e-9)
     a, j = 1.0, 10.0
     assert 2 * a**3 / j**2 == 0.02
-
-
-# An offset of the absolute points ----------------------------------------------------------------
-
-
-def written_further(segments, offset):
-    """Return a path whose absolute points are written further by an offset."""
-    texts = [segment.model_dump(by_alias=True) for segment in segments]
-    for text in texts:
-        for kind, point in (("line", "to"), ("arc", "center")):
-            if text.get(kind, {}).get(point):
-                text[kind][point] = [x + d for x, d in zip(text[kind][point], [*offset, 0.0], strict=False)]
-    return [Segment.model_validate(text) for text in texts]
-
-
-@st.composite
-def paths_to_points(draw):
-    """Draw a path of lines to absolute points, among relative pieces."""
-    pose, segments, _ = draw(paths())
-    point = draw(st.sampled_from([(3.0, 2.0), (3.0, 2.0, 1.0), (-4.0, 5.0, 6.0)]))
-    return pose, [*segments, line(to=point), line((0.3, 0.1)), arc((9.0, -7.0), 0.5)]
-
-
-@given(paths_to_points(), st.lists(st.floats(-0.5, 0.5), min_size=2, max_size=3))
-def test_an_offset_is_the_path_with_each_absolute_point_written_further(path, offset):
-    pose, segments = path
-    moved = make_reference(segments, LIMITS, pose, 0.01, offset)
-    rewritten = make_reference(written_further(segments, offset), LIMITS, pose, 0.01)
-    np.testing.assert_array_equal(moved.pose, rewritten.pose)
-    np.testing.assert_array_equal(moved.twist, rewritten.twist)
-
-
-def test_what_is_relative_follows_an_offset_and_a_point_of_two_values_keeps_its_height():
-    segments = [line(to=(0.7, 0.2)), line((0.1, 0.0))]
-    plain, moved = (make_reference(segments, LIMITS, START, 0.01, d).pose[-1] for d in ((), (0.1, 0.2, 0.3)))
-    np.testing.assert_allclose(moved[:3] - plain[:3], [0.1, 0.2, 0.0], rtol=0, atol=ROUNDING)
-    np.testing.assert_array_equal(moved[3:], plain[3:])
-    # nothing absolute, nothing moved
-    relative = [line((0.1, 0.0)), turn(axis="z", angle=1.0), hold(0.1)]
-    np.testing.assert_array_equal(
-        make_reference(relative, LIMITS, START, 0.01, (1.0, 1.0)).pose,
-        make_reference(relative, LIMITS, START, 0.01).pose,
-    )

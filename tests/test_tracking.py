@@ -19,7 +19,6 @@ def test_tip_follows_a_line_at_a_quarter_meter_a_second(simulate, arm, plant, rm
     _, run = simulate(*arm, f"plant.kind={plant}", "control.inverse.method=inverse")
     error = np.linalg.norm(run["pose_error"][:, :3], axis=1)
     got = np.sqrt(np.mean(error**2)), error.max()
-    print(f"{plant}: rms {got[0]:.2e} m, max {got[1]:.2e} m")
     assert np.linalg.norm(run["twist_ref"][:, :3], axis=1).max() == pytest.approx(0.25)
     assert got[0] <= rms and got[1] <= largest
 

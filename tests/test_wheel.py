@@ -53,12 +53,6 @@ def test_a_wheel_is_pure_and_small_and_has_the_package_with_its_examples_alone(w
     assert wheel.name.endswith("-py3-none-any.whl") and wheel.stat().st_size < 3_000_000
 
 
-def test_a_wheel_of_the_source_distribution_is_the_same(wheel, tmp_path):
-    run("-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path), cwd=ROOT)
-    (source,) = tmp_path.glob("*.tar.gz")
-    assert wheel_of(source, tmp_path).read_bytes() == wheel.read_bytes()
-
-
 def test_an_installed_wheel_runs_a_shipped_scenario_from_anywhere(wheel, tmp_path):
     site, here = tmp_path / "site", tmp_path / "here"
     here.mkdir()

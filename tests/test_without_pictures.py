@@ -22,7 +22,6 @@ LINES = [
     f"run {SCENARIO} --no-record",
     f"compare {SCENARIO} --vary control.feedback=2,5 --no-record",
     f"sweep {SCENARIO} --vary control.feedback=2,5",
-    f"margins {SCENARIO}",
     f"inspect {ARM}",
     f"check {ARM}",
     f"new {ARM} -o ur5e.yaml",

@@ -15,6 +15,7 @@ FEW = (
     *("joint_rate.peak", "joint_rate_cmd.peak", "joint_rate_plain.peak"),
     *("position_error.max", "position_error.end", "orientation_error.max", "orientation_error.end"),
     *("sigma.min", "damping.max", "tau.share_of_limit"),
+    *("stuck.longest", "contact.time", "contact.first_bodies", "profile.refused"),
 )
 PLAIN, STATUS = "joint_rate_plain", "status_time."
 # Metrics that say something only if another one is above 0: of events, and of jerks on which a limit acts.
