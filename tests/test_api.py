@@ -8,6 +8,8 @@ import subprocess
 import sys
 import textwrap
 
+import pytest
+
 import rmrc
 from project import ROOT
 from rmrc.results.scorecard import scorecard
