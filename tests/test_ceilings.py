@@ -6,9 +6,9 @@ import tokenize
 
 from project import ROOT
 
-SOURCE_LINES = 27_300
-SOURCE_MODULES = 286
-TEST_LINES = 33_150
+SOURCE_LINES = 22_350
+SOURCE_MODULES = 256
+TEST_LINES = 23_300
 
 # Tokens that make no line a line of code.
 LAYOUT = {
