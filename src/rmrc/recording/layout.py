@@ -14,7 +14,7 @@ from rmrc.recording.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS
 VIEW_ANGLE, VIEW_ASPECT = np.radians(55.0), 0.95
 # Relative heights of the rates, of σ and λ, of the tabs with all other plots, and of a lane of the strip,
 # with room for so many.
-RATES, SIGMA, TABS, LANE, MOST_LANES = 3.0, 2.2, 1.9, 0.3, 5
+RATES, SIGMA, TABS, LANE, MOST_LANES = 3.0, 2.2, 1.9, 0.42, 5
 
 LEGEND = f"""\
 | in the picture | is |

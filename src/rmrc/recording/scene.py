@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rmrc.results.run import Run
 from rmrc.simulation.prepare import Prepared
-from rmrc.support.spatial import matrix_to_quat
+from rmrc.support.spatial import matrix_to_quat, rotate
 from rmrc.textbook.ellipsoid import holding_jacobian
 
 Array = NDArray[np.float64]
@@ -87,6 +87,12 @@ class Scene:
             moving = ~self.is_fixed[model.geom_bodyid]
             sizes = np.linalg.norm(model.geom_pos, axis=1) + model.geom_rbound
             self.reach = float(sizes[moving].max(initial=0.0)) or 1.0
+        # The corners of boxes around the visible geoms but planes, each with its body.
+        seen = np.flatnonzero((model.geom_group < 3) & (model.geom_type > 1))
+        signs = np.array([*np.ndindex(2, 2, 2)]) * 2.0 - 1.0
+        boxes = model.geom_aabb[seen, None, :3] + signs * model.geom_aabb[seen, None, 3:]
+        corners = model.geom_pos[seen, None] + rotate(model.geom_quat[seen, None], boxes)
+        self._boxes = list(zip(model.geom_bodyid[seen].tolist(), corners, strict=True))
         # A second configuration, for an arm that only starts in a plane.
         lines = np.vstack([self.arm.jacobian(q + shift)[:3].T for shift in (0.0, 0.3)])
         still = np.flatnonzero(np.abs(lines).max(axis=0) < 1e-9 * self.reach)
@@ -113,7 +119,11 @@ class Scene:
         moving = frames.bodies[few][:, ~self.is_fixed, :3].reshape(-1, 3)
         inner = np.vstack([moving, frames.tip, self.path[some]])
         room = MARGIN * self.reach * np.vstack([np.eye(3), -np.eye(3)])
-        return (inner[:, None] + room).reshape(-1, 3)
+        around = [(inner[:, None] + room).reshape(-1, 3)]
+        for body, corners in self._boxes:
+            pose = frames.bodies[few, None, body]
+            around.append((pose[..., :3] + rotate(pose[..., 3:], corners)).reshape(-1, 3))
+        return np.vstack(around)
 
     def believed_bodies(self, run: Run, rows: NDArray[np.int64]) -> Array:
         """Return the law's assumed poses of the bodies at some ticks of a run, (F, nbody, 7)."""
