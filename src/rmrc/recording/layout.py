@@ -14,7 +14,7 @@ from rmrc.recording.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS
 VIEW_ANGLE, VIEW_ASPECT = np.radians(55.0), 0.95
 # Relative heights of the rates, of σ and λ, of the tabs with all other plots, and of a lane of the strip,
 # with room for so many.
-RATES, SIGMA, TABS, LANE, MOST_LANES = 3.0, 2.2, 1.9, 0.42, 5
+RATES, SIGMA, TABS, LANE, MOST_LANES = 3.0, 2.2, 1.9, 0.55, 5
 
 LEGEND = f"""\
 | in the picture | is |
@@ -47,7 +47,7 @@ def layout(pictures: Sequence[Picture], plots: Sequence[Plot], texts: Sequence[s
         sigma.view(),
         rrb.Tabs(*(plot.view() for plot in others), active_tab=shown),
         rrb.StateTimelineView(contents="/status/**", time_view=rates.time_axis(), titlebar=False),
-        row_shares=[RATES, SIGMA, TABS, LANE * (1 + min(lanes, MOST_LANES))],
+        row_shares=[RATES, SIGMA, TABS, LANE * (0.7 + min(lanes, MOST_LANES))],
     )
     documents = [rrb.TextDocumentView(origin=f"/text/{title.lower()}", name=title) for title in texts]
     numbers = [rrb.TextDocumentView(origin="/now", titlebar=False)] * pictures[0].is_alone
