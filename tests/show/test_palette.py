@@ -47,7 +47,7 @@ def contrast(first, second):
 
 PANELS = {
     "rates": (*palette.HUES, palette.GRAY),
-    "sigma": (palette.GREEN, palette.LIME, palette.MAGENTA, palette.GRAY, palette.SLATE),
+    "sigma": (palette.GREEN, palette.MAGENTA, palette.GRAY, palette.SLATE),
     "errors": (palette.GOLD, palette.INDIGO, palette.GRAY),
     "strip": (palette.RED, palette.TEAL, palette.SLATE),
 }

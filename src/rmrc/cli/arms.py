@@ -127,10 +127,8 @@ def statics(
         from rmrc.analysis.statics.report import report
         from rmrc.analysis.statics.statics import statics as ask
 
-        acts, arm = (
-            options.values("--wrench", wrench, float, 1e100),
-            options.read_arm(model, site, body, package),
-        )
+        acts = options.values("--wrench", wrench, float, 1e100)
+        arm = options.read_arm(model, site, body, package)
         found = ask(
             arm, acts or (), options.values("--q", q), keyframe=keyframe, frame=frame, at=at, gravity=gravity,
             hold=hold,

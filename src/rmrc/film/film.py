@@ -78,7 +78,7 @@ def render(
     """
     runs = [run for _, run in worlds.values()]
     if path.suffix not in WRITERS:
-        raise PictureError(f"--out {visible(str(path))}: must end in {', '.join(WRITERS)}")
+        raise PictureError(f"{visible(str(path))}: must end in {', '.join(WRITERS)}")
     if not all(map(len, runs)):
         raise PictureError("a run without ticks cannot be drawn")
     columns = min(len(runs), COLUMNS)

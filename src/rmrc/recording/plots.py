@@ -24,7 +24,7 @@ from rmrc.show.panels import Curve, Panel
 Array = NDArray[np.float64]
 
 # Widths of curves by their roles, and size of marks [points].
-WIDTHS, MARK = {"measured": 3.0, "commanded": 1.3, "plain": 1.5, "baseline": 1.5, "second": 1.0}, 7.0
+WIDTHS, MARK = {"measured": 3.0, "commanded": 1.3, "plain": 1.5, "baseline": 1.5}, 7.0
 # Length of the time axis over that of the runs: the legend is beside the curves.
 LONGER = 1.25
 # Where a peak beyond the axis has its mark, as a share of the end of the axis.

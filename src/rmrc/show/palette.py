@@ -13,8 +13,8 @@ HUES = (
     0x2F7FE8FF, 0xE06C00FF, 0x692DFFFF, 0x98945CFF, 0xA04458FF, 0x7A5890FF, 0x5898D8FF, 0xA84000FF,
 )  # fmt: skip
 BLACK, WHITE = 0x000000FF, 0xFFFFFFFF
-# Limits and bounds; the smallest singular value, and the others; λ; the tip and its error.
-GRAY, GREEN, LIME, MAGENTA, GOLD = 0x949494FF, 0x1E9650FF, 0x50A808FF, 0xB4289BFF, 0xB08A00FF
+# Limits and bounds; the smallest singular value; λ; the tip and its error.
+GRAY, GREEN, MAGENTA, GOLD = 0x949494FF, 0x1E9650FF, 0xB4289BFF, 0xB08A00FF
 # The error across the path, if it is drawn apart from the error along the path.
 INDIGO = 0x5566FFFF
 # Statuses: serious, active, and none. The last is also for rotation errors and second tasks.
