@@ -41,7 +41,7 @@ UsageError: Any = typer.BadParameter.__mro__[1]
 Verbs: TypeAlias = tuple[Callable[..., None], ...]
 FIRST: Verbs = (run.run, run.compare, search.tune, models.check, models.new, pictures.replay)
 OTHERS: dict[str, Verbs] = {
-    "runs": (search.sweep, search.margins, pictures.plot, pictures.report, pictures.render),
+    "runs": (search.sweep, search.margins, pictures.plot, pictures.report, pictures.render, pictures.explore),
     "arms": (arms.inspect, arms.ik, arms.statics, arms.workspace, models.identify),
     "files": (catalog.examples, catalog.schema),
 }

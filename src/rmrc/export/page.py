@@ -1,0 +1,210 @@
+"""The page of a scenario: one HTML file with the law as WebAssembly, which runs the scenario as one changes it.
+
+The page has the ideal plant, as there is no MuJoCo in it. The run that MuJoCo made of the scenario as written
+is in the page beside it, thinned.
+"""
+
+import base64
+import json
+import zlib
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rmrc.export.controls import Controls
+from rmrc.export.drawing import drawing, packed, skeleton
+from rmrc.export.image import CAPACITY, image, offset
+from rmrc.law.record import METHODS
+from rmrc.results.run import Run
+from rmrc.scenario import Scenario
+from rmrc.scenario.choices import IN_RUNS, POLICIES
+from rmrc.scenario.lesson import SHIPPED, Lesson
+from rmrc.scenario.messages import checked
+from rmrc.scenario.reading import Document
+from rmrc.show.page import ICON, POLICY
+from rmrc.show.palette import css, distinct, of_status
+from rmrc.show.panels import error_rows, extremes, in_words
+from rmrc.simulation.prepare import Prepared, prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support import shipped
+from rmrc.support.errors import QuestionError, did_you_mean
+from rmrc.support.files import write_text
+
+# What the ideal plant has of a plant.
+CARRIED = "delay", "jitter", "loss", "lag", "seed", "joint_offset", "stretch"
+# Points of the run that MuJoCo made.
+POINTS = 1500
+# The largest page [bytes].
+LARGEST = 600_000
+
+
+def read_lesson(name: str) -> Lesson:
+    """Return a shipped lesson.
+
+    Raises:
+        QuestionError: There is none with this name.
+    """
+    if name not in SHIPPED:
+        known = f"choose from {', '.join(SHIPPED)}{did_you_mean(name, SHIPPED)}"
+        raise QuestionError(f'--lesson: there is no lesson "{name}"; {known}')
+    return checked(Lesson, Document.read(str(SHIPPED[name])))
+
+
+def on_ideal_plant(scenario: Scenario) -> Scenario:
+    """Return a scenario as the page runs it: with the ideal plant, and all numbers that its arm gives."""
+    plant = {name: getattr(scenario.plant, name) for name in CARRIED} | {"kind": "ideal"}
+    alone = {"expect": {}, "look": None, "baseline": {}, "sweep": {}, "tune": {}}
+    fitted = prepare(scenario.set({"plant": plant, **alone})).scenario
+    return fitted.model_copy(update={"name": scenario.name})  # its numbers are now its own
+
+
+def write(path: Path, scenario: Scenario, lesson: Lesson | None = None) -> None:
+    """Write the page of a scenario, atomically.
+
+    Args:
+        path: The file.
+        scenario: The scenario as written.
+        lesson: Questions about it.
+
+    Raises:
+        ScenarioError: The scenario cannot be prepared.
+        QuestionError: The page cannot carry it, or it would be too large.
+    """
+    written, ideal = prepare(scenario), on_ideal_plant(scenario)
+    text = _html(written, prepare(ideal), lesson)
+    if (size := len(text.encode())) > LARGEST:
+        most = f"at most {LARGEST // 1000} kB; shorten target.path"
+        raise QuestionError(f"{scenario.name}: its page would have {size // 1000} kB, and may have {most}")
+    write_text(path, text)
+
+
+def _html(written: Prepared, ideal: Prepared, lesson: Lesson | None) -> str:
+    room, show = (files(name).joinpath("assets") for name in ("rmrc.export", "rmrc.show"))
+    scripts = [show / "uPlot.iife.min.js", show / "page.js"]
+    modules = [room.parent / "law.mjs", room / "view.js", room / "explore.js"]
+    styles = [show / "uPlot.min.css", show / "page.css", room / "explore.css"]
+    texts = ("\n".join(file.read_text("utf-8") for file in some) for some in (styles, scripts, modules))
+    style, script, module = texts
+    data = json.dumps(_data(written, ideal, lesson), allow_nan=False)
+    law = room.parent.joinpath("law.wasm").read_bytes()
+    blocks = {"law": law, "scenario": data.encode()}
+    policy = POLICY.replace("script-src", "script-src 'wasm-unsafe-eval'")
+    parts = {
+        "title": escape(f"{ideal.scenario.name}: the law in the browser"),
+        "policy": policy, "icon": ICON, "style": style, "script": script, "module": module,
+        "blocks": "\n".join(
+            f'<script type="application/octet-stream" id="{name}">{_squeezed(block)}</script>'
+            for name, block in blocks.items()
+        ),
+    }  # fmt: skip
+    html = room.joinpath("explore.html").read_text("utf-8")
+    for name, text in parts.items():
+        html = html.replace(f"<!--{name}-->", text)
+    return html
+
+
+def _squeezed(block: bytes) -> str:
+    return base64.b64encode(zlib.compress(block, 9)).decode()
+
+
+def _data(written: Prepared, ideal: Prepared, lesson: Lesson | None) -> dict[str, Any]:
+    """Return all that is about the scenario."""
+    scenario, arm = ideal.scenario, ideal.arm
+    controls = Controls(ideal, lesson.number.setting if lesson else {})
+    slow = [policy.name for policy in POLICIES.options if policy.slows]
+    return {
+        "name": scenario.name, "scenario": _plain(scenario), "period": scenario.control.period,
+        "image": _image(ideal),
+        "policy": scenario.control.at_singularity, "slow": slow, "longest": scenario.control.slow.longest,
+        "controls": [control._asdict() for control in controls.controls], "groups": controls.groups,
+        "paths": [
+            {
+                "speed": speed, "changes": changes, "ticks": faster.reference.ticks,
+                "pieces": base64.b64encode(faster.reference.numbers.astype("<f8").tobytes()).decode(),
+            }
+            for speed, changes, faster in controls.paths()
+        ],
+        "joints": [
+            {"name": name, "color": css(color), "unit": unit}
+            for name, color, unit in zip(arm.joints, distinct(arm.n), arm.units, strict=True)
+        ],
+        "statuses": [{"bit": int(flag), "name": in_words(flag), "color": css(of_status(int(flag)))} for flag in IN_RUNS],
+        "below": scenario.control.inverse.damping.below, "drawing": drawing(ideal), "places": arm.wiring.qpos.tolist(),
+        "written": _written(written), "lesson": _lesson(lesson, ideal),
+    }  # fmt: skip
+
+
+def _image(prepared: Prepared) -> dict[str, Any]:
+    """Return the image of a world whose path, number of ticks and settings the page writes.
+
+    Raises:
+        QuestionError: It needs random numbers, or is none for a page.
+    """
+    plant, arm, made = prepared.scenario.plant, prepared.arm, image(prepared)
+    if prepared.hardware.encoders.is_noisy or plant.jitter or plant.loss:
+        keys = "arm.encoder.noise, plant.jitter and plant.loss"
+        raise QuestionError(f"a page has no random numbers; leave out {keys}")
+    chain, J = offset("chain", "frame") // 8, offset("state", "J") // 8
+    more = {
+        "frame": np.arange(chain, chain + 7 * len(arm.axis_names)),
+        "J": (J + CAPACITY * np.arange(6)[:, None] + np.arange(arm.n)).ravel(),
+        "limit": offset("limits", "rate") // 8 + np.arange(arm.n),
+    }
+    for name, words in more.items():
+        made["columns"][name] = [made["width"], len(words)]
+        made["width"] += len(words)
+    arrays = made["arrays"]
+    arrays.pop("positions", None)  # those of joints that are not the arm's
+    sources = base64.b64decode(arrays["sources"][2]) + np.concatenate([*more.values()]).tobytes()
+    arrays["sources"] = [arrays["sources"][0], len(sources), base64.b64encode(sources).decode()]
+    for name in ("reference", "chance", "path"):
+        arrays[name] = [offset("engine", name), 0, ""]
+    names = ("rows", "width", "path_ticks", "path_size", "past_rows", "chance", "qpos")
+    made["words"] |= {name: offset("engine", name) for name in names}
+    made["words"]["path_tick"] = offset("memory", "path_tick")
+    made["fields"] = {field: offset("methods", field) for field in METHODS.split()}
+    return made
+
+
+def _plain(scenario: Scenario) -> dict[str, Any]:
+    """Return a scenario to paste, without defaults; a model that does not come with rmrc is a file beside it."""
+    values = scenario.model_dump(mode="json", exclude_defaults=True)
+    model = Path(values["arm"]["model"])
+    is_shipped = model.resolve() == shipped.found(model.stem, "models").resolve()
+    values["arm"]["model"] = model.stem if is_shipped else model.name
+    return values
+
+
+def _written(prepared: Prepared) -> dict[str, Any] | None:
+    """Return the run that MuJoCo makes of a scenario as written, thinned; None where it has no physics."""
+    if not prepared.plant.has_physics:
+        return None
+    (run,) = Simulation([prepared]).run()
+    curves = {
+        "rates": run["qdot"], "fastest": np.abs(run["qdot"]).max(axis=1), "sigma": run["sigma"][:, -1],
+        **{name: errors for name, errors in zip(("error", "turn"), _errors(run), strict=True)},
+    }  # fmt: skip
+    single = [curve for curve in curves.values() if curve.ndim == 1]
+    spans = POINTS // (2 * len(single))
+    rows = np.unique(np.concatenate([extremes(curve, spans) for curve in single]))[:POINTS]
+    thinned = {name: packed(curve[rows]) for name, curve in curves.items()}
+    return {"time": packed(run["time"][rows]), **thinned, "skeleton": skeleton(prepared, run)}
+
+
+def _errors(run: Run) -> tuple[Any, Any]:
+    """Return the sizes of the position error [mm] and of the rotation error [mrad] of the task."""
+    moved, turned = (1e3 * np.linalg.norm(run["pose_error"][:, rows], axis=1) for rows in error_rows(run))
+    return moved, turned
+
+
+def _lesson(lesson: Lesson | None, ideal: Prepared) -> dict[str, Any] | None:
+    """Return a lesson, with the number to find as the ideal plant gives it."""
+    if lesson is None:
+        return None
+    number = lesson.number
+    (run,) = Simulation([prepare(ideal.scenario.set(number.setting))]).run()
+    value = float(run.scorecard[number.figure].value) / number.per
+    return {**lesson.model_dump(mode="json"), "value": value}
