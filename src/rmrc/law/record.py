@@ -141,9 +141,9 @@ GROUPS = {
     "i: followers iJ: follows follower_qpos follower_dof fJ: follower_ratio follower_offset "
     # of the run: the next tick, the end of this piece and of the run, the path, rows of columns and of
     # positions, past ticks, the drives of the model, and a function that is called after the law
-    "i: next last ticks path_ticks diverged diverged_joint reference record record_size columns sources "
-    "width rows positions past past_rows chance drives drive_count freedoms masses mass_count mass_size "
-    "free_count room watch",
+    "i: next last ticks path path_size path_ticks diverged diverged_joint reference record record_size "
+    "columns sources width rows positions past past_rows chance drives drive_count freedoms masses "
+    "mass_count mass_size free_count room watch",
 }
 
 

@@ -5,6 +5,7 @@ recorded motion, which is a spline. `rmrc.simulation.trajectory` makes them. The
 end of the path; it lasts.
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -12,13 +13,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.law.compiling import Method, Record, at, carray, compiled, pointer
+from rmrc.law.kinematics import quat_product, turn_of
 from rmrc.support.brief import brief
-from rmrc.support.spatial import exp_rotation, quat_conjugate, quat_from_axis_angle, quat_multiply
+from rmrc.support.spatial import exp_rotation, quat_multiply
 
 Array = NDArray[np.float64]
 
-# Ends of the columns of a sample: of the pose, and of the twist.
-POSE, TWIST = 7, 13
+# Ends of the columns of a sample: of the pose, of the twist, and of the acceleration.
+POSE, TWIST, ACCELERATION = 7, 13, 19
+# Numbers before those of a piece, before the phases of a curve, in a phase, and in an interval of a spline.
+HEAD, SHAPE, PHASE, INTERVAL = 3, 21, 5, 1 + 4 * POSE
 # Ticks whose samples a world holds at most: a megabyte.
 BLOCK = 10_000
 
@@ -51,24 +56,17 @@ class Curve:
         """Time from its start to its end [s]."""
         return float(self.phases[-1, 0])
 
+    @property
+    def numbers(self) -> Array:
+        """The numbers that `sample_curve` reads."""
+        shape = self.pose, self.straight, self.spoke, self.tangent, [self.sweep], self.axis, [self.angle]
+        return np.concatenate([*shape, self.phases.ravel()])
+
     def at(self, times: Array) -> Array:
         """Return pose, twist and acceleration at times since its start, (T, 19)."""
-        number = np.searchsorted(self.phases[:, 0], times, "right") - 1
-        start, u, du, ddu, jerk = self.phases[np.maximum(number, 0)].T[:, :, None]
-        t, spoke, tangent, sweep = times[:, None] - start, self.spoke, self.tangent, self.sweep
-        u = u + t * (du + t * (ddu / 2 + t * jerk / 6))
-        du = du + t * (ddu + t * jerk / 2)
-        ddu = ddu + t * jerk
-        sine, cosine = np.sin(sweep * u), np.cos(sweep * u)
-        lost = 2 * np.sin(0.5 * sweep * u) ** 2  # 1 − cos θ, which keeps its digits for small θ
-        slope = self.straight + sweep * (cosine * tangent - sine * spoke)
-        centripetal = sweep * sweep * (cosine * spoke + sine * tangent)
-        position = self.straight * u - lost * spoke + sine * tangent + self.pose[:3]
-        quat = quat_multiply(quat_from_axis_angle(self.axis, self.angle * u[:, 0]), self.pose[3:])
-        turn = self.angle * self.axis
-        return np.hstack(
-            [position, quat, slope * du, turn * du, slope * ddu - centripetal * du**2, turn * ddu]
-        )
+        samples = np.empty((len(times), ACCELERATION))
+        sample_piece(False, self.numbers, times, samples)
+        return samples
 
 
 class Spline(NamedTuple):
@@ -87,28 +85,21 @@ class Spline(NamedTuple):
         """Time from its start to its end [s]."""
         return float(self.times[-1])
 
+    @property
+    def numbers(self) -> Array:
+        """The numbers that `sample_spline` reads."""
+        return np.concatenate([self.times, self.coefficients.ravel()])
+
     def slowed(self, factor: float) -> "Spline":
         """Return the same motion in a time that is longer by a factor."""
         powers = np.arange(4.0)[:, None, None]
         return Spline(factor * self.times, self.coefficients / factor**powers)
 
     def at(self, times: Array) -> Array:
-        """Return pose, twist and acceleration at times since its start, (T, 19).
-
-        Its quaternion Q is normalized, and the angular velocity is that of the normalized one:
-
-            ω = 2 Im(Q̇ Q*)/|Q|²,   ω̇ = 2 Im(Q̈ Q*)/|Q|² − 2 ω (Q̇ · Q)/|Q|²
-        """
-        times = np.clip(times, 0.0, self.duration)
-        row = np.searchsorted(self.times[:-1], times, "right") - 1
-        t, (a, b, c, d) = (times - self.times[row])[:, None], self.coefficients[:, row]
-        pose, rate, rise = a + t * (b + t * (c + t * d)), b + t * (2 * c + t * 3 * d), 2 * c + t * 6 * d
-        Q, dQ, ddQ = pose[:, 3:], rate[:, 3:], rise[:, 3:]
-        square = np.sum(Q * Q, axis=1, keepdims=True)
-        back = quat_conjugate(2.0 * Q / square)
-        w = quat_multiply(dQ, back)[:, 1:]
-        dw = quat_multiply(ddQ, back)[:, 1:] - 2.0 * w * np.sum(Q * dQ, axis=1, keepdims=True) / square
-        return np.hstack([pose[:, :3], Q / np.sqrt(square), rate[:, :3], w, rise[:, :3], dw])
+        """Return pose, twist and acceleration at times since its start, (T, 19)."""
+        samples = np.empty((len(times), ACCELERATION))
+        sample_piece(True, self.numbers, times, samples)
+        return samples
 
 
 @brief
@@ -141,6 +132,14 @@ class Reference:
         return self.period * np.arange(self.ticks, dtype=np.float64)
 
     @cached_property
+    def numbers(self) -> Array:
+        """The pieces as `sample_path` reads them."""
+        parts = list[Array]()
+        for start, piece in zip(self.starts, self.pieces, strict=True):
+            parts += [np.array([start, isinstance(piece, Spline), len(piece.numbers)]), piece.numbers]
+        return np.concatenate(parts)
+
+    @cached_property
     def samples(self) -> Array:
         """Pose and twist at each tick, (T, 13)."""
         return np.concatenate([self._sampled(first) for first in range(0, self.ticks, BLOCK)])
@@ -162,11 +161,9 @@ class Reference:
         return self._sampled(first)
 
     def _sampled(self, first: int) -> Array:
-        time = self.period * np.arange(first, min(first + BLOCK, self.ticks), dtype=np.float64)
-        number, out = np.searchsorted(self.starts, time, "right") - 1, np.empty((len(time), TWIST))
-        for i in np.unique(number):
-            out[number == i] = self.pieces[i].at(time[number == i] - self.starts[i])[:, :TWIST]
-        return out
+        samples = np.empty((min(BLOCK, self.ticks - first), TWIST))
+        sample_path(self.numbers, self.period, first, samples)
+        return samples
 
     def displaced(self, first: int, last: int, offset: Array) -> "Reference":
         """Return a path whose poses, but not twists, are displaced for some ticks.
@@ -181,3 +178,121 @@ class Reference:
         samples[first:last, quat] = quat_multiply(exp_rotation(offset[3:]), samples[first:last, quat])
         other.samples = samples
         return other
+
+
+# Samples -----------------------------------------------------------------------------------------
+
+
+@compiled
+def sample_path(path: Array, period: float, first: int, samples: Array) -> None:
+    """Write pose and twist at consecutive ticks.
+
+    Args:
+        path: Its pieces in a row: start [s], whether it is a spline, how many numbers, these numbers.
+        period: The control period [s].
+        first: The first tick.
+        samples: (T, 13).
+    """
+    head, size = 0, int(path[2])
+    for i in range(len(samples)):
+        time = period * (first + i)
+        while head + HEAD + size < len(path) and path[head + HEAD + size] <= time:
+            head += HEAD + size
+            size = int(path[head + 2])
+        numbers, since = path[head + HEAD : head + HEAD + size], time - path[head]
+        if path[head + 1] != 0.0:
+            sample_spline(numbers, since, samples[i])
+        else:
+            sample_curve(numbers, since, samples[i])
+
+
+@Method
+def sample_reference(world: Record) -> None:
+    """Write the samples of all ticks where a world reads them; its path is at `engine.path`."""
+    engine = world.engine
+    samples = carray(pointer(engine.reference), (engine.path_ticks, TWIST), np.float64)
+    sample_path(at(engine.path, engine.path_size), world.period, 0, samples)
+
+
+@compiled
+def sample_piece(is_spline: bool, numbers: Array, times: Array, samples: Array) -> None:
+    """Write pose, twist and acceleration of a piece at times since its start, (T, 19)."""
+    for i in range(len(times)):
+        if is_spline:
+            sample_spline(numbers, times[i], samples[i])
+        else:
+            sample_curve(numbers, times[i], samples[i])
+
+
+@compiled
+def sample_curve(curve: Array, time: float, sample: Array) -> None:
+    """Write pose and twist of a curve, and its acceleration where the sample has room for it."""
+    phase = SHAPE
+    while phase + PHASE < len(curve) and curve[phase + PHASE] <= time:
+        phase += PHASE
+    t, jerk, sweep, angle = time - curve[phase], curve[phase + 4], curve[16], curve[20]
+    u = curve[phase + 1] + t * (curve[phase + 2] + t * (curve[phase + 3] / 2.0 + t * jerk / 6.0))
+    du = curve[phase + 2] + t * (curve[phase + 3] + t * jerk / 2.0)
+    ddu = curve[phase + 3] + t * jerk
+    sine, cosine, half = math.sin(sweep * u), math.cos(sweep * u), math.sin(0.5 * sweep * u)
+    lost = 2.0 * half * half  # 1 − cos θ, which keeps its digits for small θ
+    for i in range(3):
+        straight, spoke, tangent, turn = curve[7 + i], curve[10 + i], curve[13 + i], angle * curve[17 + i]
+        slope = straight + sweep * (cosine * tangent - sine * spoke)
+        sample[i] = straight * u - lost * spoke + sine * tangent + curve[i]
+        sample[POSE + i], sample[POSE + 3 + i] = slope * du, turn * du
+        if len(sample) > TWIST:
+            centripetal = sweep * sweep * (cosine * spoke + sine * tangent)
+            sample[TWIST + i] = slope * ddu - centripetal * du * du
+            sample[TWIST + 3 + i] = turn * ddu
+    w, s = math.cos(0.5 * angle * u), math.sin(0.5 * angle * u)
+    turned = quat_product((w, s * curve[17], s * curve[18], s * curve[19]), turn_of(curve))
+    sample[3], sample[4], sample[5], sample[6] = turned
+
+
+@compiled
+def sample_spline(spline: Array, time: float, sample: Array) -> None:
+    """Write pose and twist of a recorded motion, and its acceleration where the sample has room for it.
+
+    Its quaternion Q is normalized, and the angular velocity is that of the normalized one:
+
+        ω = 2 Im(Q̇ Q*)/|Q|²,   ω̇ = 2 Im(Q̈ Q*)/|Q|² − 2 ω (Q̇ · Q)/|Q|²
+    """
+    rows = (len(spline) - 1) // INTERVAL  # that have an interval behind them
+    time = min(max(time, 0.0), spline[rows])
+    row, end = 0, rows  # the last row that is not later
+    while end - row > 1:
+        middle = (row + end) // 2
+        if spline[middle] <= time:
+            row = middle
+        else:
+            end = middle
+    t, first, degree = time - spline[row], rows + 1 + POSE * row, POSE * rows
+    for i in range(3):
+        sample[i], sample[POSE + i], rise = cubic(spline, first + i, degree, t)
+        if len(sample) > TWIST:
+            sample[TWIST + i] = rise
+    w, dw, ddw = cubic(spline, first + 3, degree, t)
+    x, dx, ddx = cubic(spline, first + 4, degree, t)
+    y, dy, ddy = cubic(spline, first + 5, degree, t)
+    z, dz, ddz = cubic(spline, first + 6, degree, t)
+    square = w * w + x * x + y * y + z * z
+    size, back = (
+        math.sqrt(square),
+        (2.0 * w / square, -2.0 * x / square, -2.0 * y / square, -2.0 * z / square),
+    )
+    sample[3], sample[4], sample[5], sample[6] = w / size, x / size, y / size, z / size
+    velocity = quat_product((dw, dx, dy, dz), back)
+    acceleration = quat_product((ddw, ddx, ddy, ddz), back)
+    shrinks = 2.0 * (w * dw + x * dx + y * dy + z * dz) / square
+    for i in range(3):
+        sample[POSE + 3 + i] = velocity[1 + i]
+        if len(sample) > TWIST:
+            sample[TWIST + 3 + i] = acceleration[1 + i] - shrinks * velocity[1 + i]
+
+
+@compiled
+def cubic(spline: Array, first: int, degree: int, t: float) -> tuple[float, float, float]:
+    """Return a polynomial and its two derivatives; its coefficients are some numbers apart."""
+    a, b, c, d = spline[first], spline[first + degree], spline[first + 2 * degree], spline[first + 3 * degree]
+    return a + t * (b + t * (c + t * d)), b + t * (2.0 * c + t * 3.0 * d), 2.0 * c + t * 6.0 * d
