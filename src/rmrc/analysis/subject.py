@@ -10,8 +10,7 @@ from typing import TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rmrc import arm as arms
-from rmrc.arm import Arm
+from rmrc.arm import Arm, load, load_asked
 from rmrc.law.task import Array, Task, choose
 from rmrc.scenario import Frame, Scenario
 from rmrc.support import shipped
@@ -136,8 +135,8 @@ def read_arm(
         raise QuestionError("give site or body, not both")
     folders = {name: Path(folder) for name, folder in (packages or {}).items()}
     if not isinstance(model, Arm | Scenario):
-        return arms.load(shipped.found(model, "models"), site, joints, body=body, packages=folders)
-    arm = model if isinstance(model, Arm) else arms.load_asked(model.arm)
+        return load(shipped.found(model, "models"), site, joints, body=body, packages=folders)
+    arm = model if isinstance(model, Arm) else load_asked(model.arm)
     if isinstance(model, Scenario) and model.arm.stretch:
         arm = arm.stretched(model.arm.stretch)
     of_body = arm.frame[1] if arm.frame and arm.frame[0] == "body" else None

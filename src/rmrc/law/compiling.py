@@ -130,6 +130,21 @@ def _keeping() -> Iterator[dict[str, Any]]:
             vars(settings).update(before)
 
 
+@contextmanager
+def portably() -> Iterator[dict[str, Any]]:
+    """Have numba make code for no machine yet; yield the flags of a function. One thread at a time.
+
+    It is neither kept nor optimized, and counts no references.
+    """
+    settings = _numba.config
+    with _compiling:
+        before, settings.OPT = settings.OPT, type(settings.OPT)(0)
+        try:
+            yield {"error_model": _FLAGS["error_model"], "_nrt": False}
+        finally:
+            settings.OPT = before
+
+
 def compiled(function: Function) -> Function:
     """Compile a function that compiled functions or Python call, at its first call."""
     with _keeping() as flags:

@@ -23,8 +23,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc import arm as arms
-from rmrc.arm import Arm, DriveKind
+from rmrc.arm import Arm, DriveKind, is_model, load, load_model
 from rmrc.arm.location import Freshness
 from rmrc.arm.others import Servo
 from rmrc.law import fit
@@ -435,9 +434,9 @@ def _arm(
     if isinstance(model, str) and model.lstrip().startswith("<"):
         raise QuestionError("model is the text of a model: give a file, or mujoco.MjSpec.from_string(text)")
     if isinstance(model, str | os.PathLike):
-        return arms.load(shipped.found(model, "models"), site, joints, body=body, tool=tool)
-    if not arms.is_model(model):
+        return load(shipped.found(model, "models"), site, joints, body=body, tool=tool)
+    if not is_model(model):
         raise QuestionError(
             f"model must be a file, an Arm, an MjModel or an MjSpec, got {type(model).__name__}"
         )
-    return arms.load_model(model, site, joints, body=body)
+    return load_model(model, site, joints, body=body)

@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-import rmrc
 from rmrc.results.columns import COLUMNS, Recorded, no_ticks
 from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.results.verdict import verdict
@@ -58,7 +58,7 @@ class Run(Recorded):
 
     def plot(self, *arguments: Any, **options: Any) -> Any:
         """Draw it, and return matplotlib's figure, which a notebook shows; arguments as of `rmrc.plot`."""
-        return rmrc.plot(self, *arguments, **options)
+        return import_module("rmrc").plot(self, *arguments, **options)
 
     # Its file -------------------------------------------------------------------------------------
 
