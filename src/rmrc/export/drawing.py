@@ -1,7 +1,7 @@
 """What the page draws of an arm: the visible shapes of its model, each as points whose hull it is.
 
-A shape moves with an axis of the chain. The compiled kinematics give the pose behind each axis, which is the
-identity with all joints at 0, so points are stored where they are then.
+A shape moves with an axis of the chain. The compiled kinematics give the frame behind each axis, whose origin
+is on it, and whose axes are those of the world with all joints at 0: points are stored as they are then.
 """
 
 import base64
@@ -49,7 +49,7 @@ def drawing(prepared: Prepared) -> dict[str, Any]:
         axis, color = behind[body], "#" + "".join(f"{round(255 * part):02x}" for part in rgba[:3])
         if axis >= 0 and np.ptp(rgba[:3]) >= COLORED:
             color = colors[chain.leader[axis]]
-        where = bodies[body, :3] + rotate(bodies[body, 3:], points)
+        where = bodies[body, :3] + rotate(bodies[body, 3:], points) - (places[axis] if axis >= 0 else 0.0)
         shapes.append({"axis": axis, "color": color, "points": packed(where)})
     reach = float(np.linalg.norm(np.vstack([arm.pose(q)[:3], path]) - places[0], axis=1).max())
     # a second configuration, for an arm that only starts in a plane
@@ -57,10 +57,8 @@ def drawing(prepared: Prepared) -> dict[str, Any]:
     still = np.flatnonzero(np.abs(moves).max(axis=1) < 1e-9)
     return {
         "shapes": shapes, "reach": max(reach, 0.1), "flat": int(still[-1]) if len(still) else -1,
-        "joints": [
-            {"place": place, "axis": axis, "color": colors[leader]}
-            for place, axis, leader in zip(places.tolist(), chain.axis.tolist(), chain.leader, strict=True)
-        ],
+        "foot": places[0].tolist(), "axes": chain.axis.tolist(),
+        "colors": [colors[leader] for leader in chain.leader],
         "rows": task.rows.tolist(), "scale": task.joint_scale.tolist(), "frame": task.view.frame,
         "base": np.asarray(task.view.base).tolist(),
         "path": packed(path[np.linspace(0, len(path) - 1, PATH).round().astype(int)]),

@@ -37,6 +37,8 @@ from rmrc.support.files import write_text
 CARRIED = "delay", "jitter", "loss", "lag", "seed", "joint_offset", "stretch"
 # Points of the run that MuJoCo made.
 POINTS = 1500
+# Its scripts, after that of the law; those before `view.js` need no page.
+SCRIPTS = "settings.js", "course.js", "view.js", "explore.js"
 # The largest page [bytes].
 LARGEST = 600_000
 
@@ -84,7 +86,7 @@ def write(path: Path, scenario: Scenario, lesson: Lesson | None = None) -> None:
 def _html(written: Prepared, ideal: Prepared, lesson: Lesson | None) -> str:
     room, show = (files(name).joinpath("assets") for name in ("rmrc.export", "rmrc.show"))
     scripts = [show / "uPlot.iife.min.js", show / "page.js"]
-    modules = [room.parent / "law.mjs", room / "view.js", room / "explore.js"]
+    modules = [room.parent / "law.mjs", *(room / name for name in SCRIPTS)]
     styles = [show / "uPlot.min.css", show / "page.css", room / "explore.css"]
     texts = ("\n".join(file.read_text("utf-8") for file in some) for some in (styles, scripts, modules))
     style, script, module = texts
@@ -160,6 +162,9 @@ def _image(prepared: Prepared) -> dict[str, Any]:
     arrays.pop("positions", None)  # those of joints that are not the arm's
     sources = base64.b64decode(arrays["sources"][2]) + np.concatenate([*more.values()]).tobytes()
     arrays["sources"] = [arrays["sources"][0], len(sources), base64.b64encode(sources).decode()]
+    record = np.frombuffer(base64.b64decode(made["record"]), np.int64).copy()
+    record[[offset("engine", name) // 8 for name in ("path_ticks", "path_size")]] = 0
+    made["record"] = base64.b64encode(record.tobytes()).decode()
     for name in ("reference", "chance", "path"):
         arrays[name] = [offset("engine", name), 0, ""]
     names = ("rows", "width", "path_ticks", "path_size", "past_rows", "chance", "qpos")

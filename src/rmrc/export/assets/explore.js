@@ -6,36 +6,18 @@ async function unpacked(id) {
   return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate")));
 }
 const data = await (await unpacked("scenario")).json();
-const module = await WebAssembly.compile(await (await unpacked("law")).arrayBuffer());
-const {image} = data, {words} = image;
-const SPEED = "target.speed", STEP = 0.02, PLOTTED = 4000;
+const course = new Course(await WebAssembly.compile(await (await unpacked("law")).arrayBuffer()), data);
+const settings = new Settings(data), {controls} = settings;
+const STEP = 0.02, PLOTTED = 4000;
 const SECTIONS = {
   "control.inverse": "Inverse", "control.feedback": "Inverse", "control.nullspace": "Null space",
   "control.limits": "Limits", plant: "Plant", target: "Path",
 };
 const SYMBOLS = {"control.inverse.damping.maximum": "λ", "control.inverse.damping.below": "ε", "control.feedback": "K"};
-const controls = [...data.controls, {
-  key: SPEED, values: data.paths.map((path) => path.speed), start: data.paths.findIndex((path) => path.speed === 1),
-  unit: "×", meaning: "speed along the path, by its limits", reads: [],
-}].filter((control) => control.values.length > 1);
-const chosen = controls.map((control) => control.start);
-const isWritten = () => chosen.every((number, i) => number === controls[i].start);
-const valueOf = (key) => { const i = controls.findIndex((c) => c.key === key); return i < 0 ? null : controls[i].values[chosen[i]]; };
 const shown = (value) => value == null ? "none" : Array.isArray(value) ? value.map(shown).join(", ") :
   typeof value === "number" ? String(+value.toPrecision(4)) : value;
 
 // Settings ---------------------------------------------------------------------------------------
-
-// The differences of the chosen values from the image, or null where they do not go together.
-function effects(numbers) {
-  const all = data.groups.map(([members, table]) => table[members.map((i) => numbers[i]).join()]);
-  return all.every(Boolean) ? all : null;
-}
-
-function isRead(control) {
-  return !control.reads.length || control.reads.some((condition) =>
-    Object.entries(condition).every(([key, names]) => names.includes(valueOf(key))));
-}
 
 function makeControls() {
   const sections = new Map();
@@ -56,7 +38,10 @@ function makeControls() {
     row.append(label, document.createElement("output"), input);
     if (isMenu) for (const name of control.values) input.add(new Option(name, name));
     else Object.assign(input, {type: "range", min: 0, max: control.values.length - 1, step: 1});
-    input.addEventListener("input", () => choose(i, isMenu ? input.selectedIndex : Number(input.value)));
+    input.addEventListener("input", () => {
+      settings.choose(i, isMenu ? input.selectedIndex : Number(input.value));
+      changed();
+    });
     Object.assign(control, {row, input, isMenu});
     sections.get(title).append(row);
   });
@@ -64,61 +49,18 @@ function makeControls() {
 
 function showControls() {
   controls.forEach((control, i) => {
-    const value = control.values[chosen[i]], text = `${shown(value)}${control.unit === "1" || value == null ? "" : ` ${control.unit}`}`;
-    control.row.hidden = !isRead(control);
-    control.row.classList.toggle("changed", chosen[i] !== control.start);
-    if (control.isMenu) control.input.selectedIndex = chosen[i];
+    const value = control.values[settings.chosen[i]], text = `${shown(value)}${control.unit === "1" || value == null ? "" : ` ${control.unit}`}`;
+    control.row.hidden = !settings.isRead(control);
+    control.row.classList.toggle("changed", settings.chosen[i] !== control.start);
+    if (control.isMenu) control.input.selectedIndex = settings.chosen[i];
     else {
-      control.input.value = chosen[i];
+      control.input.value = settings.chosen[i];
       control.input.setAttribute("aria-valuetext", text);
       control.row.querySelector("output").textContent = text;
     }
   });
-  element("reset").disabled = isWritten();
+  element("reset").disabled = settings.isWritten;
 }
-
-function choose(i, number) {
-  const before = chosen[i];
-  chosen[i] = number;
-  if (!effects(chosen)) chosen[i] = before;
-  changed();
-}
-
-// The settings that differ, by their keys.
-const changes = () => Object.fromEntries(controls.flatMap((c, i) => chosen[i] === c.start ? [] : [[c.key, c.values[chosen[i]]]]));
-
-function readAddress() {
-  const wanted = new URLSearchParams(location.hash.slice(1));
-  controls.forEach((control, i) => {
-    const number = control.values.findIndex((value) => wanted.has(control.key) && JSON.stringify(value) === JSON.stringify(
-      typeof value === "string" ? wanted.get(control.key) : Number(wanted.get(control.key))));
-    chosen[i] = number < 0 ? control.start : number;
-  });
-}
-
-// YAML -------------------------------------------------------------------------------------------
-
-function scenario() {
-  const {[SPEED]: speed, ...values} = changes(), result = structuredClone(data.scenario);
-  const all = {...values, ...(speed ? data.paths.find((path) => path.speed === speed).changes : {})};
-  for (const [key, value] of Object.entries(all)) {
-    const steps = key.split("."), last = steps.pop();
-    steps.reduce((node, step) => node[step] ??= {}, result)[last] = value;
-  }
-  return result;
-}
-
-// Numbers as YAML reads them: with a point before an exponent.
-function inline(value) {
-  if (Array.isArray(value)) return `[${value.map(inline).join(", ")}]`;
-  if (value && typeof value === "object") return `{${Object.entries(value).map(([k, v]) => `${k}: ${inline(v)}`).join(", ")}}`;
-  return typeof value === "number" ? JSON.stringify(value).replace(/^(-?\d+)e/, "$1.0e") : JSON.stringify(value);
-}
-
-const isPlain = (value) => value && typeof value === "object" && !Array.isArray(value);
-const yaml = (value, indent = "") => Object.entries(value).map(([key, inner]) =>
-  isPlain(inner) && Object.values(inner).some((part) => typeof part === "object") ?
-    `${indent}${key}:\n${yaml(inner, `${indent}  `)}` : `${indent}${key}: ${inline(inner)}\n`).join("");
 
 // The run ----------------------------------------------------------------------------------------
 
@@ -127,75 +69,12 @@ const paint = (name) => getComputedStyle(document.documentElement).getPropertyVa
 const n = data.joints.length, units = [...new Set(data.joints.map((joint) => joint.unit))].join(", ");
 const view = new View(element("arm"), data.drawing);
 const moved = data.drawing.rows.filter((row) => row < 3), turns = data.drawing.rows.filter((row) => row > 2);
-// Rows of the columns of a goal that is dragged, and of past ticks; numbers of a sample of the path.
-const RING = 4096, PAST = Math.ceil(0.2 / data.period) + 4, SAMPLE = 13;
 let run, now = 0, dragged = null;
-
-// A world at its start, with the chosen settings and room for some rows of columns and samples of its path.
-function begun(old, ticks, rows, samples) {
-  const sizes = {
-    columns: 8 * image.width * rows, reference: 8 * SAMPLE * samples, chance: 8 * (n + 2) * (samples + rows),
-    path: Math.max(...data.paths.map((path) => path.pieces.length)), past: 8 * PAST * (2 * n + 1),
-  };
-  const arrays = {...image.arrays};
-  for (const [name, size] of Object.entries(sizes)) arrays[name] = [arrays[name][0], size, ""];
-  const world = old?.room >= rows && old.room < 4 * rows ? old : Object.assign(new World(module, {...image, arrays}), {room: rows});
-  world.begin();
-  const counts = {ticks, rows, path_ticks: samples, width: image.width, past_rows: PAST};
-  for (const [name, count] of Object.entries(counts)) world.setInteger(words[name], count);
-  for (const {words: some, methods} of effects(chosen)) {
-    for (const [bits, places] of Object.entries(some)) {
-      for (const place of places) world.view.setBigUint64(world.record + 8 * place, BigInt(`0x${bits}`), true);
-    }
-    for (const [field, name] of Object.entries(methods)) world.setMethod(image.fields[field], name);
-  }
-  return world;
-}
-
-// The last ticks of a world, as views of its memory.
-function runOf(world, rows) {
-  const table = world.array("columns"), integers = new Int32Array(table.buffer, table.byteOffset, 2 * table.length);
-  const count = Math.min(world.done, rows), first = world.done - count;
-  const at = (name, k) => ((first + k) % rows) * image.width + image.columns[name][0];
-  return {
-    count, row: (name, k) => table.subarray(at(name, k), at(name, k) + (image.columns[name][1] || 1)),
-    number: (name, k) => table[at(name, k)], status: (k) => integers[2 * at("status", k)],
-    time: (k) => table[at("time", k)],
-  };
-}
-
-let whole = null;
-function runAll() {
-  const path = data.paths[chosen[controls.findIndex((control) => control.key === SPEED)] ?? 0];
-  const slows = data.slow.includes(valueOf("control.at_singularity") ?? data.policy);
-  const ticks = slows ? Math.ceil(data.longest * path.ticks) : path.ticks;
-  whole = begun(whole, ticks, ticks, path.ticks);
-  const pieces = doubles(path.pieces);
-  whole.array("path").set(pieces);
-  whole.setInteger(words.path_size, pieces.length);
-  whole.exports["reference.sample_reference"](whole.record);
-  whole.advance();
-  return runOf(whole, ticks);
-}
-
-// A world whose goal moves at any time: it does some ticks towards a goal, and shows the last ones.
-function follower(q) {
-  const world = begun(null, 2 ** 31, RING, RING);
-  q.forEach((position, j) => { world.array("qpos")[data.places[j]] = position; });
-  return (goal, ticks) => {
-    const samples = world.array("reference"), {place} = world.arrays.find((array) => array.name === "chance");
-    for (let k = 0; k < ticks + 2; k++) samples.set(goal, SAMPLE * k);
-    world.setNumber(words.path_tick, 0);
-    world.setInteger(words.chance, place - 8 * (n + 2) * world.done);
-    world.advance(ticks);
-    return runOf(world, RING);
-  };
-}
-
 const row = (name, k) => run.row(name, k);
 const size = (name, k, items) => Math.hypot(...items.map((i) => row(name, k)[i]));
 const fastest = (name, k) => row(name, k).reduce((most, rate) => Math.max(most, Math.abs(rate)), 0);
 const least = (k) => row("sigma", k).at(-1);
+const timeAt = (k) => run.number("time", k);
 const clipped = (value, low, high) => Math.min(Math.max(value, low), high);
 
 // The ticks that are plotted: of many, those with the extremes of each span.
@@ -222,8 +101,8 @@ function beside(name, times) {
 }
 
 function makePanels() {
-  const ticks = ticksToPlot(), time = ticks.map((k) => run.time(k)), curve = (value) => ticks.map(value);
-  const gray = isWritten() ? paint("--ink") : "#949494", label = isWritten() ? "MuJoCo" : "MuJoCo, as written";
+  const ticks = ticksToPlot(), time = ticks.map((k) => timeAt(k)), curve = (value) => ticks.map(value);
+  const gray = settings.isWritten ? paint("--ink") : "#949494", label = settings.isWritten ? "MuJoCo" : "MuJoCo, as written";
   const panels = [];
   const add = (id, title, curves, name, more) => {
     const extra = beside(name, time);
@@ -245,7 +124,7 @@ function makePanels() {
     {label: "σ_min", color: "#1e9650", width: 1.5, values: curve((k) => Math.max(least(k), 1e-6))},
     {label: "λ", color: "#b4289b", width: 1.5, dash: [5, 2], values: damping},
   ], "sigma", (values) => ({
-    logarithmic: true, levels: [{value: valueOf("control.inverse.damping.below") ?? data.below, color: "#949494"}],
+    logarithmic: true, levels: [{value: settings.value("control.inverse.damping.below", data.below), color: "#949494"}],
     range: [10 ** Math.floor(Math.log10(Math.min(...values))), 10 ** Math.ceil(Math.log10(Math.max(...values)) + 1e-9)],
   }));
   for (const [id, title, items, color] of [["error", "Position error [mm]", moved, "#b08a00"], ["turn", "Rotation error [mrad]", turns, "#00809c"]]) {
@@ -263,8 +142,8 @@ function spans(bit) {
   const found = [];
   for (let k = 0; k < run.count; k++) {
     if (!(run.status(k) & bit)) continue;
-    if (found.length && found.at(-1)[1] >= run.time(k) - 1e-9) found.at(-1)[1] = run.time(k) + data.period;
-    else found.push([run.time(k), run.time(k) + data.period]);
+    if (found.length && found.at(-1)[1] >= timeAt(k) - 1e-9) found.at(-1)[1] = timeAt(k) + data.period;
+    else found.push([timeAt(k), timeAt(k) + data.period]);
   }
   return found;
 }
@@ -299,7 +178,7 @@ function figures() {
   const last = run.count - 1, table = {
     "joint_rate_cmd.peak": [most((k) => fastest("qdot_cmd", k)), `${units}/s`],
     "sigma.min": [1 / most((k) => 1 / least(k)), ""], "damping.max": [most((k) => run.number("damping", k)), ""],
-    duration: [run.time(last), "s"],
+    duration: [timeAt(last), "s"],
   };
   for (const [name, items, unit] of [["position_error", moved, "mm"], ["orientation_error", turns, "mrad"]]) {
     if (!items.length) continue;
@@ -330,7 +209,7 @@ function ghost(time) {
 }
 
 function show() {
-  const k = dragged ? run.count - 1 : clipped(Math.round(now / data.period), 0, run.count - 1), time = run.time(k);
+  const k = dragged ? run.count - 1 : clipped(Math.round(now / data.period), 0, run.count - 1), time = timeAt(k);
   const from = Math.max(0, k - Math.round((dragged ? 3 : 1e9) / data.period)), step = Math.max(1, Math.ceil((k - from) / 300));
   const trail = Array.from({length: Math.floor((k - from) / step) + 1}, (_, i) => k - i * step).reverse();
   const frame = {world: null, base: data.drawing.base, site: row("pose", k)}[data.drawing.frame];
@@ -339,7 +218,7 @@ function show() {
     frames: row("frame", k), tip: row("pose", k), target: row("pose_ref", k), J: row("J", k), lost: row("u_min", k), frame, marks,
     trail: trail.map((i) => row("pose", i)), near: trail.map((i) => 1 - clipped(least(i) / data.below, 0, 1)),
     ghost: ghost(time), isHeld: Boolean(dragged),
-  }, {...ink, ghost: isWritten() ? "#2f7fe866" : "#94949466"});
+  }, {...ink, ghost: settings.isWritten ? "#2f7fe866" : "#94949466"});
   element("time").value = time;
   element("clock").textContent = `${time.toFixed(2)} s`;
   for (const {plot, line} of plots.values()) line.style.left = `${plot.valToPos(time, "x")}px`;
@@ -349,16 +228,16 @@ function show() {
 
 let playing = null;
 function play(starts) {
-  playing = starts ? performance.now() - 1e3 * (now >= run.time(run.count - 1) ? 0 : now) : null;
+  playing = starts ? performance.now() - 1e3 * (now >= timeAt(run.count - 1) ? 0 : now) : null;
   element("play").textContent = starts ? "Pause" : "Play";
   if (starts) requestAnimationFrame(advance);
 }
 
 function advance(clock) {
   if (playing == null) return;
-  now = Math.min((clock - playing) / 1e3, run.time(run.count - 1));
+  now = Math.min((clock - playing) / 1e3, timeAt(run.count - 1));
   show();
-  if (now < run.time(run.count - 1)) requestAnimationFrame(advance);
+  if (now < timeAt(run.count - 1)) requestAnimationFrame(advance);
   else play(false);
 }
 
@@ -371,7 +250,7 @@ function drag(starts) {
     view.isFlat ? "" : "Turn the picture with the pointer or the arrow keys.";
   if (starts) {
     const k = clipped(Math.round(now / data.period), 0, run.count - 1);
-    dragged = {goal: [...row("pose", k)], follow: follower(row("q", k)), clock: performance.now(), frames: 0};
+    dragged = {goal: [...row("pose", k)], follow: course.follower(settings, row("q", k)), clock: performance.now(), frames: 0};
     requestAnimationFrame(follow);
   } else if (dragged) {
     dragged = null;
@@ -448,13 +327,12 @@ function changed() {
   requestAnimationFrame(() => {
     isDue = false;
     showControls();
-    history.replaceState(null, "", `#${new URLSearchParams(changes())}`);
-    const text = yaml(scenario());
-    element("yaml").textContent = text;
+    history.replaceState(null, "", `#${new URLSearchParams(settings.changes)}`);
+    element("yaml").textContent = settings.yaml;
     if (dragged) return drag(true);
     const started = performance.now();
-    run = runAll();
-    element("time").max = run.time(run.count - 1);
+    run = course.run(settings);
+    element("time").max = timeAt(run.count - 1);
     showPanels();
     showFigures();
     show();
@@ -463,7 +341,7 @@ function changed() {
 }
 
 makeControls();
-readAddress();
+settings.read(location.hash.slice(1));
 for (const mark of ["velocity", "force", "lost"]) {
   const label = document.createElement("label"), box = Object.assign(document.createElement("input"), {type: "checkbox", checked: marks.has(mark)});
   box.addEventListener("change", () => {
@@ -482,7 +360,7 @@ element("time").addEventListener("input", () => {
   show();
 });
 element("reset").addEventListener("click", () => {
-  controls.forEach((control, i) => { chosen[i] = control.start; });
+  settings.reset();
   changed();
 });
 element("copy").addEventListener("click", () => {
@@ -491,7 +369,7 @@ element("copy").addEventListener("click", () => {
   getSelection().selectAllChildren(element("yaml"));
 });
 addEventListener("hashchange", () => {
-  readAddress();
+  settings.read(location.hash.slice(1));
   changed();
 });
 addEventListener("resize", () => show());

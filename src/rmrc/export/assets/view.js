@@ -12,9 +12,7 @@ export function turned(pose, v) {
 }
 const carried = (pose, v) => pose ? along(turned(pose, v), pose, 1) : v;
 
-// Little-endian 32-bit floats in base64, as a list of points or of numbers.
-export const floats = (text) => new Float32Array(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
-export const doubles = (text) => new Float64Array(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
+// A list of points, of little-endian 32-bit floats in base64.
 export function points(text) {
   const values = floats(text);
   return Array.from({length: values.length / 3}, (_, i) => [...values.subarray(3 * i, 3 * i + 3)]);
@@ -75,7 +73,7 @@ export class View {
     this.path = points(drawing.path);
     this.azimuth = -0.9;
     this.elevation = 0.45;
-    this.center = drawing.joints[0].place;
+    this.center = drawing.foot;
     this.fit([]);
   }
 
@@ -90,17 +88,12 @@ export class View {
 
   // Have the picture show the path, the base and some more points.
   fit(more) {
-    const all = [...this.path, ...more, ...this.drawing.joints.slice(0, 1).map((joint) => joint.place)];
+    const all = [...this.path, ...more, this.drawing.foot];
     const [low, high] = [Math.min, Math.max].map((best) => [0, 1, 2].map((i) => all.reduce((value, p) => best(value, p[i]), all[0][i])));
     this.center = low.map((value, i) => (value + high[i]) / 2);
     const margin = 0.12 * this.drawing.reach, [right, up] = this.axes;
     this.extent = this.isFlat ? [right, up].map((axis) => all.reduce((most, p) => Math.max(most, Math.abs(dot(axis, along(p, this.center, -1)))), 0) + margin) :
       [0, 0].fill(all.reduce((most, p) => Math.max(most, Math.hypot(...along(p, this.center, -1))), 0) + margin);
-  }
-
-  // The joints and the site, in the poses behind the axes, 7 numbers each.
-  joints(frames, tip) {
-    return [...this.drawing.joints.map((joint, a) => carried(frames.subarray(7 * a, 7 * a + 7), joint.place)), [...tip.slice(0, 3)]];
   }
 
   project(p) {
@@ -177,10 +170,10 @@ export class View {
   }
 
   floor(color) {
-    const {place} = this.drawing.joints[0], step = this.drawing.reach / 4;
+    const {foot} = this.drawing, step = this.drawing.reach / 4;
     for (let i = -5; i <= 5; i++) {
       for (const [a, b] of [[[i, -5], [i, 5]], [[-5, i], [5, i]]]) {
-        this.line([a, b].map(([x, y]) => [place[0] + x * step, place[1] + y * step, Math.min(0, place[2])]), color, 1);
+        this.line([a, b].map(([x, y]) => [foot[0] + x * step, foot[1] + y * step, Math.min(0, foot[2])]), color, 1);
       }
     }
   }
@@ -198,8 +191,8 @@ export class View {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, this.width, this.height);
     if (!this.isFlat) this.floor(ink.line);
-    const joints = this.joints(seen.frames, seen.tip), parts = [];
-    const poses = drawing.joints.map((_, a) => seen.frames.subarray(7 * a, 7 * a + 7));
+    const poses = drawing.axes.map((_, a) => seen.frames.slice(7 * a, 7 * a + 7)), parts = [];
+    const joints = [...poses, seen.tip];
     for (const shape of this.shapes) {
       const all = shape.points.map((p) => this.project(carried(shape.axis < 0 ? null : poses[shape.axis], p)));
       parts.push([all.reduce((sum, p) => sum + p[2], 0) / all.length, () => this.shape(all, shape.color)]);
@@ -211,8 +204,8 @@ export class View {
     this.line(this.path, ink.ink, 1.5, [1, 4]);
     if (seen.ghost) this.line(seen.ghost, ink.ghost, Math.max(3, 0.03 * reach * this.scale));
     for (const [, paint] of parts.sort((a, b) => a[0] - b[0])) paint();
-    drawing.joints.forEach(({axis, color}, a) => {
-      const way = turned(poses[a], axis), ends = [-0.05, 0.05].map((part) => along(joints[a], way, part * reach));
+    drawing.colors.forEach((color, a) => {
+      const way = turned(poses[a], drawing.axes[a]), ends = [-0.05, 0.05].map((part) => along(joints[a], way, part * reach));
       if (this.isFlat) this.ball(joints[a], 4, color, ink.paper);
       else this.line(ends, color, 4);
     });

@@ -77,7 +77,8 @@
       legend: {show: !lanes},
       cursor: {sync: {key: "time", scales: ["x", null]}, drag: {x: true, y: false}},
       scales: {x: {time: false}, y: {distr: panel.logarithmic ? 3 : 1, range: () => panel.range}},
-      axes: [{...axis, label: "time [s]", labelSize: 20, size: 30}, {...axis, size: 62, ...numbers}],
+      axes: [{...axis, ...(panel.height ? {} : {label: "time [s]", labelSize: 20}), size: 30},
+        {...axis, size: 62, space: panel.height ? 18 : 30, ...numbers}],
       series: [{label: "time [s]", value: (u, v) => shown(v)}, ...panel.curves.map((curve) => ({
         label: curve.label, stroke: curve.color, width: curve.width, dash: curve.dash, value: (u, v) => shown(v),
         points: {show: false},
