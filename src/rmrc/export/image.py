@@ -16,6 +16,7 @@ from rmrc.law.sight import CHAIN_ALONE
 from rmrc.plants.engine import BAD_LAST
 from rmrc.results.columns import COLUMNS
 from rmrc.simulation.prepare import Prepared
+from rmrc.simulation.reference import TWIST
 from rmrc.simulation.world import World, words_of_columns
 from rmrc.support.errors import QuestionError
 
@@ -24,7 +25,7 @@ CAPACITY = 16
 # Words of the engine that count something; all others are addresses.
 _COUNTS = (
     "nq nv qpos_at dof followers follows follower_qpos follower_dof follower_ratio follower_offset ticks "
-    "path_ticks record_size width rows past_rows"
+    "path_size path_ticks record_size width rows past_rows"
 )
 
 
@@ -44,16 +45,18 @@ def image(prepared: Prepared) -> dict[str, Any]:
     engine, arm = record["engine"], prepared.arm
     words = words_of_columns(records.dtype, arm.n, int(record["k"]))
     sources = np.concatenate([*words.values()])
-    ticks, rows = prepared.most_ticks, len(prepared.reference.samples)
+    ticks, path = prepared.most_ticks, prepared.reference.numbers
     draw = prepared.hardware.chance()
     engine["ticks"] = engine["rows"] = ticks
-    engine["path_ticks"], engine["record_size"], engine["width"] = rows, records.itemsize // 8, len(sources)
+    engine["path_ticks"], engine["path_size"] = prepared.reference.ticks, len(path)
+    engine["record_size"], engine["width"] = records.itemsize // 8, len(sources)
     arrays: dict[str, NDArray[Any] | int] = {
         "qpos": prepared.qpos,
         "qvel": 8 * int(engine["nv"]),
         "warning_count": 8 * (BAD_LAST + 1),
         "warning_info": 8 * (BAD_LAST + 1),
-        "reference": prepared.reference.samples,
+        "path": path,
+        "reference": 8 * TWIST * prepared.reference.ticks,
         "sources": sources,
         "columns": 8 * len(sources) * ticks,
         "past": 8 * int(engine["past_rows"]) * (2 * arm.n + 1),

@@ -41,6 +41,12 @@ export class World {
       this.setInteger(word, place);
     }
     for (const [word, name] of this.image.methods) this.setMethod(word, name);
+    this.samplePath();
+  }
+
+  /** Write the target at each tick, after a change of the array "path". */
+  samplePath() {
+    this.exports["reference.sample_reference"](this.record);
   }
 
   /** A whole number of the record, at an offset in bytes. */

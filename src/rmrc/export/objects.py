@@ -33,17 +33,13 @@ def name_of(method: Method) -> str:
     return f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
 
 
-def object_file(
-    methods: Iterable[Method], capacity: int, triple: str, functions: Mapping[str, Any], text: str = ""
-) -> bytes:
+def object_file(methods: Iterable[Method], capacity: int, triple: str) -> bytes:
     """Return an object file with some methods.
 
     Args:
         methods: The methods.
         capacity: Number of joints that the record of a world holds.
         triple: The machine, as LLVM names it.
-        functions: Further functions by their names, as types of numba's and plain functions.
-        text: Further definitions, in the language of LLVM.
     """
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
