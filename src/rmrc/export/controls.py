@@ -124,8 +124,10 @@ class Controls:
             names.insert(0, value)
         else:
             names = [each for each in values if each in (*names, value)]
-        row = self._rows[key]
-        return Control(key, names, names.index(value), row.unit or "1", row.meaning, _reads(key))
+        row, turns, slides = self._rows[key], *self._rows[key].unit.partition(" or ")[::2]
+        kinds = set(self._prepared.arm.is_slide.tolist())
+        unit = row.unit if len(kinds) > 1 else slides if kinds == {True} else turns
+        return Control(key, names, names.index(value), unit or "1", row.meaning, _reads(key))
 
     def _add(self, controls: Sequence[Control]) -> None:
         """Add a group of controls."""

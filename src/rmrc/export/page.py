@@ -7,6 +7,7 @@ is in the page beside it, thinned.
 import base64
 import json
 import zlib
+from collections.abc import Mapping
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -14,11 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from rmrc.export.controls import Controls
+from rmrc.export.controls import Controls, written
 from rmrc.export.drawing import drawing, packed, skeleton
 from rmrc.export.image import CAPACITY, image, offset
 from rmrc.law.record import METHODS
-from rmrc.results.run import Run
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import IN_RUNS, POLICIES
 from rmrc.scenario.lesson import SHIPPED, Lesson
@@ -33,6 +33,8 @@ from rmrc.support import shipped
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.files import write_text
 
+ROOM = Path(__file__).parent
+ASSETS = ROOM / "assets"
 # What the ideal plant has of a plant.
 CARRIED = "delay", "jitter", "loss", "lag", "seed", "joint_offset", "stretch"
 # Points of the run that MuJoCo made.
@@ -75,34 +77,32 @@ def write(path: Path, scenario: Scenario, lesson: Lesson | None = None) -> None:
         ScenarioError: The scenario cannot be prepared.
         QuestionError: The page cannot carry it, or it would be too large.
     """
-    written, ideal = prepare(scenario), on_ideal_plant(scenario)
-    text = _html(written, prepare(ideal), lesson)
+    text = _html(contents(scenario, lesson))
     if (size := len(text.encode())) > LARGEST:
         most = f"at most {LARGEST // 1000} kB; shorten target.path"
         raise QuestionError(f"{scenario.name}: its page would have {size // 1000} kB, and may have {most}")
     write_text(path, text)
 
 
-def _html(written: Prepared, ideal: Prepared, lesson: Lesson | None) -> str:
-    room, show = (files(name).joinpath("assets") for name in ("rmrc.export", "rmrc.show"))
+def _html(data: Mapping[str, Any]) -> str:
+    show, modules = files("rmrc.show").joinpath("assets"), [ROOM / "law.mjs"]
+    styles = [show / "uPlot.min.css", show / "page.css", ASSETS / "explore.css"]
     scripts = [show / "uPlot.iife.min.js", show / "page.js"]
-    modules = [room.parent / "law.mjs", *(room / name for name in SCRIPTS)]
-    styles = [show / "uPlot.min.css", show / "page.css", room / "explore.css"]
-    texts = ("\n".join(file.read_text("utf-8") for file in some) for some in (styles, scripts, modules))
-    style, script, module = texts
-    data = json.dumps(_data(written, ideal, lesson), allow_nan=False)
-    law = room.parent.joinpath("law.wasm").read_bytes()
-    blocks = {"law": law, "scenario": data.encode()}
-    policy = POLICY.replace("script-src", "script-src 'wasm-unsafe-eval'")
+    modules += [ASSETS / name for name in SCRIPTS]
+    style, script, module = (
+        "\n".join(file.read_text("utf-8") for file in some) for some in (styles, scripts, modules)
+    )
+    blocks = {"law": ROOM.joinpath("law.wasm").read_bytes(), "scenario": json.dumps(data).encode()}
     parts = {
-        "title": escape(f"{ideal.scenario.name}: the law in the browser"),
-        "policy": policy, "icon": ICON, "style": style, "script": script, "module": module,
+        "title": escape(f"{data['name']}: the law in the browser"),
+        "policy": POLICY.replace("script-src", "script-src 'wasm-unsafe-eval'"), "icon": ICON,
+        "style": style, "script": script, "module": module,
         "blocks": "\n".join(
             f'<script type="application/octet-stream" id="{name}">{_squeezed(block)}</script>'
             for name, block in blocks.items()
         ),
     }  # fmt: skip
-    html = room.joinpath("explore.html").read_text("utf-8")
+    html = ASSETS.joinpath("explore.html").read_text("utf-8")
     for name, text in parts.items():
         html = html.replace(f"<!--{name}-->", text)
     return html
@@ -112,15 +112,16 @@ def _squeezed(block: bytes) -> str:
     return base64.b64encode(zlib.compress(block, 9)).decode()
 
 
-def _data(written: Prepared, ideal: Prepared, lesson: Lesson | None) -> dict[str, Any]:
-    """Return all that is about the scenario."""
-    scenario, arm = ideal.scenario, ideal.arm
+def contents(scenario: Scenario, lesson: Lesson | None = None) -> dict[str, Any]:
+    """Return all of a page that is about its scenario, ready for strict JSON; arguments as of `write`."""
+    ideal = prepare(on_ideal_plant(scenario))
+    fitted, arm = ideal.scenario, ideal.arm
     controls = Controls(ideal, lesson.number.setting if lesson else {})
     slow = [policy.name for policy in POLICIES.options if policy.slows]
     return {
-        "name": scenario.name, "scenario": _plain(scenario), "period": scenario.control.period,
+        "name": fitted.name, "scenario": _plain(fitted), "period": fitted.control.period,
         "image": _image(ideal),
-        "policy": scenario.control.at_singularity, "slow": slow, "longest": scenario.control.slow.longest,
+        "policy": fitted.control.at_singularity, "slow": slow, "longest": fitted.control.slow.longest,
         "controls": [control._asdict() for control in controls.controls], "groups": controls.groups,
         "paths": [
             {
@@ -134,8 +135,8 @@ def _data(written: Prepared, ideal: Prepared, lesson: Lesson | None) -> dict[str
             for name, color, unit in zip(arm.joints, distinct(arm.n), arm.units, strict=True)
         ],
         "statuses": [{"bit": int(flag), "name": in_words(flag), "color": css(of_status(int(flag)))} for flag in IN_RUNS],
-        "below": scenario.control.inverse.damping.below, "drawing": drawing(ideal), "places": arm.wiring.qpos.tolist(),
-        "written": _written(written), "lesson": _lesson(lesson, ideal),
+        "below": fitted.control.inverse.damping.below, "drawing": drawing(ideal), "places": arm.wiring.qpos.tolist(),
+        "written": _written(prepare(scenario)), "lesson": _lesson(lesson, ideal),
     }  # fmt: skip
 
 
@@ -171,6 +172,8 @@ def _image(prepared: Prepared) -> dict[str, Any]:
     made["words"] |= {name: offset("engine", name) for name in names}
     made["words"]["path_tick"] = offset("memory", "path_tick")
     made["fields"] = {field: offset("methods", field) for field in METHODS.split()}
+    # the settings are differences from what `written` says
+    made["methods"] += [[made["fields"][field], name] for field, name in written(prepared).methods.items()]
     return made
 
 
@@ -188,21 +191,13 @@ def _written(prepared: Prepared) -> dict[str, Any] | None:
     if not prepared.plant.has_physics:
         return None
     (run,) = Simulation([prepared]).run()
-    curves = {
-        "rates": run["qdot"], "fastest": np.abs(run["qdot"]).max(axis=1), "sigma": run["sigma"][:, -1],
-        **{name: errors for name, errors in zip(("error", "turn"), _errors(run), strict=True)},
-    }  # fmt: skip
-    single = [curve for curve in curves.values() if curve.ndim == 1]
-    spans = POINTS // (2 * len(single))
-    rows = np.unique(np.concatenate([extremes(curve, spans) for curve in single]))[:POINTS]
-    thinned = {name: packed(curve[rows]) for name, curve in curves.items()}
-    return {"time": packed(run["time"][rows]), **thinned, "skeleton": skeleton(prepared, run)}
-
-
-def _errors(run: Run) -> tuple[Any, Any]:
-    """Return the sizes of the position error [mm] and of the rotation error [mrad] of the task."""
+    joint = int(np.abs(run["qdot"]).max(axis=0).argmax())
     moved, turned = (1e3 * np.linalg.norm(run["pose_error"][:, rows], axis=1) for rows in error_rows(run))
-    return moved, turned
+    curves = {"rates": run["qdot"][:, joint], "sigma": run["sigma"][:, -1], "error": moved, "turn": turned}
+    spans = POINTS // (2 * len(curves)) - 2  # beside the ends of each
+    rows = np.unique(np.concatenate([extremes(curve, spans) for curve in curves.values()]))
+    thinned = {name: packed(curve[rows]) for name, curve in {"time": run["time"], **curves}.items()}
+    return {**thinned, "joint": run.joints[joint], "skeleton": skeleton(prepared, run)}
 
 
 def _lesson(lesson: Lesson | None, ideal: Prepared) -> dict[str, Any] | None:

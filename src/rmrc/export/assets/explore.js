@@ -103,10 +103,10 @@ function beside(name, times) {
 function makePanels() {
   const ticks = ticksToPlot(), time = ticks.map((k) => timeAt(k)), curve = (value) => ticks.map(value);
   const gray = settings.isWritten ? paint("--ink") : "#949494", label = settings.isWritten ? "MuJoCo" : "MuJoCo, as written";
-  const panels = [];
+  const panels = [], names = {rates: `, ${data.written?.joint}`};
   const add = (id, title, curves, name, more) => {
     const extra = beside(name, time);
-    if (extra) curves.push({label, color: gray, width: 1, dash: [6, 3], values: extra});
+    if (extra) curves.push({label: label + (names[name] ?? ""), color: gray, width: 1, dash: [6, 3], values: extra});
     const values = curves.flatMap((each) => each.isBeside ? [] : each.values).filter((value) => Number.isFinite(value));
     panels.push({id, title, time, curves, levels: [], lanes: [], logarithmic: false, height: 150, ...more(values)});
   };
@@ -115,7 +115,7 @@ function makePanels() {
   add("rates", `Rates commanded [${units}/s]`, [
     ...data.joints.map((joint, j) => ({label: joint.name, color: joint.color, width: 1.5, values: curve((k) => row("qdot_cmd", k)[j])})),
     {label: `plain inverse, ${data.joints[plain].name}`, color: "#808890", width: 1, dash: [2, 2], isBeside: true, values: curve((k) => row("qdot_plain", k)[plain])},
-  ], "fastest", (values) => {
+  ], "rates", (values) => {
     const most = 1.25 * Math.max(1e-3, ...values.map(Math.abs));
     return {range: [-most, most], levels: [...new Set(row("limit", 0))].flatMap((limit) => [limit, -limit]).map((value) => ({value, color: "#949494"}))};
   });
