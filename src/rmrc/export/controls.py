@@ -40,7 +40,7 @@ LEFT_OUT = {SLOW_LONGEST, STOP_CONDITION, *(each for each in PARAMETERS if "push
 FINE, COARSE = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 7.5, 8.0), (1.0, 2.0, 5.0)
 # Delays and lags [ms].
 TIMES = (*range(11), *range(12, 31, 2), *range(35, 101, 5))
-SPEEDS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0)
+SPEED, SPEEDS = "target.speed", (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0)
 # Powers of the speed in the limits of a path.
 POWERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
 
@@ -73,6 +73,7 @@ class Controls:
         controls: The controls, in the order of the page.
         groups: Controls that act together, by their numbers, and their effects: by the numbers of their
             values, with commas between them, the difference from the base.
+        paths: Each speed along the path, the limits that give it, and the scenario with them.
     """
 
     def __init__(self, prepared: Prepared, wanted: Mapping[str, Any]) -> None:
@@ -88,9 +89,13 @@ class Controls:
         self.controls, self.groups = list[Control](), list[tuple[list[int], dict[str, Any]]]()
         for trials in _trials(prepared):
             self._add([control for trial in trials if len((control := self._control(*trial)).values) > 1])
+        self.paths = list(self._paths())
+        speeds = [speed for speed, _, _ in self.paths]
+        if len(speeds) > 1:
+            meaning = "speed along the path: scales target.limits"
+            self.controls.append(Control(SPEED, speeds, speeds.index(1.0), "×", meaning, ()))
 
-    def paths(self) -> Iterator[tuple[float, dict[str, float], Prepared]]:
-        """Yield each speed, the limits that give it, and the scenario with them."""
+    def _paths(self) -> Iterator[tuple[float, dict[str, float], Prepared]]:
         has_rate = any(isinstance(piece, Spline) for piece in self._prepared.reference.pieces)
         limits = self._prepared.scenario.target.limits
         for speed in (1.0,) if has_rate else SPEEDS:  # a recorded motion has its own
@@ -126,7 +131,7 @@ class Controls:
             names = [each for each in values if each in (*names, value)]
         row, turns, slides = self._rows[key], *self._rows[key].unit.partition(" or ")[::2]
         kinds = set(self._prepared.arm.is_slide.tolist())
-        unit = row.unit if len(kinds) > 1 else slides if kinds == {True} else turns
+        unit = row.unit if len(kinds) > 1 else slides or turns if kinds == {True} else turns
         return Control(key, names, names.index(value), unit or "1", row.meaning, _reads(key))
 
     def _add(self, controls: Sequence[Control]) -> None:

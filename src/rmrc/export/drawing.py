@@ -27,6 +27,11 @@ COLORED = 0.3
 # MuJoCo's numbers of shapes, and the first group of those that its own viewer hides.
 SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(2, 8)
 HIDDEN = 3
+# Axes of the screen of an arm that moves in a plane, by the normal: to the right, up, and to the viewer.
+X, Y, Z = [1, 0, 0], [0, 1, 0], [0, 0, 1]
+SCREENS = (Y, Z, X), (X, Z, [0, -1, 0]), (X, Y, Z)
+# Room around the arm at its start and its path, as a part of the reach.
+MARGIN = 0.35
 # Points of the line of the path, and instants at which another run is drawn.
 PATH, INSTANTS = 400, 240
 
@@ -51,12 +56,20 @@ def drawing(prepared: Prepared) -> dict[str, Any]:
             color = colors[chain.leader[axis]]
         where = bodies[body, :3] + rotate(bodies[body, 3:], points) - (places[axis] if axis >= 0 else 0.0)
         shapes.append({"axis": axis, "color": color, "points": packed(where)})
-    reach = float(np.linalg.norm(np.vstack([arm.pose(q)[:3], path]) - places[0], axis=1).max())
+    ends = np.vstack([arm.pose(q)[:3], path, places[:1]])
+    reach = max(float(np.linalg.norm(ends - places[0], axis=1).max()), 0.1)
     # a second configuration, for an arm that only starts in a plane
     moves = np.hstack([arm.jacobian(q + shift)[:3] for shift in (0.0, 0.3)])
     still = np.flatnonzero(np.abs(moves).max(axis=1) < 1e-9)
+    screen = SCREENS[still[-1]] if len(still) else None
+    joints = arm.frames(prepared.qpos[None])[0][0, [model.joint(name).bodyid[0] for name in chain.names], :3]
+    seen = np.vstack([ends, joints])
+    center = (seen.max(axis=0) + seen.min(axis=0)) / 2
+    ways = np.abs((seen - center) @ np.transpose(screen)).max(axis=0)[:2] if screen else np.full(2, np.linalg.norm(seen - center, axis=1).max())
+    extent = 2.0 * ways + MARGIN * reach
     return {
-        "shapes": shapes, "reach": max(reach, 0.1), "flat": int(still[-1]) if len(still) else -1,
+        "shapes": shapes, "reach": reach, "center": center.tolist(), "extent": extent.tolist(),
+        "axes_of_screen": screen,
         "foot": places[0].tolist(), "axes": chain.axis.tolist(),
         "colors": [colors[leader] for leader in chain.leader],
         "rows": task.rows.tolist(), "scale": task.joint_scale.tolist(), "frame": task.view.frame,

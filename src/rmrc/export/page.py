@@ -7,7 +7,7 @@ is in the page beside it, thinned.
 import base64
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -37,6 +37,14 @@ ROOM = Path(__file__).parent
 ASSETS = ROOM / "assets"
 # What the ideal plant has of a plant.
 CARRIED = "delay", "jitter", "loss", "lag", "seed", "joint_offset", "stretch"
+# Titles of the settings, by the beginning of their keys; and what they are in formulas.
+SECTIONS = {
+    "control.inverse": "Inverse", "control.feedback": "Inverse", "control.nullspace": "Null space",
+    "control.limits": "Limits", "plant": "Plant", "target": "Path",
+}  # fmt: skip
+SYMBOLS = {
+    "control.inverse.damping.maximum": "λ", "control.inverse.damping.below": "ε", "control.feedback": "K",
+}  # fmt: skip
 # Points of the run that MuJoCo made.
 POINTS = 1500
 # Its scripts, after that of the law; those before `view.js` need no page.
@@ -97,6 +105,8 @@ def _html(data: Mapping[str, Any]) -> str:
         "title": escape(f"{data['name']}: the law in the browser"),
         "policy": POLICY.replace("script-src", "script-src 'wasm-unsafe-eval'"), "icon": ICON,
         "style": style, "script": script, "module": module,
+        "form": _form(data["controls"]), "lesson": _questions(data["lesson"]),
+        "beside": "" if data["written"] is None else " Beside: MuJoCo's run of the scenario as written.",
         "blocks": "\n".join(
             f'<script type="application/octet-stream" id="{name}">{_squeezed(block)}</script>'
             for name, block in blocks.items()
@@ -106,6 +116,43 @@ def _html(data: Mapping[str, Any]) -> str:
     for name, text in parts.items():
         html = html.replace(f"<!--{name}-->", text)
     return html
+
+
+def _form(controls: Sequence[Mapping[str, Any]]) -> str:
+    """Return menus and sliders, by sections."""
+    sections = dict[str, list[str]]()
+    for i, control in enumerate(controls):
+        key, values, start = control["key"], control["values"], control["start"]
+        title = next((title for begin, title in SECTIONS.items() if key.startswith(begin)), "Near a singularity")
+        name = key.removeprefix("control.")
+        for above in ("inverse.", "nullspace.", "limits."):
+            name = name.removeprefix(above)
+        label = f"{name} {SYMBOLS.get(key, '')}"
+        if isinstance(values[start], str):
+            options = "".join(f'<option value="{k}">{escape(value)}</option>' for k, value in enumerate(values))
+            entry = f'<select id="control-{i}">{options}</select>'
+        else:
+            entry = f'<input id="control-{i}" type="range" min="0" max="{len(values) - 1}">'
+        sections.setdefault(title, []).append(
+            f'<div class="control" title="{escape(control["meaning"])}"><label for="control-{i}">{label}</label>'
+            f"<output></output>{entry}</div>"
+        )
+    return "\n".join(
+        f"<fieldset><legend>{title}</legend>{''.join(rows)}</fieldset>" for title, rows in sections.items()
+    )
+
+
+def _questions(lesson: Mapping[str, Any] | None) -> str:
+    """Return the questions of a lesson, and an entry for its number."""
+    if lesson is None:
+        return ""
+    asked = "".join(
+        f"<details><summary>{escape(each['ask'])}</summary><p>{escape(each['do'])}</p></details>"
+        for each in lesson["questions"]
+    )
+    number = f"{escape(lesson['number']['ask'])} [{escape(lesson['number']['unit'])}]"
+    answer = f'<p><label>{number} <input id="answer" type="number" step="any"></label> <output id="verdict"></output></p>'
+    return f"<h2>{escape(lesson['title'])}</h2><p>{escape(lesson['about'])}</p>{asked}{answer}"
 
 
 def _squeezed(block: bytes) -> str:
@@ -128,12 +175,14 @@ def contents(scenario: Scenario, lesson: Lesson | None = None) -> dict[str, Any]
                 "speed": speed, "changes": changes, "ticks": faster.reference.ticks,
                 "pieces": base64.b64encode(faster.reference.numbers.astype("<f8").tobytes()).decode(),
             }
-            for speed, changes, faster in controls.paths()
+            for speed, changes, faster in controls.paths
         ],
         "joints": [
-            {"name": name, "color": css(color), "unit": unit}
-            for name, color, unit in zip(arm.joints, distinct(arm.n), arm.units, strict=True)
+            {"name": name, "color": css(color)}
+            for name, color in zip(arm.joints, distinct(arm.n), strict=True)
         ],
+        "unit": " or ".join(f"{unit}/s" for unit in dict.fromkeys(arm.units)),
+        "shows": lesson.shows if lesson else ("velocity", "lost"),
         "statuses": [{"bit": int(flag), "name": in_words(flag), "color": css(of_status(int(flag)))} for flag in IN_RUNS],
         "below": fitted.control.inverse.damping.below, "drawing": drawing(ideal), "places": arm.wiring.qpos.tolist(),
         "written": _written(prepare(scenario)), "lesson": _lesson(lesson, ideal),
@@ -207,4 +256,4 @@ def _lesson(lesson: Lesson | None, ideal: Prepared) -> dict[str, Any] | None:
     number = lesson.number
     (run,) = Simulation([prepare(ideal.scenario.set(number.setting))]).run()
     value = float(run.scorecard[number.figure].value) / number.per
-    return {**lesson.model_dump(mode="json"), "value": value}
+    return {**lesson.model_dump(mode="json", by_alias=True), "value": value, "within": number.within}

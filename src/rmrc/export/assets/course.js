@@ -4,9 +4,9 @@
 const RING = 4096, SAMPLE = 13, LATEST = 0.2;
 
 const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-export const floats = (text) => new Float32Array(bytes(text).buffer);
+const floats = (text) => new Float32Array(bytes(text).buffer);
 
-export class Course {
+class Course {
   // `law` is the compiled module of law.wasm, and `data` what `rmrc.export.page` writes.
   constructor(law, data) {
     Object.assign(this, {law, data, n: data.joints.length});

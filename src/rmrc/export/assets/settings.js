@@ -21,15 +21,10 @@ function yaml(mapping, indent = "") {
   }).join("");
 }
 
-export class Settings {
+class Settings {
   // `data` is what `rmrc.export.page` writes.
   constructor(data) {
-    const speeds = data.paths.map((path) => path.speed);
-    const speed = {
-      key: SPEED, values: speeds, start: speeds.indexOf(1), unit: "×", meaning: "speed along the path", reads: [],
-    };
-    this.data = data;
-    this.controls = speeds.length > 1 ? [...data.controls, speed] : data.controls;
+    Object.assign(this, {data, controls: data.controls});
     this.reset();
   }
 

@@ -1,104 +1,88 @@
 // The picture: shapes as the hulls of their points, back to front, seen without perspective.
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-export const along = (p, v, part) => [p[0] + part * v[0], p[1] + part * v[1], p[2] + part * v[2]];
+const along = (p, v, part) => [p[0] + part * v[0], p[1] + part * v[1], p[2] + part * v[2]];
+const GOLD = "#b08a00", GREEN = "#1e9650", INDIGO = "#5566ff", TEAL = "#00809c", RED = "#ff2d2d", LINK = "#7d858f";
+// As in the recordings: the velocity ellipsoid is the way in this time at rates of norm 1 [s]; the force ellipsoid is
+// as large where σ is half the reach, and no radius is longer than a part of the reach; so is the arrow.
+const SECONDS = 0.2, LONGEST = 0.3, ARROW = 0.22;
 
-// A vector turned by the quaternion of a pose, [p, w x y z]; and a point carried by it.
-export function turned(pose, v) {
+// A vector turned by the quaternion of a pose, [p, w x y z].
+function turned(pose, v) {
   const [w, x, y, z] = pose.slice(3);
   const t = [2 * (y * v[2] - z * v[1]), 2 * (z * v[0] - x * v[2]), 2 * (x * v[1] - y * v[0])];
   return [v[0] + w * t[0] + y * t[2] - z * t[1], v[1] + w * t[1] + z * t[0] - x * t[2],
     v[2] + w * t[2] + x * t[1] - y * t[0]];
 }
-const carried = (pose, v) => pose ? along(turned(pose, v), pose, 1) : v;
 
-// A list of points, of little-endian 32-bit floats in base64.
-export function points(text) {
+// Points, from little-endian 32-bit floats in base64.
+function points(text) {
   const values = floats(text);
   return Array.from({length: values.length / 3}, (_, i) => [...values.subarray(3 * i, 3 * i + 3)]);
 }
 
 function mixed(color, other, part) {
   const channel = (text, i) => parseInt(text.slice(1 + 2 * i, 3 + 2 * i), 16);
-  return `rgb(${[0, 1, 2].map((i) => Math.round(channel(color, i) * (1 - part) + channel(other, i) * part)).join()})`;
+  const mix = (i) => Math.round(channel(color, i) * (1 - part) + channel(other, i) * part);
+  return `rgb(${[0, 1, 2].map(mix).join()})`;
 }
 
 // The corners of the convex hull of points in the plane.
 function hull(all) {
-  const sorted = [...all].sort((a, b) => a[0] - b[0] || a[1] - b[1]), ends = [];
+  const sorted = [...all].sort((a, b) => a[0] - b[0] || a[1] - b[1]), corners = [];
   for (const side of [sorted, [...sorted].reverse()]) {
     const chain = [];
+    const turnsRight = ([ax, ay], [bx, by], [x, y]) => (bx - ax) * (y - ay) - (by - ay) * (x - ax) <= 0;
     for (const p of side) {
-      for (let k = chain.length; k > 1; k = chain.length) {
-        const [a, b] = chain.slice(-2);
-        if ((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]) > 0) break;
-        chain.pop();
-      }
+      while (chain.length > 1 && turnsRight(...chain.slice(-2), p)) chain.pop();
       chain.push(p);
     }
-    ends.push(...chain.slice(0, -1));
+    corners.push(...chain.slice(0, -1));
   }
-  return ends;
+  return corners;
 }
+
+const product = (a, b) => a.map((u) => b.map((v) => u.reduce((sum, value, j) => sum + value * v[j], 0)));  // A Bᵀ
+const summed = (a, b, part) => a.map((row, i) => row.map((value, j) => value + part * b[i][j]));
+const identity = (n) => Array.from({length: n}, (_, i) => Array.from({length: n}, (_, j) => Number(i === j)));
 
 // The inverse of a positive matrix.
 function inverse(matrix) {
-  const n = matrix.length, rows = matrix.map((row, i) => [...row, ...row.map((_, j) => Number(i === j))]);
+  const n = matrix.length, unit = identity(n), rows = matrix.map((row, i) => [...row, ...unit[i]]);
   for (let i = 0; i < n; i++) {
     rows[i] = rows[i].map((value, _, row) => value / row[i]);
-    for (let k = 0; k < n; k++) if (k !== i) rows[k] = rows[k].map((value, j) => value - rows[k][i] * rows[i][j]);
+    for (let k = 0; k < n; k++) if (k !== i) rows[k] = summed([rows[k]], [rows[i]], -rows[k][i])[0];
   }
   return rows.map((row) => row.slice(n));
 }
 
-// M Mᵀ, (3, 3) along world axes, of the translations that the task has, while its rotations are held:
-// M = J_v S (1 − J_w⁺ J_w), with the rows along the axes of the task's frame.
-function mobility(J, n, drawing, frame) {
-  const axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => frame ? turned(frame, axis) : axis);
-  const row = (r) => Array.from({length: n}, (_, j) => drawing.scale[j] *
-    [0, 1, 2].reduce((sum, i) => sum + axes[r % 3][i] * J[(i + (r > 2 ? 3 : 0)) * (J.length / 6) + j], 0));
-  const product = (a, b) => a.map((u) => b.map((v) => u.reduce((sum, value, j) => sum + value * v[j], 0)));
-  const moved = drawing.rows.filter((r) => r < 3), [V, W] = [moved, drawing.rows.filter((r) => r > 2)].map((some) => some.map(row));
-  const VV = product(V, V), VW = product(V, W);
-  const held = inverse(product(W, W).map((line, i) => line.map((value, j) => value + (i === j ? 1e-9 : 0))));
-  const free = VV.map((line, i) => line.map((value, j) =>
-    value - VW[i].reduce((sum, a, k) => sum + a * VW[j].reduce((inner, b, l) => inner + held[k][l] * b, 0), 0)));
-  return {free, axes: moved.map((r) => axes[r])};
+// M Mᵀ of the translations that the task has, while its rotations are held: M = J_v S_q (1 − J_w⁺ J_w). Its rows are
+// along the axes of the task's frame, which come with it.
+function mobility(J, {scale, rows}, frame) {
+  const n = scale.length, axes = identity(3).map((axis) => frame ? turned(frame, axis) : axis);
+  const row = (r) => scale.map((factor, j) =>
+    factor * dot(axes[r % 3], [0, 1, 2].map((i) => J[(r < 3 ? i : i + 3) * n + j])));
+  const moves = rows.filter((r) => r < 3), V = moves.map(row), W = rows.filter((r) => r > 2).map(row);
+  const held = inverse(summed(product(W, W), identity(W.length), 1e-9)), VW = product(V, W);
+  return {matrix: summed(product(V, V), product(product(VW, held), VW), -1), axes: moves.map((r) => axes[r])};
 }
 
-export class View {
-  // `drawing` is what `rmrc.export.drawing` writes.
+class View {
   constructor(canvas, drawing) {
-    Object.assign(this, {canvas, drawing, shapes: drawing.shapes.map((shape) => ({...shape, points: points(shape.points)}))});
-    this.path = points(drawing.path);
-    this.azimuth = -0.9;
-    this.elevation = 0.45;
-    this.center = drawing.foot;
-    this.fit([]);
+    const shapes = drawing.shapes.map((shape) => ({...shape, points: points(shape.points)}));
+    Object.assign(this, {canvas, drawing, shapes, path: points(drawing.path), azimuth: -0.9, elevation: 0.45});
   }
-
-  get isFlat() { return this.drawing.flat >= 0; }
 
   // Axes of the screen: to the right, up, and towards the viewer.
   get axes() {
-    if (this.isFlat) return [[[0, 1, 0], [0, 0, 1], [1, 0, 0]], [[1, 0, 0], [0, 0, 1], [0, -1, 0]], [[1, 0, 0], [0, 1, 0], [0, 0, 1]]][this.drawing.flat];
-    const [ca, sa, ce, se] = [Math.cos(this.azimuth), Math.sin(this.azimuth), Math.cos(this.elevation), Math.sin(this.elevation)];
+    if (this.drawing.axes_of_screen) return this.drawing.axes_of_screen;
+    const [ca, sa, ce, se] = [this.azimuth, this.elevation].flatMap((angle) => [Math.cos(angle), Math.sin(angle)]);
     return [[-sa, ca, 0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]];
   }
 
-  // Have the picture show the path, the base and some more points.
-  fit(more) {
-    const all = [...this.path, ...more, this.drawing.foot];
-    const [low, high] = [Math.min, Math.max].map((best) => [0, 1, 2].map((i) => all.reduce((value, p) => best(value, p[i]), all[0][i])));
-    this.center = low.map((value, i) => (value + high[i]) / 2);
-    const margin = 0.12 * this.drawing.reach, [right, up] = this.axes;
-    this.extent = this.isFlat ? [right, up].map((axis) => all.reduce((most, p) => Math.max(most, Math.abs(dot(axis, along(p, this.center, -1)))), 0) + margin) :
-      [0, 0].fill(all.reduce((most, p) => Math.max(most, Math.hypot(...along(p, this.center, -1))), 0) + margin);
-  }
-
   project(p) {
-    const [right, up, toward] = this.axes, d = along(p, this.center, -1);
-    return [this.width / 2 + this.scale * dot(right, d), this.height / 2 - this.scale * dot(up, d), dot(toward, d)];
+    const [x, y, depth] = this.axes.map((axis) => dot(axis, along(p, this.drawing.center, -1)));
+    return [this.width / 2 + this.scale * x, this.height / 2 - this.scale * y, depth];
   }
 
   // The point at a place of the canvas, in the plane of the screen through another point.
@@ -107,10 +91,20 @@ export class View {
     return along(along(through, right, (x - px) / this.scale), up, (py - y) / this.scale);
   }
 
+  outline(corners, fill, edge, width = 1) {
+    const {pen} = this;
+    pen.beginPath();
+    for (const [x, y] of corners) pen.lineTo(x, y);
+    pen.closePath();
+    Object.assign(pen, {fillStyle: fill, strokeStyle: edge, lineWidth: width, lineJoin: "round"});
+    pen.fill();
+    pen.stroke();
+  }
+
   line(all, color, width, dash = []) {
     const {pen} = this;
     pen.beginPath();
-    all.map((p) => this.project(p)).forEach(([x, y], i) => i ? pen.lineTo(x, y) : pen.moveTo(x, y));
+    for (const p of all) pen.lineTo(...this.project(p).slice(0, 2));
     Object.assign(pen, {strokeStyle: color, lineWidth: width, lineCap: "round", lineJoin: "round"});
     pen.setLineDash(dash);
     pen.stroke();
@@ -118,111 +112,94 @@ export class View {
   }
 
   ball(p, radius, fill, edge) {
-    const [x, y] = this.project(p), {pen} = this;
-    pen.beginPath();
-    pen.arc(x, y, radius, 0, 7);
-    Object.assign(pen, {fillStyle: fill, strokeStyle: edge, lineWidth: 2});
-    pen.fill();
-    pen.stroke();
+    const [x, y] = this.project(p);
+    const turn = Array.from({length: 24}, (_, i) => i * Math.PI / 12);
+    this.outline(turn.map((angle) => [x + radius * Math.cos(angle), y + radius * Math.sin(angle)]), fill, edge, 2);
   }
 
-  // The outline of the ellipsoid of a matrix at a point: its square root takes a circle there.
+  shape(corners, color) {
+    const [xs, ys] = [0, 1].map((i) => corners.map((p) => p[i]));
+    const ends = [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)];
+    const light = this.pen.createLinearGradient(...ends);
+    light.addColorStop(0, mixed(color, "#ffffff", 0.25));
+    light.addColorStop(1, mixed(color, "#000000", 0.15));
+    this.outline(corners, light, mixed(color, "#000000", 0.45));
+  }
+
+  // The outline of an ellipsoid: on the screen, a root of its matrix takes a circle there.
   ellipsoid(center, matrix, axes, color) {
-    const [right, up] = this.axes, {pen, scale} = this, [x, y] = this.project(center);
-    const seen = (a, b) => matrix.reduce((sum, line, i) => sum + line.reduce((inner, value, j) => inner + value * dot(a, axes[i]) * dot(b, axes[j]), 0), 0);
-    const a = Math.sqrt(Math.max(seen(right, right), 1e-12)), b = seen(right, up) / a, c = Math.sqrt(Math.max(seen(up, up) - b * b, 0));
-    pen.beginPath();
-    for (let i = 0; i <= 60; i++) {
-      const [cos, sin] = [Math.cos(i * Math.PI / 30), Math.sin(i * Math.PI / 30)];
-      pen.lineTo(x + scale * a * cos, y - scale * (b * cos + c * sin));
-    }
-    Object.assign(pen, {fillStyle: `${color}22`, strokeStyle: color, lineWidth: 1.5});
-    pen.fill();
-    pen.stroke();
+    const seen = product(this.axes.slice(0, 2), axes.map((_, i) => axes[0].map((_, k) => axes[i][k])));
+    const [[xx, xy], [, yy]] = product(product(seen, matrix), seen), [x, y] = this.project(center);
+    const a = Math.sqrt(Math.max(xx, 1e-9)), b = xy / a, c = Math.sqrt(Math.max(yy - b * b, 0));
+    const circle = Array.from({length: 60}, (_, i) => [Math.cos(i * Math.PI / 30), Math.sin(i * Math.PI / 30)]);
+    const place = ([cos, sin]) => [x + this.scale * a * cos, y - this.scale * (b * cos + c * sin)];
+    this.outline(circle.map(place), `${color}22`, color, 1.5);
   }
 
   // A double arrow.
   arrow(center, vector, color, width) {
+    const [x, y] = this.project(center);
     for (const side of [1, -1]) {
-      const end = along(center, vector, side), [x, y] = this.project(end), [fx, fy] = this.project(center);
-      const size = Math.hypot(x - fx, y - fy), {pen} = this;
+      const end = along(center, vector, side), [ex, ey] = this.project(end), size = Math.hypot(ex - x, ey - y);
       if (size < 3) continue;
+      const [dx, dy] = [(ex - x) / size, (ey - y) / size], head = Math.min(4 + 2 * width, size);
       this.line([center, end], color, width);
-      const [dx, dy] = [(x - fx) / size, (y - fy) / size], head = Math.min(4 + 2 * width, size);
-      pen.beginPath();
-      for (const [back, out] of [[0, 0], [head, head / 2], [head, -head / 2]]) pen.lineTo(x + dx * (2 - back) - dy * out, y + dy * (2 - back) + dx * out);
-      pen.fillStyle = color;
-      pen.fill();
+      const corner = (back, out) => [ex + dx * (2 - back) - dy * out, ey + dy * (2 - back) + dx * out];
+      this.outline([corner(0, 0), corner(head, head / 2), corner(head, -head / 2)], color, color);
     }
-  }
-
-  shape(all, color) {
-    const corners = hull(all), {pen} = this, ys = corners.map((p) => p[1]), xs = corners.map((p) => p[0]);
-    const light = pen.createLinearGradient(Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys));
-    light.addColorStop(0, mixed(color, "#ffffff", 0.25));
-    light.addColorStop(1, mixed(color, "#000000", 0.15));
-    pen.beginPath();
-    for (const [x, y] of corners) pen.lineTo(x, y);
-    pen.closePath();
-    Object.assign(pen, {fillStyle: light, strokeStyle: mixed(color, "#000000", 0.45), lineWidth: 1, lineJoin: "round"});
-    pen.fill();
-    pen.stroke();
   }
 
   floor(color) {
-    const {foot} = this.drawing, step = this.drawing.reach / 4;
+    const {foot, reach} = this.drawing, height = Math.min(0, foot[2]);
+    const corner = (x, y) => [foot[0] + x * reach / 4, foot[1] + y * reach / 4, height];
     for (let i = -5; i <= 5; i++) {
-      for (const [a, b] of [[[i, -5], [i, 5]], [[-5, i], [5, i]]]) {
-        this.line([a, b].map(([x, y]) => [foot[0] + x * step, foot[1] + y * step, Math.min(0, foot[2])]), color, 1);
-      }
+      this.line([corner(i, -5), corner(i, 5)], color, 1);
+      this.line([corner(-5, i), corner(5, i)], color, 1);
     }
   }
 
-  // What is to be seen: `frames`, `tip`, `target`, `J`, `frame` of the task, `trail` and how near each of its points
-  // was to a singularity, the direction `lost`, the joints of `ghost`, and the `marks` that are shown.
+  // Draw `frames` behind the axes, `tip`, `target`, `J`, the `frame` of the task, a `trail` and how `near` each of its
+  // points was to a singularity, the `lost` direction, the joints of a `ghost`, and the `marks` that are shown.
   draw(seen, ink) {
-    const {canvas, drawing} = this, ratio = devicePixelRatio, {reach} = drawing;
+    const {canvas, drawing} = this, {reach, extent} = drawing, ratio = devicePixelRatio;
     [this.width, this.height] = [canvas.clientWidth, canvas.clientHeight];
-    if (canvas.width !== Math.round(this.width * ratio) || canvas.height !== Math.round(this.height * ratio)) {
-      [canvas.width, canvas.height] = [Math.round(this.width * ratio), Math.round(this.height * ratio)];
-    }
-    const pen = this.pen = canvas.getContext("2d");
-    this.scale = Math.min(this.width / this.extent[0], this.height / this.extent[1]) / 2;
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    pen.clearRect(0, 0, this.width, this.height);
-    if (!this.isFlat) this.floor(ink.line);
-    const poses = drawing.axes.map((_, a) => seen.frames.slice(7 * a, 7 * a + 7)), parts = [];
-    const joints = [...poses, seen.tip];
-    for (const shape of this.shapes) {
-      const all = shape.points.map((p) => this.project(carried(shape.axis < 0 ? null : poses[shape.axis], p)));
-      parts.push([all.reduce((sum, p) => sum + p[2], 0) / all.length, () => this.shape(all, shape.color)]);
-    }
-    joints.slice(1).forEach((end, a) => {
-      const depth = (this.project(joints[a])[2] + this.project(end)[2]) / 2;
-      parts.push([depth, () => this.line([joints[a], end], "#7d858f", Math.max(2, 0.018 * reach * this.scale))]);
-    });
+    [canvas.width, canvas.height] = [Math.round(this.width * ratio), Math.round(this.height * ratio)];
+    this.scale = Math.min(this.width / extent[0], this.height / extent[1]);
+    this.pen = canvas.getContext("2d");
+    this.pen.scale(ratio, ratio);
+    if (!drawing.axes_of_screen) this.floor(ink.line);
+    const frames = drawing.axes.map((_, a) => seen.frames.slice(7 * a, 7 * a + 7));
     this.line(this.path, ink.ink, 1.5, [1, 4]);
     if (seen.ghost) this.line(seen.ghost, ink.ghost, Math.max(3, 0.03 * reach * this.scale));
-    for (const [, paint] of parts.sort((a, b) => a[0] - b[0])) paint();
-    drawing.colors.forEach((color, a) => {
-      const way = turned(poses[a], drawing.axes[a]), ends = [-0.05, 0.05].map((part) => along(joints[a], way, part * reach));
-      if (this.isFlat) this.ball(joints[a], 4, color, ink.paper);
-      else this.line(ends, color, 4);
+    this.line([...frames, seen.tip], LINK, Math.max(3, 0.02 * reach * this.scale));
+    const shapes = this.shapes.map(({axis, color, points}) => {
+      const place = (p) => axis < 0 ? p : along(turned(frames[axis], p), frames[axis], 1);
+      const all = points.map((p) => this.project(place(p)));
+      return {color, all, depth: all.reduce((sum, p) => sum + p[2], 0) / all.length};
     });
-    seen.trail.slice(1).forEach((p, i) => this.line([seen.trail[i], p], mixed("#b08a00", "#ff2d2d", seen.near[i + 1]), 2.5));
-    const {free, axes} = mobility(seen.J, drawing.scale.length, drawing, seen.frame), seconds = 0.2;
-    if (seen.marks.has("velocity") && free.length) this.ellipsoid(seen.tip, free.map((line) => line.map((value) => seconds ** 2 * value)), axes, "#1e9650");
-    if (seen.marks.has("force") && free.length) {
-      const size = seconds * (0.5 * reach) ** 2, least = size / (0.3 * reach);  // equal where σ is half the reach; bounded
-      const force = inverse(free.map((line, i) => line.map((value, j) => value + (i === j ? least ** 2 : 0))));
-      this.ellipsoid(seen.tip, force.map((line) => line.map((value) => size ** 2 * value)), axes, "#b08a00");
+    for (const {all, color} of shapes.sort((a, b) => a.depth - b.depth)) this.shape(hull(all), color);
+    frames.forEach((frame, a) => {
+      const way = turned(frame, drawing.axes[a]), ends = [-0.05, 0.05].map((part) => along(frame, way, part * reach));
+      if (drawing.axes_of_screen) this.ball(frame, 4, drawing.colors[a], ink.paper);
+      else this.line(ends, drawing.colors[a], 4);
+    });
+    seen.trail.slice(1).forEach((p, i) => this.line([seen.trail[i], p], mixed(GOLD, RED, seen.near[i + 1]), 2.5));
+    this.drawMarks(seen);
+    this.ball(seen.target, seen.isHeld ? 9 : 5, seen.isHeld ? `${RED}55` : "#0000", seen.isHeld ? RED : ink.ink);
+    this.ball(seen.tip, 3.5, GOLD, ink.ink);
+  }
+
+  drawMarks({marks, tip, J, frame, lost, near}) {
+    const {reach} = this.drawing, {matrix, axes} = mobility(J, this.drawing, frame);
+    const unit = identity(axes.length), scaled = (some, factor) => some.map((row) => row.map((value) => factor * value));
+    if (marks.has("velocity") && axes.length) this.ellipsoid(tip, scaled(matrix, SECONDS ** 2), axes, GREEN);
+    if (marks.has("force") && axes.length) {
+      const size = SECONDS * (0.5 * reach) ** 2, least = (size / (LONGEST * reach)) ** 2;
+      this.ellipsoid(tip, scaled(inverse(summed(matrix, unit, least)), size ** 2), axes, GOLD);
     }
-    if (seen.marks.has("lost")) {
-      const near = seen.near.at(-1) ?? 0, parts_ = [0, 3].map((i) => seen.lost.slice(i, i + 3)).map((v) => seen.frame ? turned(seen.frame, v) : v);
-      this.arrow(seen.tip, parts_[0].map((value) => 0.22 * reach * value), mixed("#5566ff", "#ff2d2d", near), 3);
-      this.arrow(seen.tip, parts_[1].map((value) => 0.22 * reach * value), mixed("#00809c", "#ff2d2d", near), 2);
+    for (const [first, color, width] of marks.has("lost") ? [[0, INDIGO, 3], [3, TEAL, 2]] : []) {
+      const part = [...lost.slice(first, first + 3)], way = frame ? turned(frame, part) : part;
+      this.arrow(tip, way.map((value) => ARROW * reach * value), mixed(color, RED, near.at(-1)), width);
     }
-    this.ball(seen.target, seen.isHeld ? 9 : 5, seen.isHeld ? "#ff2d2d55" : "#00000000", seen.isHeld ? "#ff2d2d" : ink.ink);
-    this.ball(seen.tip, 3.5, "#b08a00", ink.ink);
   }
 }
