@@ -21,6 +21,7 @@ LAYERS = (
     ("rmrc.film",),
     ("rmrc.recording",),
     ("rmrc.show",),
+    ("rmrc.export",),
     ("rmrc.simulation",),
     ("rmrc.logs",),
     ("rmrc.plants", "rmrc.results"),
@@ -41,8 +42,8 @@ OWNERS = {
         "rmrc.simulation.world",
         "rmrc.film",
     ),
-    "numba": ("rmrc.law.compiling",),
-    "llvmlite": ("rmrc.law.compiling",),  # comes with numba
+    "numba": ("rmrc.law.compiling", "rmrc.export.objects"),
+    "llvmlite": ("rmrc.law.compiling", "rmrc.export.objects"),  # comes with numba
     "ruckig": ("rmrc.simulation.trajectory",),
     "yaml": ("rmrc.scenario",),
     "pydantic": ("rmrc.scenario", "rmrc.results.run"),

@@ -5,6 +5,7 @@ chain. A page places the arrays, writes where they are, and does the ticks by `r
 """
 
 import base64
+import math
 from typing import Any
 
 import numpy as np
@@ -29,11 +30,12 @@ _COUNTS = (
 )
 
 
-def image(prepared: Prepared) -> dict[str, Any]:
+def image(prepared: Prepared, delay: float = 0.0) -> dict[str, Any]:
     """Return the start of a world, for `law.mjs`, as JSON can hold it.
 
     Args:
         prepared: A scenario with the ideal plant.
+        delay: The longest delay of commands that a page may choose [s].
 
     Raises:
         QuestionError: A page cannot run it.
@@ -41,15 +43,16 @@ def image(prepared: Prepared) -> dict[str, Any]:
     _refuse(prepared)
     world = World(prepared)
     records = _widened(world.record)
-    record = records[0]
-    engine, arm = record["engine"], prepared.arm
+    record, arm = records[0], prepared.arm
+    engine = record["engine"]
     words = words_of_columns(records.dtype, arm.n, int(record["k"]))
     sources = np.concatenate([*words.values()])
     ticks, path = prepared.most_ticks, prepared.reference.numbers
-    draw = prepared.hardware.chance()
+    past = max(int(engine["past_rows"]), math.ceil(delay / prepared.scenario.control.period) + 2)
     engine["ticks"] = engine["rows"] = ticks
     engine["path_ticks"], engine["path_size"] = prepared.reference.ticks, len(path)
     engine["record_size"], engine["width"] = records.itemsize // 8, len(sources)
+    engine["past_rows"] = past
     arrays: dict[str, NDArray[Any] | int] = {
         "qpos": prepared.qpos,
         "qvel": 8 * int(engine["nv"]),
@@ -59,12 +62,11 @@ def image(prepared: Prepared) -> dict[str, Any]:
         "reference": 8 * TWIST * prepared.reference.ticks,
         "sources": sources,
         "columns": 8 * len(sources) * ticks,
-        "past": 8 * int(engine["past_rows"]) * (2 * arm.n + 1),
+        "past": 8 * past * (2 * arm.n + 1),
+        "chance": _chance(prepared),
     }
     if world.positions is not None:
         arrays["positions"] = 8 * int(engine["nq"]) * ticks
-    if draw is not None:
-        arrays["chance"] = draw(ticks)
     world.release()
     firsts = np.cumsum([0, *map(len, words.values())]).tolist()
     return {
@@ -119,6 +121,13 @@ def _widened(source: np.void) -> NDArray[np.void]:
             place[tuple(map(slice, values.shape)) or ...] = values
     records["input"]["sites"] = CHAIN_ALONE
     return records
+
+
+def _chance(prepared: Prepared) -> NDArray[np.float64] | int:
+    """Return the random numbers of all ticks, or the room for them where none counts."""
+    plant, draw = prepared.scenario.plant, prepared.hardware.chance()
+    counts = prepared.hardware.encoders.is_noisy or plant.jitter > 0.0 or plant.loss > 0.0
+    return draw(prepared.most_ticks) if draw and counts else 8 * prepared.most_ticks * (prepared.arm.n + 2)
 
 
 def _array(name: str, values: NDArray[Any] | int) -> list[Any]:

@@ -12,22 +12,32 @@ export class World {
     this.image = image;
     this.exports = new WebAssembly.Instance(module).exports;
     this.slots = {};
-    let end = this.exports.__heap_base.value;
-    const place = (size) => {
-      const first = Math.ceil(end / 64) * 64;
-      end = first + size;
-      return first;
-    };
+    this.end = this.exports.__heap_base.value;
     this.start = bytesOf(image.record);
-    this.record = place(this.start.length);
-    this.arrays = Object.entries(image.arrays).map(([name, [word, size, text]]) => {
-      return { name, word, size, place: place(size), values: bytesOf(text) };
-    });
+    this.record = this.place(this.start.length);
+    this.arrays = {};
+    for (const [name, [word, size, text]] of Object.entries(image.arrays)) {
+      this.arrays[name] = { word, size, place: this.place(size), values: bytesOf(text) };
+    }
+    this.begin();
+  }
+
+  /** Reserve some bytes of memory; return where they are. */
+  place(size) {
+    const first = Math.ceil(this.end / 64) * 64;
+    this.end = first + size;
     const { memory } = this.exports;
-    const missing = end - memory.buffer.byteLength;
+    const missing = this.end - memory.buffer.byteLength;
     if (missing > 0) memory.grow(Math.ceil(missing / 65536));
     this.view = new DataView(memory.buffer);
-    this.begin();
+    return first;
+  }
+
+  /** Give an array, which `begin` fills, another size in bytes. */
+  resize(name, size) {
+    const array = this.arrays[name];
+    if (size > array.size) array.place = this.place(size);
+    array.size = size;
   }
 
   /** Go back to the start. */
@@ -35,7 +45,7 @@ export class World {
     const bytes = new Uint8Array(this.view.buffer);
     bytes.set(this.start, this.record);
     this.setInteger(this.image.words.record, this.record);
-    for (const { word, size, place, values } of this.arrays) {
+    for (const { word, size, place, values } of Object.values(this.arrays)) {
       bytes.fill(0, place, place + size);
       bytes.set(values, place);
       this.setInteger(word, place);
@@ -78,7 +88,7 @@ export class World {
 
   /** The numbers of an array, such as "reference", where the law reads them. */
   array(name) {
-    const { place, size } = this.arrays.find((array) => array.name === name);
+    const { place, size } = this.arrays[name];
     return new Float64Array(this.view.buffer, place, size / 8);
   }
 
@@ -111,6 +121,7 @@ export class World {
       }
       columns[name] = [width, values];
     }
+    if (this.arrays.positions) columns.qpos = [image.nq, this.array("positions").slice(0, done * image.nq)];
     return columns;
   }
 }
