@@ -144,7 +144,7 @@ def explore(
             callback=lambda path: path and expect(path, "a scenario"),
         ),
     ] = None,
-    lesson: Annotated[Text, Option(metavar="NAME", help="A lesson instead: its scenario with questions.")] = None,
+    lesson: Annotated[Text, Option(metavar="NAME", help="A lesson: its scenario with questions.")] = None,
     output: options.Output = None,
     set_: options.Overrides = None,
     quiet: options.Quiet = False,

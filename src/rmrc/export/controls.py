@@ -21,9 +21,16 @@ from rmrc.law.record import new_worlds
 from rmrc.plants.transmission import transmission
 from rmrc.scenario import schema_rows
 from rmrc.scenario.choices import (
-    INVERSES, LIMITS, OBJECTIVES, PARAMETERS, POLICIES, PRIORITIES, SCHEDULES, SLOW_LONGEST, STOP_CONDITION,
-    Choices, Parameter,
-)  # fmt: skip
+    INVERSES,
+    LIMITS,
+    OBJECTIVES,
+    PARAMETERS,
+    POLICIES,
+    PRIORITIES,
+    SCHEDULES,
+    SLOW_LONGEST,
+    STOP_CONDITION,
+)
 from rmrc.simulation.prepare import Cache, Prepared, prepare
 from rmrc.simulation.reference import Spline
 from rmrc.support.errors import ScenarioError
@@ -52,7 +59,7 @@ class Control(NamedTuple):
         key: Key of the scenario, dotted.
         values: As a scenario has them; that of the scenario is among them.
         start: Number of the value of the scenario.
-        unit: Unit of numbers; "" for a menu.
+        unit: Unit of numbers; "" for none.
         meaning: What it is.
         reads: The law reads the key if one of these conditions is met; none: always.
     """
@@ -109,11 +116,12 @@ class Controls:
 
     def _tried(self, changes: Mapping[str, Any]) -> Prepared | None:
         """Return the scenario with other values, or None if it cannot have them."""
+        if not changes:
+            return self._prepared
         key = repr(changes)
         if key not in self._known:
             try:
-                other = prepare(self._prepared.scenario.set(changes), self._cache) if changes else self._prepared
-                self._known[key] = other
+                self._known[key] = prepare(self._prepared.scenario.set(changes), self._cache)
             except ScenarioError:
                 self._known[key] = None
         return self._known[key]
@@ -132,7 +140,8 @@ class Controls:
         row, turns, slides = self._rows[key], *self._rows[key].unit.partition(" or ")[::2]
         kinds = set(self._prepared.arm.is_slide.tolist())
         unit = row.unit if len(kinds) > 1 else slides or turns if kinds == {True} else turns
-        return Control(key, names, names.index(value), unit or "1", row.meaning, _reads(key))
+        unit = "" if unit == "1" or unit.startswith("as ") else unit
+        return Control(key, names, names.index(value), unit, row.meaning, _reads(key))
 
     def _add(self, controls: Sequence[Control]) -> None:
         """Add a group of controls."""
@@ -215,8 +224,11 @@ def numbers(value: Any, usual: float = 1.0, steps: Sequence[float] = FINE) -> li
 
 def _reads(key: str) -> list[Condition]:
     """Return when the law reads a key: none for always."""
-    scheduled = {f"control.{INVERSES.key}": [each.name for each in INVERSES.options if each.is_scheduled]}
-    above = {SCHEDULES.key: scheduled, PRIORITIES.key: {f"control.{OBJECTIVES.key}": ["secondary"]}}
+    scheduled: Condition = {
+        f"control.{INVERSES.key}": [each.name for each in INVERSES.options if each.is_scheduled]
+    }
+    second: Condition = {f"control.{OBJECTIVES.key}": ["secondary"]}
+    above = {SCHEDULES.key: scheduled, PRIORITIES.key: second}
     if key.removeprefix("control.") in above:
         return [above[key.removeprefix("control.")]]
     conditions = list[Condition]()

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Arm
 from rmrc.arm.geometry import even_points
+from rmrc.recording.scene import Scene
 from rmrc.results.run import Run
 from rmrc.show.palette import css, distinct
 from rmrc.simulation.prepare import Prepared
@@ -36,45 +37,53 @@ MARGIN = 0.35
 PATH, INSTANTS = 400, 240
 
 
-def packed(values: Any) -> str:
-    """Return values in base64, as little-endian 32-bit floats."""
+def packed(values: Any, kind: str = "<f4") -> str:
+    """Return values in base64, as little-endian floats, of 32 bits unless another kind is wanted."""
     with np.errstate(over="ignore"):  # numbers beyond the range have no place in a picture
-        return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
+        return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
 
 
 def drawing(prepared: Prepared) -> dict[str, Any]:
-    """Return the shapes of an arm, its joints with all of them at 0, its path, and the rows of its task."""
+    """Return the shapes of an arm, its joints, its path, the rows of its task, and the view."""
     arm, task, path = prepared.arm, prepared.task, prepared.reference.pose[:, :3]
-    chain, model, q = arm.chain, arm.model, prepared.qpos[arm.wiring.qpos]
-    places, colors = np.cumsum(chain.step, axis=0), [css(color) for color in distinct(arm.n)]
-    bodies = arm.frames(arm.placed(prepared.qpos, np.zeros(arm.n))[None])[0][0]
-    behind, shapes = _axes_of_bodies(arm), []
+    chain, model, colors = arm.chain, arm.model, [css(color) for color in distinct(arm.n)]
+    places, shapes = np.cumsum(chain.step, axis=0), []
+    still = arm.placed(prepared.qpos, np.zeros(arm.n))
+    bodies, behind = arm.frames(np.array([prepared.qpos, still]))[0], _axes_of_bodies(arm)
     for geom, points in _hulls(model):
         body, rgba = int(model.geom_bodyid[geom]), _rgba(model, geom)
         axis, color = behind[body], "#" + "".join(f"{round(255 * part):02x}" for part in rgba[:3])
         if axis >= 0 and np.ptp(rgba[:3]) >= COLORED:
             color = colors[chain.leader[axis]]
-        where = bodies[body, :3] + rotate(bodies[body, 3:], points) - (places[axis] if axis >= 0 else 0.0)
+        where = (
+            bodies[1, body, :3] + rotate(bodies[1, body, 3:], points) - (places[axis] if axis >= 0 else 0.0)
+        )
         shapes.append({"axis": axis, "color": color, "points": packed(where)})
-    ends = np.vstack([arm.pose(q)[:3], path, places[:1]])
-    reach = max(float(np.linalg.norm(ends - places[0], axis=1).max()), 0.1)
-    # a second configuration, for an arm that only starts in a plane
-    moves = np.hstack([arm.jacobian(q + shift)[:3] for shift in (0.0, 0.3)])
-    still = np.flatnonzero(np.abs(moves).max(axis=1) < 1e-9)
-    screen = SCREENS[still[-1]] if len(still) else None
-    joints = arm.frames(prepared.qpos[None])[0][0, [model.joint(name).bodyid[0] for name in chain.names], :3]
-    seen = np.vstack([ends, joints])
-    center = (seen.max(axis=0) + seen.min(axis=0)) / 2
-    ways = np.abs((seen - center) @ np.transpose(screen)).max(axis=0)[:2] if screen else np.full(2, np.linalg.norm(seen - center, axis=1).max())
-    extent = 2.0 * ways + MARGIN * reach
+    moving = [body for body, axis in enumerate(behind) if axis >= 0]
+    seen = np.vstack(
+        [places[:1], path, prepared.arm.pose(prepared.qpos[arm.wiring.qpos])[:3], bodies[0, moving, :3]]
+    )
     return {
-        "shapes": shapes, "reach": reach, "center": center.tolist(), "extent": extent.tolist(),
-        "axes_of_screen": screen,
-        "foot": places[0].tolist(), "axes": chain.axis.tolist(),
+        "shapes": shapes, "foot": places[0].tolist(), "axes": chain.axis.tolist(),
         "colors": [colors[leader] for leader in chain.leader],
         "rows": task.rows.tolist(), "scale": task.joint_scale.tolist(), "frame": task.view.frame,
         "base": np.asarray(task.view.base).tolist(),
         "path": packed(path[np.linspace(0, len(path) - 1, PATH).round().astype(int)]),
+        **_view(prepared, seen),
+    }  # fmt: skip
+
+
+def _view(prepared: Prepared, seen: Array) -> dict[str, Any]:
+    """Return the axes of the screen, none in space, its center and extent, and the reach of the arm."""
+    scene, center = Scene(prepared), (seen.max(axis=0) + seen.min(axis=0)) / 2
+    screen = None if scene.normal is None else SCREENS[scene.normal]
+    if screen is None:
+        extent = np.full(2, np.linalg.norm(seen - center, axis=1).max())
+    else:
+        extent = np.abs((seen - center) @ np.transpose(screen)).max(axis=0)[:2]
+    extent = 2.0 * extent + MARGIN * scene.reach
+    return {
+        "screen": screen, "center": center.tolist(), "extent": extent.tolist(), "reach": scene.reach,
     }  # fmt: skip
 
 
@@ -124,8 +133,9 @@ def hull(kind: int, size: Array) -> Array:
     if kind == CYLINDER:
         angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE, endpoint=False)
         edge = size[0] * np.transpose([np.cos(angle), np.sin(angle), 0.0 * angle])
-        return np.vstack([edge + [0.0, 0.0, size[1]], edge - [0.0, 0.0, size[1]]])
-    points = _directions() * (size if kind == ELLIPSOID else size[0])
+        end = np.array([0.0, 0.0, size[1]])
+        return np.vstack([edge + end, edge - end])
+    points: Array = _directions() * (size if kind == ELLIPSOID else size[0])
     if kind == CAPSULE:
         points[:, 2] += np.copysign(size[1], points[:, 2])
     return points
@@ -135,11 +145,11 @@ def _mesh(model: Any, mesh: int) -> Array:
     """Return the vertices of a mesh that are farthest in some direction."""
     first = model.mesh_vertadr[mesh]
     vertices = np.array(model.mesh_vert[first : first + model.mesh_vertnum[mesh]], np.float64)
-    return vertices[np.unique((vertices @ _directions().T).argmax(axis=0))]
+    return np.asarray(vertices[np.unique((vertices @ _directions().T).argmax(axis=0))])
 
 
 def _directions() -> Array:
     """Return unit vectors that cover the sphere evenly, (ROUND, 3)."""
     z, turn = even_points(ROUND, 2).T * [[2.0], [2.0 * np.pi]] - [[1.0], [0.0]]
     across = np.sqrt(1.0 - z * z)
-    return np.transpose([across * np.cos(turn), across * np.sin(turn), z])
+    return np.asarray(np.transpose([across * np.cos(turn), across * np.sin(turn), z]))

@@ -44,7 +44,7 @@ class Course {
     return {
       count,
       row: (name, k) => table.subarray(at(name, k), at(name, k) + (image.columns[name][1] || 1)),
-      number: (name, k) => table[at(name, k)],
+      number: (name, k, i = 0) => table[at(name, k) + i],
       status: (k) => integers[2 * at("status", k)],
     };
   }

@@ -12,24 +12,30 @@ const settings = new Settings(data), view = new View(element("arm"), drawing);
 const inputs = settings.controls.map((_, i) => element(`control-${i}`));
 const moves = drawing.rows.filter((row) => row < 3), turns = drawing.rows.filter((row) => row > 2);
 // Ticks that are plotted at most; the step of a key, as a part of the reach; seconds of a trail behind a dragged goal.
-const PLOTTED = 10000, STEP = 0.02, TRAIL = 3, GRAY = "#949494";
+const PLOTTED = 2500, STEP = 0.02, TRAIL = 3, GRAY = "#949494";
 let run, now = 0, started = null, goal = null;
 
 const paint = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const shown = (value) => typeof value === "number" ? String(+value.toPrecision(4)) : value ?? "none";
+const shown = (value) => typeof value === "number" ? String(+value.toPrecision(4)) : value?.length ? "by joint" : "none";
 const clipped = (value, low, high) => Math.min(Math.max(value, low), high);
-const timeAt = (k) => run.number("time", k), least = (k) => run.row("sigma", k).at(-1);
-const fastest = (k) => Math.max(...run.row("qdot_cmd", k).map(Math.abs));
-const error = (k, rows) => 1e3 * Math.hypot(...rows.map((row) => run.row("pose_error", k)[row]));
-const ticks = (step = 1) => Array.from({length: Math.ceil(run.count / step)}, (_, i) => i * step);
+const timeAt = (k) => run.number("time", k), least = (k) => run.number("sigma", k, data.image.columns.sigma[1] - 1);
+const fastest = (k) => joints.reduce((most, _, j) => Math.max(most, Math.abs(run.number("qdot_cmd", k, j))), 0);
+const error = (k, rows) => 1e3 * Math.sqrt(rows.reduce((sum, i) => sum + run.number("pose_error", k, i) ** 2, 0));
 const largest = (values) => values.reduce((most, value) => value > most ? value : most, 0);
+
+// The largest of a quantity over all ticks.
+function peak(value) {
+  let most = 0;
+  for (let k = 0; k < run.count; k++) most = Math.max(most, value(k) || 0);
+  return most;
+}
 
 // Settings ---------------------------------------------------------------------------------------
 
 function showSettings() {
   settings.controls.forEach((control, i) => {
     const value = settings.value(control.key), row = inputs[i].parentElement;
-    const text = control.unit === "1" || value == null ? shown(value) : `${shown(value)} ${control.unit}`;
+    const text = `${shown(value)} ${typeof value === "number" ? control.unit : ""}`;
     row.hidden = !settings.isRead(control);
     row.classList.toggle("changed", settings.chosen[i] !== control.start);
     inputs[i].value = settings.chosen[i];
@@ -56,7 +62,8 @@ function beside(name, times) {
 }
 
 function panels() {
-  const shownTicks = ticks(Math.ceil(run.count / PLOTTED)), time = shownTicks.map(timeAt), all = [];
+  const step = Math.ceil(run.count / PLOTTED);
+  const shownTicks = Array.from({length: Math.floor((run.count - 1) / step) + 1}, (_, i) => i * step), time = shownTicks.map(timeAt), all = [];
   const curve = (label, color, value, more) => ({label, color, width: 1.5, values: shownTicks.map(value), ...more});
   const add = (id, title, curves, range, more) => {
     const beyond = written && !goal ? [beside(id, time)] : [];
@@ -64,11 +71,11 @@ function panels() {
     const panel = {id, title, time, curves: [...curves, ...beyond], levels: [], lanes: [], height: 150};
     all.push({...panel, range: range(values.filter(Number.isFinite)), ...more});
   };
-  const plain = joints.map((_, j) => largest(ticks().map((k) => Math.abs(run.row("qdot_plain", k)[j]))));
+  const plain = joints.map((_, j) => peak((k) => Math.abs(run.number("qdot_plain", k, j))));
   const j = plain.indexOf(Math.max(...plain)), limits = [...new Set(run.row("limit", 0))];
   add("rates", `Rates commanded [${data.unit}]`, [
-    ...joints.map(({name, color}, i) => curve(name, color, (k) => run.row("qdot_cmd", k)[i])),
-    curve(`plain inverse, ${joints[j].name}`, "#808890", (k) => run.row("qdot_plain", k)[j], {dash: [2, 2], isPlain: true}),
+    ...joints.map(({name, color}, i) => curve(name, color, (k) => run.number("qdot_cmd", k, i))),
+    curve(`plain inverse, ${joints[j].name}`, "#808890", (k) => run.number("qdot_plain", k, j), {dash: [2, 2], isPlain: true}),
   ], (values) => [-1.2, 1.2].map((part) => part * Math.max(1e-3, largest(values.map(Math.abs)))), {
     levels: limits.flatMap((limit) => [limit, -limit]).map((value) => ({value, color: GRAY})),
   });
@@ -90,7 +97,7 @@ function panels() {
 // Begin and end of each time with a status.
 function spans(bit) {
   const found = [];
-  for (const k of ticks()) {
+  for (let k = 0; k < run.count; k++) {
     if (!(run.status(k) & bit)) continue;
     const time = timeAt(k);
     if (found.length && found.at(-1)[1] >= time - 1e-9) found.at(-1)[1] = time + period;
@@ -128,13 +135,13 @@ function showPanels() {
 
 function showFigures() {
   const last = run.count - 1, table = {
-    "joint_rate_cmd.peak": [largest(ticks().map(fastest)), data.unit], duration: [timeAt(last), "s"],
-    "sigma.min": [1 / largest(ticks().map((k) => 1 / least(k))), ""],
-    "damping.max": [largest(ticks().map((k) => run.number("damping", k))), ""],
+    "joint_rate_cmd.peak": [peak(fastest), data.unit], duration: [timeAt(last), "s"],
+    "sigma.min": [1 / peak((k) => 1 / least(k)), ""],
+    "damping.max": [peak((k) => run.number("damping", k)), ""],
   };
   for (const [name, rows, unit] of [["position_error", moves, "mm"], ["orientation_error", turns, "mrad"]]) {
     if (!rows.length) continue;
-    table[`${name}.max`] = [largest(ticks().map((k) => error(k, rows))), unit];
+    table[`${name}.max`] = [peak((k) => error(k, rows)), unit];
     table[`${name}.end`] = [error(last, rows), unit];
   }
   element("table").innerHTML = Object.entries(table).map(([name, [value, unit]]) =>
@@ -228,7 +235,7 @@ view.canvas.addEventListener("pointerdown", (event) => {
 });
 view.canvas.addEventListener("pointerup", () => { held = null; });
 view.canvas.addEventListener("pointermove", (event) => {
-  if (goal && (held || drawing.axes_of_screen)) move(view.unproject(event.offsetX, event.offsetY, goal));
+  if (goal && (held || drawing.screen)) move(view.unproject(event.offsetX, event.offsetY, goal));
   else if (held) turn((held.offsetX - event.offsetX) / 150, (event.offsetY - held.offsetY) / 150);
   held = held && event;
 });

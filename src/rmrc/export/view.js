@@ -75,7 +75,7 @@ class View {
 
   // Axes of the screen: to the right, up, and towards the viewer.
   get axes() {
-    if (this.drawing.axes_of_screen) return this.drawing.axes_of_screen;
+    if (this.drawing.screen) return this.drawing.screen;
     const [ca, sa, ce, se] = [this.azimuth, this.elevation].flatMap((angle) => [Math.cos(angle), Math.sin(angle)]);
     return [[-sa, ca, 0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]];
   }
@@ -167,7 +167,7 @@ class View {
     this.scale = Math.min(this.width / extent[0], this.height / extent[1]);
     this.pen = canvas.getContext("2d");
     this.pen.scale(ratio, ratio);
-    if (!drawing.axes_of_screen) this.floor(ink.line);
+    if (!drawing.screen) this.floor(ink.line);
     const frames = drawing.axes.map((_, a) => seen.frames.slice(7 * a, 7 * a + 7));
     this.line(this.path, ink.ink, 1.5, [1, 4]);
     if (seen.ghost) this.line(seen.ghost, ink.ghost, Math.max(3, 0.03 * reach * this.scale));
@@ -180,7 +180,7 @@ class View {
     for (const {all, color} of shapes.sort((a, b) => a.depth - b.depth)) this.shape(hull(all), color);
     frames.forEach((frame, a) => {
       const way = turned(frame, drawing.axes[a]), ends = [-0.05, 0.05].map((part) => along(frame, way, part * reach));
-      if (drawing.axes_of_screen) this.ball(frame, 4, drawing.colors[a], ink.paper);
+      if (drawing.screen) this.ball(frame, 4, drawing.colors[a], ink.paper);
       else this.line(ends, drawing.colors[a], 4);
     });
     seen.trail.slice(1).forEach((p, i) => this.line([seen.trail[i], p], mixed(GOLD, RED, seen.near[i + 1]), 2.5));
