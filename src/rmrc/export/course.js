@@ -12,11 +12,11 @@ class Course {
     Object.assign(this, {law, data, n: data.joints.length});
   }
 
-  // A world at its start, with some settings, and with room for rows of columns and samples of its path.
+  // A world at its start, with some settings, and with room for rows of columns and at most as many samples.
   begun(old, settings, ticks, rows, samples) {
     const {data: {image, paths, period}, n} = this, past = Math.ceil(LATEST / period) + 4;
     const sizes = {
-      columns: image.width * rows, reference: SAMPLE * samples, chance: (n + 2) * rows, past: past * (2 * n + 1),
+      columns: image.width * rows, reference: SAMPLE * rows, chance: (n + 2) * rows, past: past * (2 * n + 1),
       path: Math.max(...paths.map((path) => path.pieces.length)),
     };
     const arrays = {...image.arrays};

@@ -39,8 +39,9 @@ function showSettings() {
     row.hidden = !settings.isRead(control);
     row.classList.toggle("changed", settings.chosen[i] !== control.start);
     inputs[i].value = settings.chosen[i];
+    if (inputs[i].type !== "range") return;
     inputs[i].setAttribute("aria-valuetext", text);
-    row.querySelector("output").textContent = inputs[i].type === "range" ? text : "";
+    row.querySelector("output").textContent = text;
   });
   element("reset").disabled = settings.isWritten;
   element("yaml").textContent = settings.yaml;

@@ -1,5 +1,6 @@
 """The parts of the page that people fill in: menus and sliders, and the questions of a lesson."""
 
+import re
 from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
@@ -49,15 +50,20 @@ def questions(lesson: Lesson | None) -> str:
     if lesson is None:
         return ""
     asked = "".join(
-        f"<details><summary>{escape(each.ask)}</summary><p>{escape(each.do)}</p></details>"
+        f"<details><summary>{_text(each.ask)}</summary><p>{_text(each.do)}</p></details>"
         for each in lesson.questions
     )
     entry = '<input id="answer" type="number" step="any">'
-    number = f"<label>{escape(lesson.number.ask)} [{escape(lesson.number.unit)}] {entry}</label>"
+    number = f"<label>{_text(lesson.number.ask)} [{_text(lesson.number.unit)}] {entry}</label>"
     return (
-        f"<h2>{escape(lesson.title)}</h2><p>{escape(lesson.about)}</p>{asked}"
+        f"<h2>{_text(lesson.title)}</h2><p>{_text(lesson.about)}</p>{asked}"
         f'<p>{number} <output id="verdict"></output></p>'
     )
+
+
+def _text(text: str) -> str:
+    """Return a text with its `code` and *names*."""
+    return re.sub(r"\*(.+?)\*", r"<em>\1</em>", re.sub(r"`(.+?)`", r"<code>\1</code>", escape(text)))
 
 
 def facts(control: Control) -> dict[str, Any]:
