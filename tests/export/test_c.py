@@ -4,6 +4,7 @@ import functools
 import platform
 import shutil
 import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -39,7 +40,8 @@ def exported(tmp_path_factory):
     @functools.cache
     def folder_of(name):
         folder = tmp_path_factory.mktemp(name)
-        c_law.export(load(ROOT / f"scenarios/{name}.yaml"), folder)
+        verb = (sys.executable, "-m", "rmrc", "export", ROOT / f"scenarios/{name}.yaml", "-o", folder)
+        subprocess.run(verb, check=True)
         return folder
 
     return folder_of
@@ -152,6 +154,11 @@ def test_the_example_builds_without_a_warning_and_moves_the_site(exported):
     start = prepared.qpos[prepared.arm.wiring.qpos]
     moved = prepared.arm.pose(np.array(list(map(float, done.stdout.split())))) - prepared.arm.pose(start)
     np.testing.assert_allclose(moved[:3], [0.025, 0.0, 0.0], atol=1e-6)
+
+
+def test_the_verb_writes_c_alone(rmrc):
+    code, out, err = rmrc("export", "approach_singularity", "--to", "rust")
+    assert (code, out, err) == (2, "", "rmrc: error: --to must be c, got \"rust\"\n")
 
 
 INTEGRATED = """

@@ -11,7 +11,7 @@ import pytest
 
 from project import ROOT
 from rmrc.export import artifact
-from rmrc.export.image import image, place
+from rmrc.export.image import image, offset
 from rmrc.scenario import load, loads
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -130,7 +130,7 @@ def test_a_changed_constant_of_the_image_is_noticed(tmp_path):
     world = image(prepared)
     record = bytearray(base64.b64decode(world["record"]))
     numbers = np.frombuffer(record, np.float64)
-    numbers[place("task", "feedback") // 8] *= 1.0 + 1e-6
+    numbers[offset("task", "feedback") // 8] *= 1.0 + 1e-6
     world["record"] = base64.b64encode(record).decode()
     (columns,) = in_node(tmp_path, world)
     assert max(differences(run, columns).values()) > 1e-9

@@ -18,7 +18,7 @@ from rmrc.export.objects import name_of, object_file, program
 from rmrc.law.compiling import Method, Record, at
 from rmrc.law.controller import Controller
 from rmrc.law.periods import TIMED
-from rmrc.law.record import POSE, TWIST, offset
+from rmrc.law.record import POSE, TWIST, field_offset
 from rmrc.law.step import PLACED, RATES, step
 from rmrc.law.svd import copy
 from rmrc.scenario import Scenario
@@ -161,4 +161,4 @@ define i64 @{STEP}(ptr %state, ptr %q, ptr %qdot, ptr %pose, ptr %twist, double 
 
 def _word(world: np.void, group: str, field: str) -> int:
     """Return the index of the first word of a field."""
-    return offset(world.dtype, group, field) // 8
+    return field_offset(world.dtype, group, field) // 8

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.export.objects import NOTHING, name_of
-from rmrc.law.record import new_worlds, offset, world_type
+from rmrc.law.record import field_offset, new_worlds, world_type
 from rmrc.law.sight import CHAIN_ALONE
 from rmrc.plants.engine import BAD_LAST
 from rmrc.results.columns import COLUMNS
@@ -71,10 +71,10 @@ def image(prepared: Prepared, delay: float = 0.0) -> dict[str, Any]:
     firsts = np.cumsum([0, *map(len, words.values())]).tolist()
     return {
         "record": _text(records),
-        "methods": [[place("methods", field), name_of(method)] for field, method in world.methods.items()]
-        + [[place("engine", "begin"), NOTHING]],
+        "methods": [[offset("methods", field), name_of(method)] for field, method in world.methods.items()]
+        + [[offset("engine", "begin"), NOTHING]],
         "arrays": {name: _array(name, values) for name, values in arrays.items()},
-        "words": {name: place("engine", name) for name in ("next", "last", "ticks", "diverged", "record")},
+        "words": {name: offset("engine", name) for name in ("next", "last", "ticks", "diverged", "record")},
         "columns": {
             name: [first, COLUMNS[name].width and len(part)]
             for (name, part), first in zip(words.items(), firsts, strict=False)
@@ -84,9 +84,9 @@ def image(prepared: Prepared, delay: float = 0.0) -> dict[str, Any]:
     }
 
 
-def place(group: str, field: str) -> int:
+def offset(group: str, field: str) -> int:
     """Return where a field of a group begins in the record of a page [bytes]."""
-    return offset(world_type(CAPACITY), group, field)
+    return field_offset(world_type(CAPACITY), group, field)
 
 
 def _refuse(prepared: Prepared) -> None:
@@ -131,8 +131,8 @@ def _chance(prepared: Prepared) -> NDArray[np.float64] | int:
 def _array(name: str, values: NDArray[Any] | int) -> list[Any]:
     """Return where the address of an array stands, its size [bytes], and its values, empty for zeros."""
     if isinstance(values, int):
-        return [place("engine", name), values, ""]
-    return [place("engine", name), values.nbytes, _text(values)]
+        return [offset("engine", name), values, ""]
+    return [offset("engine", name), values.nbytes, _text(values)]
 
 
 def _text(values: NDArray[Any]) -> str:

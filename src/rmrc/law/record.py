@@ -178,7 +178,7 @@ def world_type(joints: int) -> np.dtype[np.void]:
     return np.dtype([*_fields("i: n m k rank f: period", joints), *groups.items()])
 
 
-def offset(record: np.dtype[np.void], group: str, field: str) -> int:
+def field_offset(record: np.dtype[np.void], group: str, field: str) -> int:
     """Return where a field of a group begins in the record of a world [bytes]."""
     fields: Any = record.fields
     kind, first = fields[group]
