@@ -19,11 +19,11 @@ def export(
     to: Annotated[str, Option("--to", metavar="c", help="The language of the program.")] = "c",
     output: Annotated[
         File,
-        Option("--output", "-o", metavar="FOLDER", help="Folder for the files; default: recordings/NAME_law."),
+        Option("--output", "-o", metavar="FOLDER", help="Folder; default: recordings/NAME_law."),
     ] = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Write the law of a scenario for a program in C: a header, objects for Linux, an example and CMake lines.
+    """Write the law of a scenario for a program in C: a header, objects for Linux, an example and CMake.
 
     It is the law that `run` uses, with the scenario's arm, method, gains and limits. It compiles for about
     half a minute. Test it on your robot: it has no certificate.
