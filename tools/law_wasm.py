@@ -1,6 +1,6 @@
 """Build src/rmrc/export/law.wasm, which pages embed, from the sources of the law; it takes minutes.
 
-    .venv/bin/pip install ziglang
+    .venv/bin/pip install -e ".[wasm]"
     .venv/bin/python tools/law_wasm.py
 
 Zig brings the linker, and musl's mathematical functions. The file ends with a section `sources`, a digest of

@@ -129,9 +129,8 @@ def test_a_changed_constant_of_the_image_is_noticed(tmp_path):
     (run,) = Simulation([prepared]).run()
     world = image(prepared)
     record = bytearray(base64.b64decode(world["record"]))
-    place = offset("task", "feedback")
     numbers = np.frombuffer(record, np.float64)
-    numbers[place // 8] *= 1.0 + 1e-6
+    numbers[offset("task", "feedback") // 8] *= 1.0 + 1e-6
     world["record"] = base64.b64encode(record).decode()
     (columns,) = in_node(tmp_path, world)
     assert max(differences(run, columns).values()) > 1e-9

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rmrc.export.image import CAPACITY
-from rmrc.export.objects import globals_of, name_of, object_file
+from rmrc.export.objects import NOTHING, globals_of, name_of, object_file, program
 from rmrc.law import (
     active_set,
     damping,
@@ -51,7 +51,8 @@ def methods() -> dict[str, Method]:
 
 def wasm_object() -> bytes:
     """Return the methods as an object, which is yet to be linked with the mathematical functions of C."""
-    return object_file(methods().values(), CAPACITY, "wasm32-unknown-unknown")
+    names = [*methods(), NOTHING]
+    return object_file(program(methods().values(), CAPACITY), "wasm32-unknown-unknown", names)
 
 
 def digest() -> bytes:

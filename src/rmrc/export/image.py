@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.export.objects import NOTHING, name_of
-from rmrc.law.record import new_worlds
+from rmrc.law.record import field_offset, new_worlds, world_type
 from rmrc.law.sight import CHAIN_ALONE
 from rmrc.plants.engine import BAD_LAST
 from rmrc.results.columns import COLUMNS
@@ -86,9 +86,7 @@ def image(prepared: Prepared, delay: float = 0.0) -> dict[str, Any]:
 
 def offset(group: str, field: str) -> int:
     """Return where a field of a group begins in the record of a page [bytes]."""
-    fields: Any = new_worlds(1, CAPACITY).dtype.fields
-    kind, first = fields[group]
-    return int(first + kind.fields[field][1])
+    return field_offset(world_type(CAPACITY), group, field)
 
 
 def _refuse(prepared: Prepared) -> None:
@@ -117,8 +115,8 @@ def _widened(source: np.void) -> NDArray[np.void]:
             records[group] = source[group]
         for field in _COUNTS.split() if group == "engine" else () if group == "methods" else fields:
             values = source[group][field]
-            place = records[group][field][0] if values.ndim else records[group][field]
-            place[tuple(map(slice, values.shape)) or ...] = values
+            wide = records[group][field][0] if values.ndim else records[group][field]
+            wide[tuple(map(slice, values.shape)) or ...] = values
     records["input"]["sites"] = CHAIN_ALONE
     return records
 

@@ -5,7 +5,7 @@ lie in the record of the world, which its caller owns. Numba wraps each method f
 `void method(world)` takes the place of the wrapper, and everything that it does not reach goes.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dis import get_instructions
 from types import FunctionType
 from typing import Any
@@ -17,7 +17,6 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import np_cfarray
 
 from rmrc.law.compiling import Array, Method, portably
-from rmrc.law.record import spectrum_type, world_type
 
 _numba: Any = numba
 _types: Any = types
@@ -33,84 +32,70 @@ def name_of(method: Method) -> str:
     return f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
 
 
-def object_file(methods: Iterable[Method], capacity: int, triple: str) -> bytes:
-    """Return an object file with some methods.
+def program(methods: Iterable[Method], capacity: int) -> bytes:
+    """Return some methods for no machine yet, as bitcode of LLVM, each under its name.
 
     Args:
         methods: The methods.
         capacity: Number of joints that the record of a world holds.
+    """
+    copies: dict[Any, Any] = {}
+    thunks = [f"define void @{NOTHING}(i64 %model, i64 %data) {{\n  ret void\n}}"]
+    whole: Any = None
+    with portably() as flags:
+        for name, method in {name_of(method): method for method in methods}.items():
+            made = _numba.cfunc(method.signature(capacity), **flags)(_copy(method.function, copies, flags))
+            part, mangled = llvm.parse_assembly(made.inspect_llvm()), made.native_name.removeprefix("cfunc.")
+            part.get_function(mangled).linkage = "weak_odr"  # a weaker function could be dropped
+            thunks.append(_thunk(name, mangled, part))
+            whole = whole or llvm.parse_assembly(_head(part))
+            whole.link_in(part)
+    whole.link_in(llvm.parse_assembly("\n".join([_head(whole), *thunks])))
+    return bytes(whole.as_bitcode())
+
+
+def _head(module: Any) -> str:
+    return f'target triple = "{module.triple}"\ntarget datalayout = "{module.data_layout}"\n'
+
+
+def _thunk(name: str, mangled: str, part: Any) -> str:
+    """Return a function in the language of LLVM that calls numba's, which first takes places of results."""
+    kinds = [str(argument.type) for argument in part.get_function(mangled).arguments]
+    taken = ", ".join(f"{kind} %{i}" for i, kind in enumerate(kinds[2:]))
+    return f"""declare i32 @{mangled}({", ".join(kinds)})
+define void @"{name}"({taken}) {{
+  %result = alloca ptr
+  %error = alloca ptr
+  %status = call i32 @{mangled}(ptr %result, ptr %error, {taken})
+  ret void
+}}"""
+
+
+def object_file(code: bytes, triple: str, exports: Sequence[str], text: str = "") -> bytes:
+    """Return an object file for a machine.
+
+    Args:
+        code: What `program` returned.
         triple: The machine, as LLVM names it.
+        exports: Names of the functions that others may call.
+        text: Further functions in the language of LLVM.
     """
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    is_page = triple.startswith("wasm")
-    machine = llvm.Target.from_triple(triple).create_target_machine(
-        opt=3, reloc="static" if is_page else "pic"
-    )
-    module = _module(methods, capacity, machine)
+    reloc = "static" if triple.startswith("wasm") else "pic"
+    machine = llvm.Target.from_triple(triple).create_target_machine(opt=3, reloc=reloc, codemodel="small")
+    module = llvm.parse_bitcode(code)
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
+    module.link_in(llvm.parse_assembly(_head(module) + text))
+    for thing in [*module.functions, *module.global_variables]:
+        if not thing.is_declaration:
+            thing.linkage = "external" if thing.name in exports else "internal"
     tuning = llvm.create_pipeline_tuning_options(speed_level=2)
     tuning.loop_vectorization = tuning.slp_vectorization = False
     passes = llvm.create_pass_builder(machine, tuning)
     passes.getModulePassManager().run(module, passes)
     module.verify()
     return bytes(machine.emit_object(module))
-
-
-def _module(methods: Iterable[Method], capacity: int, machine: Any) -> Any:
-    """Return the methods as one module of LLVM for a machine, not optimized yet."""
-    records = {"world": world_type(capacity), "spectrum": spectrum_type(capacity)}
-    kinds = {name: _numba.from_dtype(record) for name, record in records.items()}
-    kinds |= {"model": _types.voidptr, "data": _types.voidptr, "number": _types.int32}
-    copies: dict[Any, Any] = {}
-    head = f'target triple = "{machine.triple}"\ntarget datalayout = "{machine.target_data}"\n'
-    whole = llvm.parse_assembly(f"{head}define void @{NOTHING}(i64 %model, i64 %data) {{\n  ret void\n}}")
-    inner = {}
-    with portably() as flags:
-        for method in methods:
-            function = method.function
-            names = function.__code__.co_varnames[: function.__code__.co_argcount]
-            signature = _types.void(*(kinds[name] for name in names))
-            made = _numba.cfunc(signature, **flags)(_copy(function, copies, flags))
-            part = llvm.parse_assembly(made.inspect_llvm())
-            part.triple, part.data_layout = machine.triple, str(machine.target_data)
-            inner[name_of(method)] = made.native_name.removeprefix("cfunc.")
-            part.get_function(inner[name_of(method)]).linkage = "weak_odr"  # others could be dropped
-            whole.link_in(part)
-    for thing in [*whole.functions, *whole.global_variables]:
-        if not thing.is_declaration and thing.name != NOTHING:
-            thing.linkage = "internal"
-    thunks = [head]
-    for name, mangled in inner.items():
-        function = whole.get_function(mangled)
-        function.linkage = "external"
-        kinds_of = [str(argument.type) for argument in function.arguments]
-        taken = ", ".join(f"{kind} %{i}" for i, kind in enumerate(kinds_of[2:]))
-        thunks += [
-            f"declare i32 @{mangled}({', '.join(kinds_of)})",
-            f'define void @"{name}"({taken}) {{',
-            "  %result = alloca ptr",
-            "  %error = alloca ptr",
-            f"  %status = call i32 @{mangled}(ptr %result, ptr %error, {taken})",
-            "  ret void",
-            "}",
-        ]
-    whole.link_in(llvm.parse_assembly("\n".join(thunks)))
-    for mangled in inner.values():
-        whole.get_function(mangled).linkage = "internal"
-    return whole
-
-
-def _typed_array(typing: Any, address: Any, shape: Any, dtype: Any) -> Any:  # noqa: ARG001 - as numba calls it
-    return _types.Array(dtype.dtype, len(shape), "C")(address, shape, dtype), np_cfarray
-
-
-# As numba's own, which without counts could not return an array.
-_carray: Any = _intrinsic(_typed_array)
-
-
-def globals_of(function: Any) -> set[str]:
-    """Return the names of modules that a function reads; attributes may have the same names."""
-    return {step.argval for step in get_instructions(function) if step.opname == "LOAD_GLOBAL"}
 
 
 def _copy(function: Any, copies: dict[Any, Any], flags: Mapping[str, Any]) -> Any:
@@ -127,3 +112,16 @@ def _copy(function: Any, copies: dict[Any, Any], flags: Mapping[str, Any]) -> An
     return FunctionType(
         function.__code__, {**function.__globals__, **names}, function.__name__, function.__defaults__
     )
+
+
+def globals_of(function: Any) -> set[str]:
+    """Return the names of modules that a function reads; attributes may have the same names."""
+    return {step.argval for step in get_instructions(function) if step.opname == "LOAD_GLOBAL"}
+
+
+def _typed_array(typing: Any, address: Any, shape: Any, dtype: Any) -> Any:  # noqa: ARG001 - as numba calls it
+    return _types.Array(dtype.dtype, len(shape), "C")(address, shape, dtype), np_cfarray
+
+
+# As numba's own, which without counts could not return an array.
+_carray: Any = _intrinsic(_typed_array)
