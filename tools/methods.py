@@ -140,7 +140,7 @@ def rows() -> dict[str, dict[str, tuple[float, ...] | str]]:
 
 def summary(found: dict[str, dict[str, tuple[float, ...] | str]]) -> Iterator[str]:
     """Yield the table of all methods: their largest error in each situation."""
-    yield f"| method | {' | '.join(found)} |"
+    yield f"| method | {' | '.join(name.replace('_', '_<wbr>') for name in found)} |"  # may be broken
     yield f"|---|{'---:|' * len(found)}"
     for name in METHODS:
         each = [found[scenario][name] for scenario in found]
