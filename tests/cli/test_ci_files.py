@@ -92,20 +92,6 @@ def test_a_case_for_each_expectation_and_one_for_the_run(rmrc, quick):
     assert "<details><summary>Metrics</summary>" in lines and "## Errors" in lines
 
 
-def test_what_is_missed_is_a_failure_in_its_own_words(rmrc, quick):
-    code, _, err = rmrc("run", "quick.yaml", "--set", "expect.duration.equals=0.2", *ASKED)
-    (line,) = err.splitlines()
-    found = told(read("ci/a.xml"))
-    assert code == 1
-    assert found == {
-        "run": None,
-        "position_error.max": None,
-        "duration": ("failure", line.partition("missed: ")[2]),
-    }
-    summary = (quick / "ci/a.md").read_text("utf-8")
-    assert summary.startswith("### ❌ quick: 1 of 2 checks passed\n") and "- MISSED: duration: " in summary
-
-
 @pytest.mark.usefixtures("quick")
 def test_a_divergence_is_an_error(rmrc):
     code, _, err = rmrc("run", "quick.yaml", "--set", "plant.wrench=[0, 1.0e+15, 0, 0, 0, 0]", *ASKED)

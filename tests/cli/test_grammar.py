@@ -127,14 +127,11 @@ MISTAKES = {
     "a model": (["run", "model.xml"], "model.xml: … model… `rmrc inspect model.xml`… a scenario"),
     "a scenario": (["check", "quick.yaml"], "quick.yaml: … scenario… `rmrc run quick.yaml`… a model"),
     "columns": (["run", "x.npz"], "x.npz: … result… `rmrc report x.npz`… a scenario"),
-    "a recording": (["inspect", "x.rrd"], "x.rrd: … recording… `rmrc replay x.rrd`… a model"),
     "a folder": (["run", "."], ".: … folder… a scenario"),
-    "no verb": (["quick.yaml"], "…'quick.yaml'; see rmrc --help"),
     "an unknown option": (["run", "quick.yaml", "--method", "x"], "…--method…; see rmrc run --help"),
     "no number": (["tune", "quick.yaml", "--perturbed", "x"], "…'--perturbed'…; see rmrc tune --help"),
     "beyond a bound": (["inspect", TWO, "--length", "inf"], "--length … 1e-06 and 1e+06… inf"),
     "no choice": (["workspace", TWO, "--map", "w"], "…'--map'… 'w' … 'sigma_min', 'manipulability'…"),
-    "no such file": (["run", "quik.yaml"], 'quik.yaml: … file… "quick.yaml"…'),
     "a package": (["inspect", TWO, "--package", "a=gone"], "--package … NAME=FOLDER … 'a=gone'"),
 }  # fmt: skip
 

@@ -31,19 +31,6 @@ def test_what_was_assumed_is_said_once_and_is_in_the_json(rmrc):
     assert err == f"rmrc: note: {note}\n"
 
 
-def test_what_nobody_would_doubt_is_in_the_json_alone(rmrc):
-    code, out, err = rmrc("inspect", STANFORD, "--json")
-    assert (code, err) == (0, "")
-    (note,) = json.loads(out)["assumed"]
-    assert (
-        note
-        == 'site "tool" is controlled, chosen by its name; others: site "wrist"; name one by site or body'
-    )
-    for arm in (["--site", "tool"], ["--body", "link_6"]):
-        code, out, err = rmrc("inspect", STANFORD, "--json", *arm)
-        assert (code, err, json.loads(out)["assumed"]) == (0, "", [])
-
-
 @pytest.mark.parametrize("verb", ["inspect", "ik", "statics"])
 def test_a_body_is_asked_about_by_each_question(rmrc, verb):
     arguments = {"ik": ["--to-q", "0.1,0.2,0.3"], "statics": ["--wrench", "1,2,3"]}.get(verb, [])
