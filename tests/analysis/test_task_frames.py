@@ -1,7 +1,5 @@
 """Questions about rows along the axes of the site or the base: they are those of the law."""
 
-import json
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -73,22 +71,6 @@ def test_a_goal_of_whole_positions_and_rotations_is_the_same_in_every_frame(puma
     with pytest.raises(QuestionError) as caught:
         rmrc.ik(puma, to_q=goal, axes=POINTING, task_frame="site")
     assert str(caught.value) == says("rows rx, ry … site … rx, ry, rz … world")
-
-
-def test_verbs_take_the_frame_by_an_option(rmrc, puma):
-    q = "0.3,-0.9,3.4,0.4,0.8,0.2"
-    code, out, _ = rmrc(
-        "inspect", str(puma.path), "--q", q, "--axes", ",".join(POINTING), "--task-frame", "site", "--json",
-        "--length", "1",
-    )  # fmt: skip
-    facts = json.loads(out)
-    assert code == 0 and facts["task"]["frame"] == "site"
-    np.testing.assert_allclose(
-        facts["sigma"], by_scipy(puma, np.array([float(x) for x in q.split(",")]), POINTING, 1.0), atol=1e-9
-    )
-    for verb, more in (("inspect", ()), ("workspace", ("--cells", "10")), ("ik", ("--to-q", q))):
-        code, _, err = rmrc(verb, str(puma.path), *more, "--task-frame", "hand")
-        assert code == 2 and err.splitlines()[-1] == says('… task frame … "hand" … world base site')
 
 
 FACING = """<mujoco><worldbody><body euler="0 0 {turn}">

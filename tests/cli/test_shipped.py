@@ -51,16 +51,6 @@ def test_the_verbs_about_models_take_one_by_its_bare_name(rmrc):
     assert code == 0 and json.loads(out)["model"] == str(ROOT / "models/puma560.xml")
 
 
-def test_what_is_here_comes_before_what_is_shipped(rmrc, tmp_path):
-    text = (ROOT / "scenarios/line_tracking.yaml").read_text("utf-8").replace("..", str(ROOT))
-    (tmp_path / "joint_limit").write_text(text)
-    assert rmrc("run", "joint_limit", "--no-record", "-q")[0] == 0
-    assert (tmp_path / "recordings/line_tracking.json").is_file()
-    (tmp_path / "blow_up").mkdir()
-    _, _, err = rmrc("run", "blow_up")
-    assert err == says("rmrc: error: blow_up: … folder … scenario\n")
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -101,12 +91,3 @@ def test_a_copy_overwrites_nothing(rmrc, tmp_path):
         line = says(f"rmrc: error: {told}: … already … folder\n")
         assert rmrc("examples", "--copy", folder) == (2, "", line)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["models", "scenarios"]
-
-
-def test_a_package_without_them_says_so(rmrc, monkeypatch):
-    monkeypatch.setattr(shipped, "root", lambda: None)
-    for words in (["examples"], ["examples", "--copy", "x"]):
-        code, out, err = rmrc(*words)
-        assert (code, out) == (2, "")
-        assert err == says("rmrc: error: … installation … scenarios and models; …\n")
-    assert rmrc("run", "blow_up") == (2, "", says("rmrc: error: blow_up: … file\n"))

@@ -34,17 +34,6 @@ plant: {{kind: ideal}}
 """
 MODEL = ROOT / "models/planar_2link.xml"
 
-# A turn about z, a slide along x, and a tip behind it; no geometry at all.
-BARE = """<robot name="bare"><link name="base"/>
-<link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="tip"/>
-<joint name="turn" type="revolute"><parent link="base"/><child link="a"/><origin xyz="0 0 0.3"/><axis xyz="0 0 1"/>
-<limit lower="-3" upper="3" effort="9" velocity="3"/></joint>
-<joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="0.2 0 0"/><axis xyz="1 0 0"/>
-<limit lower="0" upper="1" effort="9" velocity="3"/></joint>
-<joint name="end" type="fixed"><parent link="b"/><child link="tip"/><origin xyz="0.1 0 0"/></joint></robot>"""
-
 
 @pytest.fixture(scope="module")
 def worlds():
@@ -123,17 +112,6 @@ def test_marks_are_where_the_arm_and_its_tip_are(worlds):
     np.testing.assert_allclose(center, tip, atol=1e-5)
     np.testing.assert_allclose(size[:2], 0.2 * sigma, atol=1e-5)
     np.testing.assert_allclose(np.abs(mat[:2, 0] @ u[:, 0]), 1.0, atol=1e-5)
-
-
-def test_an_arm_without_geometries_has_a_skeleton_along_its_slide_too(tmp_path):
-    (tmp_path / "bare.urdf").write_text(BARE, "utf-8")
-    text = f"arm: {{model: {tmp_path / 'bare.urdf'}, body: tip, start: [0.5, 0.4]}}\ntask: {{axes: [x, y]}}\n"
-    text += "target: {path: [{line: {by: [0.02, 0.01]}}]}\nplant: {kind: ideal}\nname: bare\n"
-    ((world, run),) = worlds_of(loads(text)).values()
-    rods, _ = drawn(Shot("bare", world, run), 0)
-    along, turn = np.array([np.cos(0.5), np.sin(0.5), 0.0]), np.array([0.0, 0.0, 0.3])
-    ends = [turn, turn + 0.2 * along, turn + 0.7 * along]  # the slide's axis, then the tip 0.4 + 0.1 m along
-    np.testing.assert_allclose([rod[2:] for rod in rods[:2]], [ends[:2], ends[1:]], atol=1e-5)
 
 
 # Instants, the rates below, and files ----------------------------------------------------------------

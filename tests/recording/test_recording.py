@@ -384,21 +384,6 @@ def test_a_peak_beyond_the_axis_is_in_the_title_and_marked_at_the_edge(planar, t
     assert "peak" not in plot_of(calm, "Joint rates")[0] and "/peaks/rates/0" not in rrd.entities(calm)
 
 
-def test_several_runs_are_drawn_by_their_largest_values(planar, tmp_path):
-    prepared, run = planar
-    other = replace(run, columns=run.columns | {"qdot_cmd": 2.0 * run["qdot_cmd"]})
-    write(tmp_path / "x.rrd", {"a": (prepared, run), "b": (prepared, other)}, None, {"Table": "| b |"})
-    for label, factor in (("a", 1.0), ("b", 2.0)):
-        drawn = rrd.table(tmp_path / "x.rrd", rrd.prefix_of(label), "curves")["rates"]
-        np.testing.assert_allclose(drawn[:, 0], factor * np.abs(run["qdot_cmd"]).max(axis=1), rtol=1e-6)
-    *_, curves = plot_of(tmp_path / "x.rrd", "Largest rate")
-    assert {(entity, names) for entity, component, _, names in curves if component} == {
-        ("variants/a/columns", ("a",)),
-        ("variants/b/columns", ("b",)),
-    }
-    assert {"/status/a", "/status/b", "/text/table"} < rrd.entities(tmp_path / "x.rrd")
-
-
 def test_every_view_shows_what_is_recorded(recorded):
     path = recorded[2]
     tables, known = rrd.layout(path), rrd.entities(path)

@@ -71,19 +71,6 @@ def test_the_plain_inverse_is_a_curve_beside_whose_peak_is_written_where_it_exce
     assert {curve.role for curve in alone.curves} == {"measured", "commanded"}  # the same curve is not drawn
 
 
-def test_a_baseline_is_beside_the_run_in_rates_and_errors(compared):
-    run, other = compared["damped"], compared["inverse"]
-    both = changed(run, baseline=other)
-    peak = other.scorecard["joint_rate_cmd.peak"].value
-    assert f"baseline, elbow: peak {peak:,.0f} rad/s ↓" in panel_of(both, "rates").beyond
-    (curve,) = [curve for curve in panel_of(both, "error").curves if curve.role == "baseline"]
-    off = 1e3 * np.linalg.norm(other["pose_error"][:, :2], axis=1)
-    np.testing.assert_allclose(curve.values, off, rtol=1e-12)
-    assert panel_of(both, "error").beyond == [f"baseline: max {off.max():.4g} mm ↑"]  # an error has no peak
-    assert panel_of(both, "rates").range[1] <= BESIDE * panel_of(run, "rates").range[1]
-    assert "baseline" not in {curve.role for panel in panels(run) for curve in panel.curves}
-
-
 def test_runs_side_by_side_have_a_curve_each_and_a_logarithmic_axis_where_they_differ_by_far(compared):
     rates = panel_of(compared, "rates")
     assert rates.is_logarithmic and [curve.name for curve in rates.curves] == ["inverse", "damped"]

@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from project import ROOT, undrawn
+from project import ROOT
 from rmrc.results.run import Run
 from rmrc.scenario import load
 from rmrc.show.figure import SPANS, plot
 from rmrc.show.shadows import skeleton
 from rmrc.simulation.prepare import prepare
-from rmrc.study.pictures import plot as plot_any
 from rmrc.study.run import run as run_scenario
-from rmrc.study.sweep import sweep
 from rmrc.support.spatial import AXES
 
 
@@ -181,16 +179,3 @@ def check_skeleton(run, row, data, joints, tip):
         np.testing.assert_allclose(np.cross(axis, off), 0.0, atol=1e-9)
         if run.is_slide[j]:
             np.testing.assert_allclose(off @ axis, run["q"][row, j], atol=1e-9)
-
-
-def test_python_draws_a_sweep_from_its_rows_or_its_file_as_the_verb_does(rmrc, tmp_path):
-    feedback = {"control.feedback": [5, 10, 20]}
-    with undrawn():
-        rows = sweep(ROOT / "scenarios/line_tracking.yaml", feedback, out=tmp_path, threads=1)
-    (file,) = tmp_path.glob("*.parquet")
-    first = plot_any(rows, tmp_path / "rows.svg", ["keys"])
-    plot_any(file, tmp_path / "file.svg", ["keys"])
-    assert rmrc("plot", str(file), "-o", str(tmp_path / "verb.svg"), "--panels", "keys")[0] == 0
-    texts = [(tmp_path / f"{name}.svg").read_bytes() for name in ("rows", "file", "verb")]
-    assert texts[0] == texts[1] == texts[2]
-    assert len(first.get_axes()) == 1

@@ -125,17 +125,3 @@ def test_without_colors_the_text_is_the_same_and_names_are_no_markup():
 )  # fmt: skip
 def test_numbers_have_three_to_six_digits(value, text):
     assert number(value) == text
-
-
-def test_metrics_that_say_nothing_are_left_out_unless_they_are_expected():
-    card = random_card(("a", "b"))
-    none = {name: 0.0 for name in card if name.startswith("tau") and "joint" not in name}
-    none |= {f"secondary_error.{name}": math.nan for name in ("rms", "max", "max_time", "end")}
-    none |= {f"status_time.{name}": 0.0 for name in ("JERK_LIMITED", "JERK_EXCEEDED")}
-    none |= {"damping.max": 0.0, "path_rate.min": 1.0, "stuck.longest": 0.0}
-    quiet = with_values(card, **none)
-    groups = ("| tau", "secondary_error", "JERK", "joint_jerk_cmd", "damping", "path_rate", "stuck")
-    assert not [one for one in groups if one in tables.markdown(quiet)]
-    assert not [one for one in groups if one not in tables.markdown(card)]
-    assert not [one for one in groups if one not in tables.markdown(quiet, (), card)]  # the baseline has them
-    assert "joint_jerk_cmd" in tables.markdown(quiet, check(quiet, {"joint_jerk_cmd.peak": Check(above=0)}))

@@ -133,14 +133,6 @@ def test_another_jacobian_is_seen(name, wrong):
         check_table(ARMS[name], wrong)
 
 
-def test_centers_of_rotation_give_the_planar_jacobian():
-    for lengths, q in drawn(ARMS["5 links"]):
-        origins, tip = chain_of_links(lengths)[0].frames(q)[1:, :2, 3], planar.planar_position(lengths, q)[:2]
-        # Wherever the drawing lies: where the joints are relative to the point decides.
-        J = planar.planar_jacobian_from_centers(origins + 1.0, tip + 1.0)
-        assert_allclose(J, planar.planar_jacobian(lengths, q), atol=ROUNDING)
-
-
 # Singular families -------------------------------------------------------------------------------
 
 

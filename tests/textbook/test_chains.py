@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
-from scipy.spatial.transform import Rotation
 
 from rmrc.support.spatial import exp_rotation, quat_to_matrix
 from rmrc.textbook.dh import DHChain, dh_transform, modified_dh_transform
@@ -20,8 +19,6 @@ from rmrc.textbook.reference_frame import rotate_jacobian, shift_jacobian
 from rmrc.textbook.screws import (
     exp_screw,
     joint_screw,
-    product_of_exponentials,
-    space_jacobian,
 )
 from rmrc.textbook.stanford import stanford_jacobian
 
@@ -85,21 +82,6 @@ def test_jacobian_is_the_derivative_of_the_pose(case):
     assert_allclose(chain.jacobian(q, frame, point), expected, atol=DIFFERENCE)
 
 
-@given(chains(), angles, lengths)
-def test_the_conventions_describe_one_arm_by_shifted_rows(case, last_alpha, last_a):
-    """Row i of the modified table is (α, a) of row i-1 and (d, θ) of row i of the standard one."""
-    chain, q, _, point = case
-    n = len(q)
-    x_part = [(0.0, 0.0), *((row[0], row[1]) for row in chain.table[1:]), (last_alpha, last_a)]
-    z_part = [row[2:] for row in chain.table]
-    modified = DHChain(tuple(x_part[i] + z_part[i] for i in range(n)), chain.kinds, "modified")
-    standard = DHChain(tuple(x_part[i + 1] + z_part[i] for i in range(n)), chain.kinds, "standard")
-    end = elementary("x", last_alpha, last_a)
-    assert_allclose(modified.frames(q)[-1] @ end, standard.frames(q)[-1], atol=ROUNDING)
-    in_modified = (end @ [*point, 1.0])[:3]
-    assert_allclose(modified.jacobian(q, point=in_modified), standard.jacobian(q, point=point), atol=ROUNDING)
-
-
 seeds = st.integers(0, 2**32 - 1)
 PITCHES = [0.0, 0.3, -0.2, np.inf]
 
@@ -108,15 +90,6 @@ def matrix_of(screw):
     """The 4x4 matrix of a screw, written out here."""
     wx, wy, wz, vx, vy, vz = screw
     return np.array([[0, -wz, wy, vx], [wz, 0, -wx, vy], [-wy, wx, 0, vz], [0, 0, 0, 0.0]])
-
-
-def random_arm(seed, pitches=PITCHES):
-    rng = np.random.default_rng(seed)
-    n = rng.integers(1, 7)
-    axes, points = rng.normal(size=(n, 3)), rng.uniform(-1, 1, (n, 3))
-    home = np.eye(4)
-    home[:3, :3], home[:3, 3] = Rotation.from_rotvec(rng.normal(size=3)).as_matrix(), rng.uniform(-1, 1, 3)
-    return joint_screw(axes, points, rng.choice(pitches, n)), rng.uniform(-2, 2, n), home
 
 
 @given(seeds, st.sampled_from([0.0, 1e-300, 1e-12, 1e-8, 1e-4, 0.03, 1.0, 3.0, np.pi, 7.0]))
@@ -128,23 +101,6 @@ def test_motion_along_a_screw_is_the_matrix_exponential(seed, angle):
         np.array([0, 0, 0, *rng.normal(size=3)]),
     ):
         assert_allclose(exp_screw(screw, angle), expm(matrix_of(screw) * angle), atol=ROUNDING)
-
-
-def space_columns_by_differences(pose, q):
-    """[ω; v at the origin] of each joint: Ṫ T⁻¹ by central differences."""
-    columns = []
-    for step in STEP * np.eye(len(q)):
-        spin = (pose(q + step) - pose(q - step)) / (2 * STEP) @ np.linalg.inv(pose(q))
-        columns.append([spin[2, 1], spin[0, 2], spin[1, 0], *spin[:3, 3]])
-    return np.transpose(columns)
-
-
-@given(seeds)
-def test_space_jacobian_is_the_derivative_of_the_product_of_exponentials(seed):
-    screws, q, home = random_arm(seed)
-    expected = space_columns_by_differences(lambda x: product_of_exponentials(screws, x, home), q)
-    # Six screws of reach 2 with pitches: third derivatives of up to 100 meters.
-    assert_allclose(space_jacobian(screws, q), expected, atol=5e-8)
 
 
 def moved(point):
