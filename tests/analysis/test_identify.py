@@ -338,21 +338,6 @@ def test_a_joint_that_tells_nothing_says_in_a_line_what_to_log_instead_and_the_o
     assert not report(rmrc.identify({name: columns[name] for name in ("t", "q1", "qdot_cmd1")})).met
 
 
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        (lambda q, _: 0.9 * q, "0.9 times its commanded rates …"), (lambda q, _: -q, "-1 times … sign …"),
-        (lambda q, _: np.degrees(q), "57.3 times its commanded rates … degrees …"),
-        (lambda q, t: q + 2e-3 * np.sin(50 * t), "rms off the fit … resonance …"),
-    ],
-)  # fmt: skip
-def test_what_is_odd_about_a_joint_is_said_in_a_line(change, text):
-    columns = log(16, joints=1)
-    (sound,) = rmrc.identify(columns).joints
-    (joint,) = rmrc.identify(columns | {"q0": change(columns["q0"], columns["t"])}).joints
-    assert joint.trouble == "" and joint.notes[-1] == says(f"… {text}") and sound.notes == ()
-
-
 REFUSED = {
     "no time": ({"q0": [1.0], "qdot_cmd0": [1.0]}, {}, "no column of time; … q0, qdot_cmd0; … --columns t=NAME …"),
     "no commands": ({"t": [0.0], "q0": [1.0], "q_cmd0": [1.0]}, {}, "rates (commanded positions …); … qdot_cmd=NAME …"),

@@ -10,7 +10,7 @@ from project import ROOT
 from stl import tetrahedron
 
 MODELS = ROOT / "tests/models"
-FINGERS, STANFORD = str(MODELS / "gripper.xml"), str(ROOT / "models/stanford.xml")
+FINGERS = str(MODELS / "gripper.xml")
 
 SCENARIO = """\
 name: own

@@ -10,7 +10,6 @@ import rmrc
 from project import ROOT
 from rmrc.arm import load as load_arm
 from rmrc.law.controller import Controller
-from rmrc.scenario import TaskSection, load
 from rmrc.scenario.choices import Status
 from rmrc.support.errors import ModelError, QuestionError, ScenarioError
 
@@ -60,16 +59,6 @@ def test_what_no_controller_can_be_made_of_is_told(about, error, says):
 # Laws -------------------------------------------------------------------------------------------
 
 DAMPING = {"maximum": 0.1, "below": 0.3}  # of a law without an arm
-
-
-def test_a_scenario_gives_its_law_task_and_frame_and_what_is_given_is_first():
-    scenario = load(ROOT / "scenarios/stanford_wrist.yaml")
-    for source in (scenario, ROOT / "scenarios/stanford_wrist.yaml", "stanford_wrist"):
-        one = Controller(scenario.arm.model, control=source)
-        assert one.control == scenario.control and one.arm.site == scenario.arm.site
-        assert one.task.axes == scenario.task.axes and one.task.length == scenario.task.length
-    one = Controller(scenario.arm.model, control=scenario, task=TaskSection(axes=("x", "y")), period=0.004)
-    assert one.task.axes == ("x", "y") and one.period == one.control.period == 0.004
 
 
 # Poses, twists, frames --------------------------------------------------------------------------

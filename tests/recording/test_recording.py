@@ -21,7 +21,7 @@ from rmrc.recording.picture import PALE, ramp
 from rmrc.recording.plots import EDGE
 from rmrc.recording.recorder import write
 from rmrc.recording.scene import THICKNESS, VELOCITY_SECONDS, Scene
-from rmrc.recording.shapes import Shape, geometry, shapes_of
+from rmrc.recording.shapes import shapes_of
 from rmrc.results.columns import Divergence
 from rmrc.results.run import Run
 from rmrc.scenario import loads
@@ -204,29 +204,6 @@ def test_capsules_end_where_mujoco_ends_them(recorded):
         assert values_read["Capsules3D:radii"] == np.float32(geom.size[0])
         checked += 1
     assert checked > 0
-
-
-@pytest.mark.parametrize(
-    ("kind", "component", "expected"),
-    [
-        ("box", "Boxes3D:half_sizes", [[0.1, 0.2, 0.3]]),
-        ("sphere", "Ellipsoids3D:half_sizes", [[0.1, 0.1, 0.1]]),
-        ("cylinder", "Cylinders3D:lengths", [0.4]),
-        ("mesh", "Mesh3D:vertex_positions", [[1.0, 2.0, 3.0], [1.0, 3.0, 3.0], [0.0, 2.0, 3.0]]),
-    ],
-)
-def test_a_geometry_keeps_its_size_and_place(kind, component, expected):
-    quarter = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # about z: x becomes y, y becomes -x
-    vertices, size = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.array([0.1, 0.2, 0.3])
-    pose, color = np.array([1.0, 2.0, 3.0, *quarter]), np.array([1.0, 0, 0, 1])
-    shape = Shape("g", 1, kind, size, pose, color, vertices, np.array([[0, 1, 2]], np.int32))
-    drawn = {
-        str(batch.component_descriptor().component): batch.as_arrow_array().to_pylist()
-        for batch in geometry(shape).as_component_batches()
-    }
-    np.testing.assert_allclose(drawn[component], expected, atol=1e-6)
-    centers = drawn.get(f"{component.partition(':')[0]}:centers", [[1.0, 2.0, 3.0]])
-    assert centers == [[1.0, 2.0, 3.0]]
 
 
 def ellipsoid(path, name):

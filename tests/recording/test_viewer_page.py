@@ -80,15 +80,6 @@ def test_the_files_and_the_recording_come_whole_without_links_to_other_machines(
     assert ask(server, "/re_viewer_bg.wasm")[1]["Content-Type"] == "application/wasm"
 
 
-def test_the_address_is_of_this_server_alone(server):
-    port = server.server_port
-    assert server.server_address[0] == "127.0.0.1"
-    assert server.url == (
-        f"http://127.0.0.1:{port}?url=http%3A%2F%2F127.0.0.1%3A{port}%2Frecording.rrd&hide_welcome_screen"
-    )
-    assert ask(server, server.url.replace(f"http://127.0.0.1:{port}", "/"))[0] == 200  # as browsers send it
-
-
 def test_the_policy_lets_the_page_talk_to_its_own_server_only():
     directives = dict(text.split(" ", 1) for text in policy(KEPT).split("; "))
     assert directives["default-src"] == "'none'"

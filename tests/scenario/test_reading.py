@@ -209,18 +209,3 @@ def test_a_mistake_is_one_line_with_the_way_out(override, line):
 def test_a_mistake_in_the_layout_is_told_where_it_is_and_not_where_yaml_notices_it(lines, where, why):
     (problem,) = problems(lines)
     assert problem.startswith(f"x.yaml:{where}: is not valid YAML: ") and why in problem
-
-
-def test_no_control_character_of_a_file_stands_in_an_error():
-    evil = "\x1b]0;evil\x07\x9b31m\u202e"
-    escaped = evil.encode("unicode_escape").decode()
-    text = (
-        MINIMAL.replace("arm.xml", f'"{escaped}"') + f'"{escaped}": {{damping: "\\e]0;evil\\a\\e[31mred"}}\n'
-    )
-    for overrides in ((), (f"plant.{evil}=1",), (evil,)):
-        with pytest.raises(ScenarioError) as caught:
-            loads(text, f"{evil}.yaml", overrides)
-        assert str(caught.value).replace("\n", "").isprintable()
-    with pytest.raises(ScenarioError) as caught:
-        load(f"{evil}.yaml")
-    assert str(caught.value).isprintable()

@@ -7,13 +7,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.textbook.displacement import taylor_order, taylor_remainder, tip_covariance
+from rmrc.textbook.displacement import taylor_remainder, tip_covariance
 from rmrc.textbook.newton import newton_raphson
 from rmrc.textbook.planar import planar_jacobian, planar_position, three_link_jacobian, three_link_position
-from rmrc.textbook.stanford import stanford_chain, stanford_jacobian
 
 LENGTHS = np.array([2.0, 1.0, 1.0])
-ROUNDING = 1e-12
 
 angles = arrays(float, 3, elements=st.floats(-3.0, 3.0))
 
@@ -33,17 +31,6 @@ def test_the_linear_approximation_misses_by_the_second_derivative_of_each_link(q
     # Third order: Σ l |Δφ|³/6, here below 4 · (9e-3)³/6.
     assert_allclose(missed[:2], second, atol=(LENGTHS * np.abs(turn) ** 3).sum() / 6 + 1e-14)
     assert missed[2] == pytest.approx(0.0, abs=1e-14)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_the_order_is_two(seed):
-    rng = np.random.default_rng(seed)
-    q, dq = rng.uniform(-2, 2, 3), rng.normal(size=3)
-    assert taylor_order(*arm(), q, dq) == pytest.approx(2.0, abs=0.1)
-    # in space, with a sliding joint
-    chain, q, dq = stanford_chain(), rng.uniform(0.3, 1.2, 6), rng.normal(size=6)
-    order = taylor_order(lambda q: chain.frames(q)[..., 6, :3, 3], lambda q: stanford_jacobian(q)[:3], q, dq)
-    assert order == pytest.approx(2.0, abs=0.1)
 
 
 def test_the_covariance_is_that_of_random_samples():
