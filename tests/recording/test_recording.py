@@ -21,7 +21,7 @@ from rmrc.recording.picture import PALE, ramp
 from rmrc.recording.plots import EDGE
 from rmrc.recording.recorder import write
 from rmrc.recording.scene import THICKNESS, VELOCITY_SECONDS, Scene
-from rmrc.recording.shapes import shapes_of
+from rmrc.recording.shapes import Shape, geometry, shapes_of
 from rmrc.results.columns import Divergence
 from rmrc.results.run import Run
 from rmrc.scenario import loads
@@ -204,6 +204,23 @@ def test_capsules_end_where_mujoco_ends_them(recorded):
         assert values_read["Capsules3D:radii"] == np.float32(geom.size[0])
         checked += 1
     assert checked > 0
+
+
+def drawn_as(kind):
+    """Return what is recorded of a geom that is a quarter turn about z away from its body."""
+    pose = np.array([1.0, 2.0, 3.0, np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
+    faces, size = np.array([[0, 1, 2]], np.int32), np.array([0.1, 0.2, 0.3])
+    batches = geometry(Shape("g", 1, kind, size, pose, np.ones(4), np.eye(3), faces)).as_component_batches()
+    return {str(each.component_descriptor().component): each.as_arrow_array().to_pylist() for each in batches}
+
+
+def test_boxes_and_meshes_keep_their_size_and_place():
+    box, corners = drawn_as("box"), drawn_as("mesh")["Mesh3D:vertex_positions"]
+    np.testing.assert_allclose(box["Boxes3D:half_sizes"], [[0.1, 0.2, 0.3]], atol=1e-6)
+    np.testing.assert_allclose(box["Boxes3D:centers"], [[1, 2, 3]], atol=1e-6)
+    np.testing.assert_allclose(
+        corners, [[1, 3, 3], [0, 2, 3], [1, 2, 4]], atol=1e-6
+    )  # x becomes y, y becomes -x
 
 
 def ellipsoid(path, name):

@@ -9,7 +9,6 @@ from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.results.expectations import check
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, scorecard
-from rmrc.scenario import Check
 from rmrc.show.sheets import as_markdown
 from rmrc.study import compare_table
 from rmrc.study.compare_table import flipped
@@ -92,16 +91,6 @@ def test_each_number_stands_below_its_metric_and_unit():
     assert errors.headings[1] == "position_error\n_along\nmax\nm"
     assert [cell for sheet in (rates, errors, times) for cell in sheet.rows[0][1:]] == NUMBERS
     assert (ends.headings, ends.rows[0]) == (("variant", "flipped", "expect"), ("damped", "elbow", "-"))
-
-
-def test_missed_expectations_are_counted():
-    expect = {"ticks": Check(above=5), "duration": Check(above=5), "completed": Check(above=0)}
-    rows = [row("a", expect=expect), row("b", expect={"ticks": Check(above=0)}), row("c")]
-    assert [line.split(" | ")[-1] for line in markdown(rows).splitlines()[-3:]] == [
-        "missed 2 |",
-        "met |",
-        "- |",
-    ]
 
 
 def test_what_ended_early_says_so_and_has_no_posture_to_come_back_to():

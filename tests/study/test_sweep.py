@@ -171,17 +171,3 @@ def test_what_is_wrong_with_any_run_is_told_at_once_and_nothing_starts(path, tmp
     )
     assert str(caught.value).splitlines() == list(map(says, wanted))
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("override", "line"),
-    [
-        ("sweep={}", "--set sweep: … 2 runs … 1; … --vary control.inverse.method=damped,pseudoinverse"),
-        ("sweep.seed=9223372036854775805", "… 9223372036854775804 … 9223372036854775805; … sweep.seed"),
-        ("sweep={draw: {control.feedback: [1, 2]}, samples: 99999999999}", "… 10000000 runs … sweep.samples or .repeat"),
-    ],
-)  # fmt: skip
-def test_a_plan_that_makes_no_sense_is_refused(path, tmp_path, override, line):
-    with pytest.raises(ScenarioError) as caught:
-        Sweep(path, [override], tmp_path / "out")
-    assert str(caught.value) == says(line)
