@@ -105,7 +105,7 @@ SHARING = (
 )  # fmt: skip
 # Files whose tests share what those of another make: runs of shipped scenarios, workspaces.
 LIKEWISE = {
-    "/test_docs.py": "/test_scenarios.py", "/test_workspace_figure.py": "/test_workspace.py",
+    "/test_docs.py": "/test_scenarios.py", "/test_figures.py": "/test_workspace.py",
 }  # fmt: skip
 
 
