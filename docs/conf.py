@@ -69,7 +69,8 @@ def write_math(writer: Any, node: Any) -> None:
     from docutils.nodes import SkipNode
     from latex2mathml.converter import convert
 
-    writer.body.append(convert(node.astext(), display="block" if node.tagname == "math_block" else "inline"))
+    tex = node.astext().replace(r"\tag", r"\qquad\tag")  # MathML has no place of its own for numbers
+    writer.body.append(convert(tex, display="block" if node.tagname == "math_block" else "inline"))
     raise SkipNode
 
 
