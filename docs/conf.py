@@ -77,7 +77,7 @@ def add_contents(_: object, page: str, source: list[str]) -> None:
 
 
 def add_words(_: object, page: str, source: list[str]) -> None:
-    """Add what people search for to the index of a page, and the modules of the textbook to the Python API."""
+    """Add what people search for to the index of a page, and the textbook to the Python API."""
     title, _, text = source[0].partition("\n")
     words = "".join(f"   ! {word}\n" for word in SEARCHED.get(page, ()))
     if words:
