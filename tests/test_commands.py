@@ -86,8 +86,8 @@ def near(said, printed):
 def agrees(said, printed):
     """Whether a printed line is the line of a page, but for widths of columns."""
     said, printed = (" ".join(line.split()) for line in (said, printed))
-    text = re.escape(re.sub(NUMBER, "\0", said)).replace("…", ".*").replace("\0", f"({NUMBER})")
-    found = re.fullmatch(text.replace("\\\x00", f"({NUMBER})"), printed)
+    pattern = re.escape(re.sub(NUMBER, "\0", said)).replace("\0", f"({NUMBER})").replace("…", ".*")
+    found = re.fullmatch(pattern, printed)
     return bool(found) and all(map(near, re.findall(NUMBER, said), found.groups()))
 
 
