@@ -48,6 +48,23 @@ def test_the_contents_of_the_sidebar_are_those_of_the_first_page(conf):
     ]
 
 
+SEARCHES = "choose lambda|damping factor|DLS|pseudo-inverse|singularity avoidance|UR|Franka|ROS|MoveIt Servo"
+
+
+def test_what_people_search_for_is_in_the_index_of_one_page(conf):
+    """Which the search of the site ranks first, as it does an entry that is the whole query."""
+    leads = {word: name for name, words in conf["SEARCHED"].items() for word in words}
+    assert {*SEARCHES.split("|")} <= {*leads} and leads["choose lambda"] == leads["lambda"] == "docs/tune"
+    assert len(leads) == sum(map(len, conf["SEARCHED"].values()))
+    for word, name in leads.items():
+        source = [(ROOT / f"{name}.md").read_text("utf-8")]
+        conf["add_words"](None, name, source)
+        heading, index = re.match(
+            r"# (.+)\n\n```{eval-rst}\n\.\. index::\n(.*?)```\n", source[0], re.DOTALL
+        ).groups()
+        assert heading and f"   ! {word}\n" in index
+
+
 def test_a_broken_link_of_the_site_is_seen(tmp_path):
     (tmp_path / "docs").mkdir()
     good = '<h1 id="here">a</h1><a href="#here">b</a><a href="docs/b.html#there">c</a><a href="https://x.org">d</a>'
