@@ -604,28 +604,3 @@ def quat_of(matrix):
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, matrix.ravel())
     return quat
-
-
-def error_parts(error, jacobian, rows, weights, length, joint_scale):
-    """Return the parts of an error along the direction that an arm is losing, and across it, six rows each.
-
-    The direction is the force and torque that cost the least joint torques for their scaled size. By numpy's
-    decomposition and a least-squares fit for the rows of each unit, and nothing of the law's records.
-
-    Args:
-        error: Six rows [m, rad].
-        jacobian: (6, n).
-        rows: That count.
-        weights: One a row.
-        length: Characteristic length [m].
-        joint_scale: (n,).
-    """
-    rows = np.array(rows)
-    scale = np.diag(np.sqrt(weights) / np.where(rows < 3, length, 1.0))
-    lost, along, across = np.zeros(6), np.zeros(6), np.zeros(6)
-    lost[rows] = scale @ np.linalg.svd(scale @ jacobian[rows] * joint_scale, full_matrices=False)[0][:, -1]
-    for some in (rows[rows < 3], rows[rows >= 3]):
-        share = np.linalg.lstsq(lost[some, None], error[some], rcond=None)[0]
-        along[some] = lost[some, None] @ share
-        across[some] = error[some] - along[some]
-    return along, across
