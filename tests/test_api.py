@@ -2,13 +2,10 @@
 
 import ast
 import importlib
-import inspect
 import re
 import subprocess
 import sys
 import textwrap
-
-import pytest
 
 import rmrc
 from project import ROOT
@@ -107,15 +104,3 @@ def test_nothing_in_a_callers_process_is_changed(tmp_path):
     changed = "gc.disable(); sys.setswitchinterval(1.0); open('x', 'w').close(); say('we')"
     said = python(f"{LEFT}\nimport rmrc\n{called}{changed}", tmp_path).splitlines()
     assert said == ["we switch interval", "we garbage", "we files"]
-
-
-@pytest.mark.parametrize(
-    "name", ["ik", "inspect", "statics", "workspace", "resolve_rates", "Law", "Controller"]
-)
-def test_help_begins_with_a_signature_that_can_be_read(name):
-    """Not with two thousand characters of numpy's unions."""
-    public = getattr(rmrc, name)
-    functions = [public, *vars(public).values()] if isinstance(public, type) else [public]
-    for function in filter(callable, functions):
-        text = str(inspect.signature(function))
-        assert len(text) < 900 and "_NestedSequence" not in text

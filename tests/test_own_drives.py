@@ -12,7 +12,6 @@ from numpy.testing import assert_allclose
 from loops import controller_of
 from project import ROOT
 from rmrc.scenario import Scenario
-from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ScenarioError
@@ -237,31 +236,6 @@ def test_the_timestep_is_the_models_own_or_the_next_that_divides_the_period_whic
 # Ranges ------------------------------------------------------------------------------------------------
 
 
-def test_a_command_stops_at_the_end_of_its_range_and_turns_at_once():
-    # the command ends at 1 rad; the law wants to go on for a second, then back
-    prepared = prepare(scenario("position", by=(0.0, 0.0, 0.0), limits={"position": False}).set({
-        "arm.start": [-0.4, 2.2], "control.feedback": 0.0,
-        "task.axes": ["x"], "target.path": [{"line": {"by": [-0.35, 0, 0]}}, {"line": {"by": [0.35, 0, 0]}}],
-    }))  # fmt: skip
-    (done,) = Simulation([prepared]).run()
-    is_clamped = (done["status"].astype(int) & int(Status.POSITION_LIMITED)) > 0
-    (loop_q, _) = Loop(prepared).run(*_clamped_position())
-    assert is_clamped.any() and not is_clamped.all()
-    assert_allclose(done["qpos"], loop_q, rtol=0, atol=EXACT)
-
-
-def _clamped_position():
-    def start(loop):
-        q, load = loop.data.qpos, loop.load()
-        loop.data.ctrl[:] = 2 * q[0] + load[0] / 2 / 300, min(q[1] + load[1] / 90, 2.5)
-
-    def tell(loop, rates):
-        loop.data.ctrl[:] += np.array([2.0, 1.0]) * rates * loop.period
-        loop.data.ctrl[1] = np.clip(loop.data.ctrl[1], -2.5, 2.5)
-
-    return start, tell
-
-
 # Which drives ------------------------------------------------------------------------------------------
 
 BODY = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="shoulder" axis="0 1 0"/>
@@ -273,13 +247,9 @@ BODY = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="should
 POSITION = '<position name="p" joint="shoulder" kp="9"/>'
 
 REFUSED = {
-    "": ("shoulder, elbow", ""),
-    POSITION: ("elbow", ""),
     f'{POSITION}<damper name="m" joint="elbow" kv="1" ctrlrange="0 1"/>': ("elbow", "m"),
-    '<position name="p" tendon="both" kp="9"/>': ("shoulder, elbow", ""),
     # a motor that also pulls at a joint with a servo keeps its control
     f'{POSITION}<motor name="m" tendon="both"/>': ("elbow", "m"),
-    f'{POSITION}<general name="m" joint="elbow" biastype="affine" gainprm="1" biasprm="0 3 0"/>': ("elbow", "m"),
 }  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import Cache, prepare
@@ -66,32 +66,6 @@ def test_slow_passes_a_wrist_singularity_on_its_path_and_within_its_rates(simula
     assert_array_equal(has(run, Status.SLOWED), run["path_rate"] < 1.0)
     # theta_5 = 0 was passed: theta_4 made its half turn
     assert np.ptp(run["q"][:, 3]) > np.radians(150)
-
-
-@pytest.mark.parametrize(("offset", "change"), [("1 deg", 3.0), ("0.1 deg", 10.0)])
-def test_the_pace_is_what_its_columns_say(simulate, offset, change):
-    prepared, run = simulate(*wrist(offset, SLOW, f"control.slow.change={change}", "plant.kind=ideal"))
-    pace, time, T = run["path_rate"], run["path_time"], run.period
-    assert pace.min() >= 0.0 and pace.max() <= 1.0
-    # the pace before the first tick is 1
-    assert np.abs(np.diff(pace, prepend=1.0)).max() <= change * T + 1e-12
-    end = (run.planned - 1) * T
-    assert time[0] == 0.0 and time[-1] == pytest.approx(end)
-    assert_allclose(time[1:], np.minimum(time[:-1] + pace[:-1] * T, end), rtol=0, atol=1e-9)
-    before = np.minimum((time / T).astype(int), run.planned - 2)
-    part = (time / T - before)[:, None]
-    pose, twist = prepared.reference.pose, prepared.reference.twist
-    after = (
-        pose[before + 1]
-        * np.where(np.sum(pose[before, 3:] * pose[before + 1, 3:], axis=1) < 0, -1, 1)[:, None]
-    )
-    after[:, :3] = pose[before + 1, :3]
-    want = pose[before] + part * (after - pose[before])
-    want[:, 3:] /= np.linalg.norm(want[:, 3:], axis=1, keepdims=True)
-    # 1e-9: path_time is the path tick times the period, and divided by it here
-    assert_allclose(run["pose_ref"], want, rtol=0, atol=1e-9)
-    full = twist[before] + part * (twist[before + 1] - twist[before])
-    assert_allclose(run["twist_ref"], pace[:, None] * full, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

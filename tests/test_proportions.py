@@ -47,20 +47,6 @@ def rule(J, rows, weights=1.0, joint_weights=1.0):
     return length, np.median(np.linalg.svd(A, compute_uv=False)[:, -1])
 
 
-def chain(factor=1.0, joint="hinge", more=""):
-    """Return an arm of six joints with lengths of about a meter times a factor."""
-    axes = ("0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0")
-    steps = ("0 0 0.4", "0.1 0 0", "0.6 0 0", "0.5 0.05 0", "0.05 0 0", "0.1 0 0.02")
-    text = ""
-    for i, (axis, step) in enumerate(zip(axes, steps, strict=True)):
-        pos = " ".join(f"{factor * float(value):.17g}" for value in step.split())
-        text += f'<body pos="{pos}"><joint name="j{i}" type="{joint}" axis="{axis}" range="-170 170"/><geom size="0.01"/>'
-    site = f'<site name="tool" pos="{0.2 * factor:.17g} 0 {0.1 * factor:.17g}"/>'
-    return mujoco.MjModel.from_xml_string(
-        f"<mujoco><worldbody>{text}{site}{'</body>' * 6}</worldbody>{more}</mujoco>"
-    )
-
-
 def numbers(one):
     """Return length, ε and λ_max of a Controller."""
     damping = one.control.inverse.damping
@@ -84,18 +70,6 @@ def test_length_and_damping_are_those_of_the_rule(name, site):
     length_, usual_ = rule(jacobians(arm), rows)
     assert_allclose(length, length_, rtol=0.05)
     assert_allclose(usual, usual_, rtol=0.1)
-
-
-@pytest.mark.parametrize("factor", [0.1, 100.0])
-def test_a_larger_arm_has_a_larger_length_and_the_same_damping(factor):
-    whole, other = (Controller(chain(f), "tool") for f in (1.0, factor))
-    assert whole.task.axes == AXES
-    assert_allclose(other.task.length, factor * whole.task.length, rtol=1e-12)
-    assert numbers(other)[1:] == numbers(whole)[1:]
-    # where the rows are of one kind, σ is in meters, and so is its damping
-    whole, other = (Controller(chain(f), "tool", task={"axes": ["x", "y", "z"]}) for f in (1.0, factor))
-    assert other.task.length == whole.task.length == 1.0
-    assert_allclose(numbers(other)[1:], np.multiply(factor, numbers(whole)[1:]), rtol=1e-12)
 
 
 # Its users ----------------------------------------------------------------------------------------

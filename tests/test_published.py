@@ -118,40 +118,6 @@ def test_kdl_s_singular_values_and_scaled_damping(second, fourth, third, zero):
     assert_allclose(resolve_rates(J, twist, "damped", **chosen), theirs, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("q", "turn", "step", "iterations", "converges", "zero"),
-    [
-        ([0, 0.5, 0.4, -QUARTER, 0, 0, 0], 0.1, 0.01, 30, True, 1),
-        ([0, 0.2, 0.4, -QUARTER, 0, 0, 0], 0.1, 0.01, 30, False, 2),
-        ([0, 0.5, 0.4, -QUARTER, 0, 0, 0], 0.2, -0.2, 5, False, 1),
-        ([0, 0, 0, 0, 0, 0, 0], 0.1, 0.01, 30, False, 3),
-    ],
-    ids=["near", "singular", "far", "straight"],
-)
-def test_kdl_s_singular_values_while_it_searches(q, turn, step, iterations, converges, zero):
-    """IkSingularValueTest: Newton's method with singular values below 0.1 dropped, to 1e-6 in all six rows.
-
-    Whether it converges, and how many σ it dropped at the end, is what KDL's test has; `truncated` drops the same.
-    """
-    c, s = np.cos(turn), np.sin(turn)
-    x, y, z = (
-        np.array([[1, 0, 0], [0, c, -s], [0, s, c]]),
-        np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]),
-        np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]),
-    )
-    target = SIA10.frames(q)[-1] @ np.block([[np.eye(3), tool(SIA10_TOOL)[:, None]], [np.zeros((1, 3)), 1]])
-    target[:3] = np.column_stack(
-        [target[:3, :3] @ (z @ y @ x), target[:3, 3] + target[:3, :3] @ np.full(3, step)]
-    )
-    for _ in range(iterations):
-        J, error = jacobian(SIA10, q, SIA10_TOOL), towards(SIA10, q, target, SIA10_TOOL)
-        q = q + resolve_rates(J, error, "truncated", cutoff=0.1)
-        if np.abs(error).max() < 1e-6:
-            break
-    assert (np.abs(error).max() < 1e-6) == converges
-    assert 1 + np.count_nonzero(np.linalg.svd(J)[1] < 0.1) == zero
-
-
 def test_kdl_s_forward_kinematics():
     """FdSolverDevelopmentTest, to the three digits of its source."""
     end = SIA10_STANDARD.frames([0.2, 0.6, 1.0, 0.5, -1.4, 0.3, -0.8])[-1]

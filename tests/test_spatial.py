@@ -1,7 +1,6 @@
 """rmrc.support.spatial against scipy's rotations, matrix exponentials and homogeneous matrices."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
@@ -136,39 +135,3 @@ def test_shift_twist_is_the_velocity_of_the_other_point_of_a_turning_body(old, n
     moved = (paths[0] - paths[1]) / (2 * dt)
     shifted = spatial.shift_twist(twist, old - new)
     assert_near(shifted, [*moved, *omega], atol=3e-8)
-
-
-def quat_array(rng, *shape):
-    q = rng.normal(size=(*shape, 4))
-    return q / np.linalg.norm(q, axis=-1, keepdims=True)
-
-
-def pose_array(rng, *shape):
-    return np.concatenate([rng.normal(size=(*shape, 3)), quat_array(rng, *shape)], axis=-1)
-
-
-def matrix_array(rng, *shape):
-    rotations = scipy_rotation(quat_array(rng, *shape).reshape(-1, 4))
-    return rotations.as_matrix().reshape(*shape, 3, 3)
-
-
-def vector_array(rng, *shape):
-    return rng.normal(size=(*shape, 3))
-
-
-@pytest.mark.parametrize(
-    ("function", "first", "second"),
-    [
-        (spatial.quat_multiply, quat_array, quat_array),
-        (spatial.rotate, quat_array, vector_array),
-        (spatial.pose_error, pose_array, pose_array),
-        (spatial.twist_transform, matrix_array, vector_array),
-    ],
-)
-def test_leading_axes_broadcast_as_a_loop_would(function, first, second):
-    rng = np.random.default_rng(7)
-    a, b = first(rng, 5, 1), second(rng, 3)
-    assert_near(function(a, b), [[function(a[i, 0], b[j]) for j in range(3)] for i in range(5)])
-    # and the other way round, so that neither argument alone sets the shape
-    a, b = first(rng, 3), second(rng, 5, 1)
-    assert_near(function(a, b), [[function(a[j], b[i, 0]) for j in range(3)] for i in range(5)])

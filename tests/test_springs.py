@@ -5,7 +5,6 @@ The oracles are the springs as they are written, and a plain loop over MuJoCo th
 
 import re
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -82,19 +81,6 @@ def test_an_arm_at_rest_gives_what_its_springs_take_and_stays(write, kind, name)
         assert re.findall("slide|hinge", told) == moved
         for torque in filter(None, torques):
             assert f"{abs(torque):.3g} N" in told
-
-
-def test_servos_are_a_plain_loop_that_cancels_the_springs(write):
-    prepared, run = ran(write(**SPRINGS["polynomial"][0]), "servo")
-    model = prepared.plant.own_model()
-    data, wiring = mujoco.MjData(model), prepared.arm.wire(model)
-    data.qpos[:] = run["qpos"][0]
-    for t, rates in enumerate(run["qdot_cmd"]):
-        mujoco.mj_step1(model, data)
-        # rounding that servos forget
-        assert_allclose(data.qpos, run["qpos"][t], rtol=0, atol=1e-9)
-        data.ctrl[:], data.qfrc_applied[wiring.dof] = rates, -data.qfrc_spring[wiring.dof]
-        mujoco.mj_step2(model, data)
 
 
 VELOCITY, POSITION = '<velocity joint="{}" kv="300"/>', '<position joint="{}" kp="5000" dampratio="1"/>'

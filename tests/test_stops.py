@@ -171,32 +171,3 @@ def test_what_a_standing_joint_leaves_of_a_redundant_arm_is_damped_near_its_own_
 
 
 # Whole runs -------------------------------------------------------------------------------------------------------
-
-TORUS = ("arm.model=models/torus_3r.xml", "arm.start=home", "task.axes=[x, y, z]", "plant.kind=ideal")
-FAST = "target.limits={velocity: 0.4, acceleration: 1.0, jerk: 10.0}"
-
-
-def to(*point):
-    """Return the override of a path towards the first axis and back."""
-    return f"target.path=[{{line: {{to: {list(point)}}}}}, {{line: {{to: [1.6528, 0.9543, 1.2762]}}}}]"
-
-
-# Where one factor for all rates held the whole arm for 65, 55 and 49 % of the path.
-APPROACHES = {
-    "beside the axis": to(0.3, 0.1, 1.3),
-    "above": to(0.05, 0.05, 2.0),
-}
-
-
-@pytest.mark.parametrize(("approach", "on_excess"), [("beside the axis", "scale"), ("above", "redistribute")])
-def test_an_arm_whose_joint_stands_goes_on(simulate, approach, on_excess):
-    prepared, run = simulate(*TORUS, APPROACHES[approach], FAST, f"control.limits.on_excess={on_excess}")
-    stands = run["status"] & Status.POSITION_LIMITED > 0
-    assert np.mean(stands) > 0.15
-    moves = np.linalg.norm(run["twist_ref"], axis=1) > 1e-3
-    still = np.abs(run["qdot_cmd"]).max(axis=1) < 1e-4
-    assert np.mean(moves & still) < 0.01
-    assert np.linalg.norm(run["pose_error"][-1, :3]) < 1e-4
-    lower, upper = prepared.arm.position_limit.T
-    assert np.maximum(lower - run["q"], run["q"] - upper).max() <= 1e-12
-    assert np.all(np.abs(run["qdot_cmd"]) <= prepared.arm.rate_limit * (1 + 1e-9))
