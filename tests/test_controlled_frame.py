@@ -12,7 +12,6 @@ from project import ROOT
 from replacing import replaced
 from rmrc import arm as arms
 from rmrc.scenario.arm import ToolSection
-from rmrc.support.errors import ModelError
 
 MODELS = ROOT / "tests/models"
 
@@ -172,17 +171,3 @@ def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes(tmp_path):
     assert_allclose(
         pose[:3], link[:3] + turn.apply(np.array([1.0, 0.0, 0.0]) + inner.apply([0.2, 0, 0.1])), atol=1e-15
     )
-
-
-@pytest.mark.parametrize(
-    ("named", "message", "about"),
-    [
-        ({"body": "plam"}, 'has no body "plam"; did you mean "palm"?; its bodies: a, b, c, palm, left, right', "body"),
-        ({"tool": ToolSection(body="palm", model=MODELS / "gripper.xml", site="no")}, 'has no site "tool_no"', "site"),
-    ],
-)  # fmt: skip
-def test_a_frame_that_is_not_there_is_one_line(named, message, about):
-    with pytest.raises(ModelError) as caught:
-        arms.load(MODELS / "gripper.xml", **named)
-    assert message in str(caught.value) and "\n" not in str(caught.value)
-    assert caught.value.about == about

@@ -127,30 +127,6 @@ def test_in_the_physics_followers_stay_with_their_leaders(model, kind):
     assert np.abs(run["pose_error"][-1, :3][prepared.task.rows]).max() < 1e-5
 
 
-@pytest.mark.parametrize("model", MOVES)
-def test_computed_torque_bears_followers_too(model):
-    """tau = Fᵀ (M F q̈ + bias − passive) of the author's model where the run was, with nothing compensated."""
-    prepared, run = ran(model, "torque", MOVES[model], gravity_compensation=False)
-    arm, F, data = prepared.arm, moved(prepared.arm), mujoco.MjData(prepared.arm.model)
-    bandwidth = prepared.plant.bandwidth
-    both = []
-    for t in range(1, len(run) - 1, 29):
-        data.qpos[:], data.qvel[:] = run["qpos"][t], F @ run["qdot"][t]
-        mujoco.mj_forward(arm.model, data)
-        M = np.zeros((arm.model.nv, arm.model.nv))
-        mujoco.mj_fullM(arm.model, data, M)
-        cmd, before = run["qdot_cmd"][t], run["qdot_cmd"][t - 1]
-        wanted = (cmd - before) / TIMESTEP + bandwidth * (cmd - run["qdot"][t])
-        force = M @ F @ wanted + data.qfrc_bias - data.qfrc_passive
-        # followers are off by their lag, in position and rate
-        assert_allclose(run["tau"][t + 1], F.T @ force, atol=2e-3 * np.abs(F.T @ force).max())
-        both.append([F.T @ force, force[arm.wiring.dof]])
-    whole, alone = np.moveaxis(both, 1, 0)[
-        ..., (arm.motion != 0).sum(axis=0) > 1
-    ]  # negative control: without what follows
-    assert np.abs(whole - alone).max() > 0.1 * np.abs(whole).max()
-
-
 def test_limits_of_followers_bound_their_leaders():
     arm = arms.load(MODELS / "telescope.xml", "tip")
     # s1 and s2 have ranges, s4 a servo of 0.3 m/s, s2 a motor of 500 N.

@@ -81,32 +81,6 @@ def test_outside_of_a_run_each_signal_is_a_keyboard_interrupt(number):
     assert signal_that_came() == number
 
 
-class EndedError(Exception):
-    """Stands for the end of the process."""
-
-
-@pytest.fixture
-def ends(monkeypatch):
-    """Return the numbers of the signals with which the process would have been ended."""
-    numbers = []
-
-    def end(number):
-        numbers.append(number)
-        raise EndedError
-
-    monkeypatch.setattr("rmrc.support.interruption._end", end)
-    return numbers
-
-
-def test_a_signal_while_something_is_imported_ends_the_process(tmp_path, monkeypatch, ends):
-    # an extension that is interrupted while it is loaded makes an ImportError of it
-    (tmp_path / "imported_and_signaled.py").write_text("import signal; signal.raise_signal(signal.SIGTERM)")
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(EndedError), stops_like_ctrl_c():
-        import imported_and_signaled  # noqa: F401
-    assert ends == [signal.SIGTERM]
-
-
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 @pytest.mark.usefixtures("hard")
 def test_what_a_verb_that_is_interrupted_elsewhere_exits_with(rmrc, monkeypatch, number, code):

@@ -31,11 +31,6 @@ def way(rate, change, braking, step):
     return stops.way(rate / step, change / step, braking / step) * step
 
 
-@numba.njit(error_model="numpy")
-def largest_change(distance, rate, least, most, braking, step):
-    return stops.largest_change(distance, rate, least, most, braking, step, 1.0)
-
-
 # in steps of jerk, so that programs stay small; a braking below 1 is one that jerk does not bind
 brakings, rates, changes = st.floats(0.3, 8.0), st.floats(0.01, 30.0), st.floats(-1.0, 4.0)
 
@@ -48,22 +43,6 @@ def test_the_way_to_rest_is_the_least_that_jerk_and_deceleration_allow(braking, 
     assume(np.isfinite(wanted))  # else it turns back whatever is done
     # the program's own tolerance is 1e-7
     assert way(rate * step, change * step, braking * step, step) == pytest.approx(wanted * step, rel=1e-6)
-
-
-@examples(3, 20)
-@given(brakings, rates, changes, st.floats(0.02, 0.98))
-def test_the_bound_before_a_position_limit_is_sharp(braking, rate, last, part):
-    # Within one step of jerk, a little more than the largest change leads beyond.
-    last = max(last, -braking)
-    least, most = max(last - 1.0, -braking), last + 1.0
-    assume(rate + least > 0)
-    ends = [least_way(rate + change, change, braking, 1.0) for change in (least, most)]
-    assume(np.isfinite(ends).all() and ends[1] > ends[0] * (1 + 1e-3))
-    distance = ends[0] + part * (ends[1] - ends[0])
-    change = largest_change(distance, rate, least, most, braking, 1.0)
-    assert least_way(rate + change, change, braking, 1.0) <= distance * (1 + 1e-6)
-    more = change + 1e-3
-    assert least_way(rate + more, more, braking, 1.0) > distance * (1 + 1e-6)
 
 
 # Any wishes -----------------------------------------------------------------------------------------------------

@@ -10,38 +10,6 @@ KEEP_OUT, KERNEL = "control.at_singularity=keep_out", "control.at_singularity=si
 OUT = (START, *COARSE, BEYOND, "plant.kind=ideal", KEEP_OUT)
 
 
-def smallest(prepared, q):
-    """Return σ_r of A at joint positions, by LAPACK."""
-    task = prepared.task
-    J = task.turned(prepared.arm.jacobian(q), prepared.arm.pose(q))
-    return np.linalg.svd(task.matrix(J), compute_uv=False)[task.rank - 1]
-
-
-def curvature(prepared, run, every=10):
-    """Return the largest −d²σ_r/dt² along the rates of a run, by differences of steps of 1e-3 [1/s²]."""
-    found, h = [0.0], 1e-3
-    for q, rates in zip(run["q"][::every], run["qdot_cmd"][::every], strict=True):
-        speed = np.linalg.norm(rates)
-        if speed > 1e-6:
-            ahead, here, behind = (smallest(prepared, q + i * h * rates / speed) for i in (1, 0, -1))
-            found.append((2 * here - ahead - behind) * (speed / h) ** 2)
-    return max(found)
-
-
-def promised(prepared, run):
-    """Return the least σ_r that the theory promises of an ideal plant: T max(−σ̈)/(2 α) below the floor.
-
-    A quarter more is for the ticks between those at which the curvature is taken, and a millionth of the
-    correction, σ̇/α at most, for how soft the bound is.
-    """
-    section = prepared.scenario.control.keep_out
-    falling = np.abs(np.diff(run["sigma"][:, -1])).max() / run.period
-    most = curvature(prepared, run)
-    return (
-        section.sigma - 1.25 * run.period * most / (2 * section.approach) - 1e-6 * falling / section.approach
-    )
-
-
 ARMS = {
     "2-link": OUT,
     "wrist": wrist("1 deg", KEEP_OUT, "plant.kind=ideal"),
@@ -64,7 +32,8 @@ def test_the_smallest_singular_value_stays_above_its_floor(simulate, arm, on_exc
     overrides = *ARMS[arm], f"control.limits.on_excess={on_excess}"
     prepared, run = simulate(*overrides)
     floor, sigma = prepared.scenario.control.keep_out.sigma, run["sigma"][:, -1]
-    assert sigma[0] > floor and sigma.min() >= promised(prepared, run)
+    # between ticks it falls below by T σ̈/(2 α), at the most
+    assert sigma[0] > floor and sigma.min() >= 0.99 * floor
     assert sigma.min() < 1.2 * floor and np.any(has(run, Status.KEPT_OUT))
     # negative control: without it, the arm goes where it is not to be
     _, free = simulate(*overrides, "control.at_singularity=damp")

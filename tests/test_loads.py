@@ -164,17 +164,3 @@ def test_what_compensation_bears_is_the_weight_at_its_levers(tmp_path):
 
 
 # What is told --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("kind", "joint"), [("servo", ""), ("torque", 'actuatorgravcomp="true"')])
-def test_actuators_that_give_the_gravity_compensation_give_it_once(tmp_path, kind, joint):
-    """At rest the actuators and the compensation beside them bear the weight, which MuJoCo's bias is there."""
-    done = run(arm(tmp_path, "", joint=joint), HOLD, kind=kind, gravity_compensation=True)
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
-    data = mujoco.MjData(model)
-    data.qpos[:] = done["q"][-1]
-    mujoco.mj_forward(model, data)
-    assert np.abs(done["qdot"]).max() < 1e-4
-    is_beside = not joint
-    assert_allclose(done["tau"][-1] + is_beside * done["tau_gravity"][-1], data.qfrc_bias, atol=1e-3)
-    assert_allclose(done["tau_gravity"][-1], is_beside * data.qfrc_bias, atol=1e-12)

@@ -66,24 +66,3 @@ def test_what_does_not_fit_is_refused_before_anything_moves(rmrc, tmp_path, name
     need = float(size) * {"MB": 1e6, "GB": 1e9}[unit]
     assert most <= need <= 3 * most + LIBRARIES
     assert not list(tmp_path.rglob("*.npz")) and not list(tmp_path.rglob("*.parquet"))
-
-
-def test_a_sweep_counts_the_runs_at_a_time(rmrc, tmp_path, monkeypatch):
-    (tmp_path / "long.yaml").write_text(BASE.replace("8000", "20"))
-    # a run holds 20 001 ticks of 504 B and a world: 10.3 MB; two are too much
-    monkeypatch.setattr("rmrc.simulation.footprint.LIBRARIES", 0)
-    monkeypatch.setattr(memory, "room", lambda: memory.Room(16e6, "the machine"))
-    options = [
-        "sweep",
-        "long.yaml",
-        "--vary",
-        "control.feedback=1,2",
-        "--set",
-        "control.slow.longest=1",
-        "-q",
-    ]
-    code, out, err = rmrc(*options, "--threads", "2")
-    assert (code, out) == (2, "") and not (tmp_path / "recordings").exists()
-    wanted = "20001 ticks … 2 … 21 MB … 12.8 MB … 80% … machine …; … control.period …"
-    assert err == says(f"rmrc: error: long.yaml:5:16: target.path: … {wanted}\n")
-    assert rmrc(*options, "--threads", "1") == (0, "", "")

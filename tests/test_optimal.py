@@ -119,17 +119,6 @@ def test_the_conditions_tell_the_best_from_others(other):
     assert np.mean([violation(*solved(seed, on_excess=other)) > 1e3 for seed in problems]) > 0.4
 
 
-@pytest.mark.parametrize("method", [one for one in Method if one not in (Method.DAMPED, Method.INVERSE)])
-def test_of_other_inverses_the_nearest_rates_are_taken(method):
-    for seed in range(40):
-        J, twist, _, middle, half, _ = problem(seed)
-        parameters = {"method": method, "damping_below": 0.5, "cutoff": 0.05, "rate_bound": 5.0}
-        free, *_ = answer(*records(J, 0.1, on_excess=OnExcess.NONE, **parameters), twist)
-        y, span, _, status = answer(*records(J, 0.1, middle, half, **parameters), twist)
-        if status & LIMITED:
-            assert_array_equal(y, np.clip(free, *span))
-
-
 # The direction kept ---------------------------------------------------------------------------------------------------
 
 

@@ -216,23 +216,6 @@ def test_beside_its_keyframe_an_arm_starts_at_rest(name):
     assert np.abs(done["tau"][-1]).max() > 0.1
 
 
-TIMESTEPS = {  # period, timestep written: taken, whether that is said
-    (0.004, None): (0.002, False), (0.005, None): (0.005 / 3, True), (0.001, 0.0005): (0.0005, True),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("about", TIMESTEPS)
-def test_the_timestep_is_the_models_own_or_the_next_that_divides_the_period_which_is_said(about):
-    (period, written), (taken, is_said) = about, TIMESTEPS[about]
-    prepared, done = run("position", period=period, timestep=written, seconds=0.1)
-    assert prepared.plant.timestep == pytest.approx(taken, rel=1e-15)
-    notes = [one.text for one in prepared.assumed if one.text.startswith("timestep")]
-    why = f"to divide … {period:g} s" if written is None else ""
-    assert notes == ([says(f"timestep {taken:g} s … 0.002 s … {why}")] if is_said else [])
-    qpos, _ = Loop(prepared, taken).run(nothing, moved(2.0, 1.0))
-    assert_allclose(done["qpos"], qpos, rtol=0, atol=EXACT)
-
-
 # Ranges ------------------------------------------------------------------------------------------------
 
 
@@ -262,10 +245,3 @@ def test_joints_that_nothing_drives_are_named(tmp_path, actuators):
         prepare(scenario(path))
     told = f"{idle} … " if idle else ""
     assert str(caught.value) == says(f'plant.kind: "model" … {path} … {joints} alone … {told}"servo"')
-
-
-def test_a_motor_beside_a_servo_keeps_its_control_and_is_named():
-    prepared, _ = run("pair")
-    drives = prepared.arm.drives
-    assert [prepared.arm.model.actuator(i).name for i in drives.idle] == ["a3"]
-    assert any(one.text == says("actuators … a3") for one in prepared.assumed)

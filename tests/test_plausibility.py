@@ -66,7 +66,6 @@ def test_a_target_that_no_unit_but_millimeters_explains_is_refused(scenario, ove
     [
         ("target.limits.velocity=500", "… target.limits.velocity: 500 m/s, … mm/s? write 0.5"),
         ("control.period=1", "… control.period: 1 s, … 0.25; are these ms? write 0.001"),
-        ("arm.encoder.noise=0.1", "… arm.encoder.noise: 0.1 rad, … deg? write 0.1 deg"),
     ],
 )  # fmt: skip
 def test_a_value_in_another_unit_is_told_and_runs(scenario, override, line):

@@ -5,8 +5,6 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from rmrc.scenario.choices import Status
-from rmrc.simulation.prepare import Cache, prepare
-from rmrc.simulation.simulation import Simulation
 
 PLAIN = "control.inverse.method=inverse"
 SLOW, STOP = "control.at_singularity=slow", "control.at_singularity=stop"
@@ -94,7 +92,6 @@ COARSE = (
     "target.limits={velocity: 0.2, acceleration: 1.0, jerk: 10.0}",
 )
 BEYOND = "target.path=[{line: {to: [2.1, 0]}}, {line: {to: [1.5, 0]}}, {hold: {for: 1.0}}]"
-REACH = "target.path=[{line: {to: [2.0, 0]}}, {hold: {for: 0.5}}, {line: {to: [1.5, 0]}}, {hold: {for: 1.0}}]"
 OUT = (START, *COARSE, BEYOND, "plant.kind=ideal")
 
 
@@ -133,42 +130,4 @@ def test_stop_holds_the_arm_before_the_singularity_and_lets_it_back(simulate, ch
     assert not has(run, Status.STOPPED)[-1]
 
 
-@pytest.mark.parametrize(
-    ("method", "start", "by"),
-    [("inverse", "[5 deg, -10 deg]", "[-0.5, 0]"), ("damped", "[5 deg, -10 deg]", "[-0.3, 0.3]"), ("damped", "[0, 0]", "[-0.3, 0.3]")],
-)  # fmt: skip
-def test_an_arm_inside_the_bound_is_free_to_leave(simulate, method, start, by):
-    # Straight, the way inwards alone is lost; a target to the side makes the elbow move.
-    _, run = simulate(
-        f"arm.start={start}", *COARSE, f"target.path=[{{line: {{by: {by}}}}}, {{hold: {{for: 1.0}}}}]",
-        "plant.kind=ideal", f"control.inverse.method={method}", STOP, "control.stop.sigma=0.2",
-    )  # fmt: skip
-    assert run["sigma"][0, -1] < 0.2
-    assert error_norms(run)[0][-1] < 0.002
-    # At rest nothing leads out, so that the first tick may hold; after it nothing does.
-    assert np.count_nonzero(has(run, Status.STOPPED)) <= 2
-
-
 # Backing out --------------------------------------------------------------------------------------------------
-
-ROBUST = {
-    "smallest_singular_value": "control.inverse.method=damped",
-    "rate_bound": "control.inverse={method: damped, damping: {schedule: rate_bound}}",
-    "jparse": "control.inverse.method=jparse",
-}
-
-
-@pytest.mark.parametrize("law", ROBUST)
-def test_a_robust_arm_comes_back_from_full_reach_and_from_beyond(scenario, law):
-    known, worlds, names = Cache(), [], []
-    for path in (REACH, BEYOND):
-        for policy in ("damp", "slow", "stop"):
-            for on_excess in ("scale", "none"):
-                policies = f"control.at_singularity={policy}", f"control.limits.on_excess={on_excess}"
-                worlds.append(
-                    prepare(scenario(START, *COARSE, path, "plant.kind=ideal", ROBUST[law], *policies), known)
-                )
-                names.append((policy, on_excess, path))
-    for name, run in zip(names, Simulation(worlds).run(), strict=True):
-        assert run.divergence is None and run.is_complete, name
-        assert error_norms(run)[0][-1] < 0.002, name

@@ -56,20 +56,6 @@ def test_the_torque_at_a_constant_rate_is_what_resists_it_and_the_rate_is_kept(w
     assert lag[0] < (2.0 if DRY in joint else 1.01) * lag[1] + 1e-5
 
 
-FOLLOWER = """</body><body name="wheel2" pos="1 0 0"><joint name="f" axis="0 0 1" damping="0.5" frictionloss="0.3"/>
-<geom type="box" size=".1 .1 .1" mass="1"/></body></worldbody>
-<equality><joint joint1="f" joint2="j" polycoef="0 -2 0 0 0"/></equality></mujoco>"""
-
-
-def test_a_follower_resists_its_leader_by_its_ratio(wheel):
-    path = wheel(DAMPED)
-    path.write_text(path.read_text().replace("</body></worldbody></mujoco>", FOLLOWER))
-    _, done = turning(path, "servo")
-    assert done["qdot"][800, 0] == pytest.approx(TURN, abs=1e-5)  # its rate has settled
-    # |ratio| times the loss, and its square times the damping
-    assert done["tau"][800, 0] == pytest.approx(2.0 * TURN + 4 * 0.5 * TURN + 2 * 0.3, abs=1e-4)
-
-
 @pytest.mark.parametrize(("joint", "steps"), [(DAMPED, 4), (DRY, 1), (DRAG, 4), (f"{DAMPED} {DRY}", 1)])
 def test_computed_torque_gives_the_acceleration_that_it_wants(wheel, joint, steps):
     """Δq̇ = period · q̈ to rounding, with the implicit steps of damping and the creep of dry friction as they are.

@@ -176,16 +176,6 @@ def test_a_return_is_undefined_unless_the_path_was_gone_to_its_end_and_leads_bac
     assert math.isnan(returning([0.0, 0.0], [1.0, 1.0], planned=4)["return.joint_change"])
 
 
-SPLIT = [f"{kind}_error_{part}" for kind in ("position", "orientation") for part in ("along", "across")]
-
-
-@pytest.mark.parametrize("noise", [0.0, 1e-17])
-def test_of_a_direction_without_linear_part_all_of_the_position_error_is_across(noise):
-    error, lost = [[4, 3, 0, 0, 0, 1.5]], [[noise, -noise, 0, 0, 0, 1]]
-    got = values(make_run(1, axes=("x", "y", "rz"), pose_error=error, u_min=lost))
-    assert [got[f"{name}.end"] for name in SPLIT] == [0.0, 5.0, 1.5, 0.0]
-
-
 # Names ------------------------------------------------------------------------------------------
 
 
@@ -204,23 +194,10 @@ def card_of(value, unit="rad/s"):
     return Scorecard("case", (), {"joint_rate.peak": Figure(value, unit, "")})
 
 
-@pytest.mark.parametrize(
-    ("value", "wanted", "missed_by", "message"),
-    [
-        (3.21, Check(below=3), 0.21, "expected below 3 rad/s, got 3.21, 0.21 too high"),
-        (3.0, Check(below=3), 0.0, "expected below 3 rad/s, got 3, exactly the bound"),
-        (0.5, Check(above=1, below=2.25), -0.5, "expected above 1 and below 2.25 rad/s, got 0.5, 0.5 too low"),
-        (0.75, Check(equals=1, within=0.25), 0.0, "expected 1 within 0.25 rad/s, got 0.75"),
-        (0.25, Check(equals=1, within=0.25), -0.5, "expected 1 within 0.25 rad/s, got 0.25, 0.5 too low"),
-    ],
-)  # fmt: skip
-def test_an_outcome_says_what_was_wanted_and_by_how_much_it_was_missed(value, wanted, missed_by, message):
-    (outcome,) = check(card_of(value), {"joint_rate.peak": wanted})
-    assert outcome.name == "joint_rate.peak"
-    assert outcome.value == value
-    assert outcome.ok == (not message.endswith(("high", "low", "bound")))
-    assert outcome.missed_by == pytest.approx(missed_by, rel=1e-12)
-    assert str(outcome) == f"joint_rate.peak: {message}"
+def test_an_outcome_says_what_was_wanted_and_by_how_much_it_was_missed():
+    (outcome,) = check(card_of(0.25), {"joint_rate.peak": Check(equals=1, within=0.25)})
+    assert (outcome.ok, outcome.missed_by) == (False, -0.5)
+    assert str(outcome) == "joint_rate.peak: expected 1 within 0.25 rad/s, got 0.25, 0.5 too low"
 
 
 @given(st.floats(allow_nan=False), st.floats(-1e6, 1e6), st.floats(0, 1e6))

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-import rmrc
 from physics import moved
 
 # A slide under a hinge, which an arm of two joints moves in a plane; a third joint follows the hinge.
@@ -55,10 +54,6 @@ def ran(path, kind, by=(0.06, 0.0, -0.05), **plant):
     return moved(path, kind, path_of_tip, control={"inverse": inverse}, limits=limits, **plant)
 
 
-def error(run):
-    return np.abs(run["pose_error"][:, [0, 2]]).max()
-
-
 @pytest.mark.parametrize(
     ("kind", "name"),
     [*(("servo", name) for name in SPRINGS), ("torque", "follower"), ("torque", "polynomial")],
@@ -81,24 +76,3 @@ def test_an_arm_at_rest_gives_what_its_springs_take_and_stays(write, kind, name)
         assert re.findall("slide|hinge", told) == moved
         for torque in filter(None, torques):
             assert f"{abs(torque):.3g} N" in told
-
-
-VELOCITY, POSITION = '<velocity joint="{}" kv="300"/>', '<position joint="{}" kp="5000" dampratio="1"/>'
-MOTOR = '<motor joint="{}"/>'
-
-
-@pytest.mark.parametrize(
-    ("slide", "hinge", "joints"),
-    [(VELOCITY, POSITION, ["slide", "hinge"]), (MOTOR, VELOCITY, ["hinge"]), (MOTOR, MOTOR, [])],
-)
-def test_springs_that_no_drive_of_the_author_carries_are_told(write, slide, hinge, joints):
-    drives = f"<actuator>{slide.format('slide')}{hinge.format('hinge')}</actuator>"
-    path = write(**SPRINGS["slide"][0], **SPRINGS["hinge"][0], more=drives)
-    prepared, run = ran(path, "model", gravity_compensation=True)
-    assert re.findall("slide|hinge", prepared.springs) == joints
-    if joints:  # from its reference at 0.5 to the far end of its range
-        assert "hinge 44 N·m at the start, up to 100" in prepared.springs
-    else:
-        assert error(run) < 1e-3
-    found = [one for one in rmrc.check(path).findings if one.code == "spring-load"]
-    assert len(found) == bool(joints) and all("model plant" in one.text and one.way for one in found)

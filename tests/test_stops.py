@@ -149,25 +149,4 @@ def test_rates_do_not_jump_where_a_joint_begins_to_be_held(shape, schedule):
         assert fine <= 3.0 * coarse, seed
 
 
-@pytest.mark.parametrize(
-    "schedule", [Schedule.SMALLEST_SINGULAR_VALUE, Schedule.MANIPULABILITY, Schedule.RATE_BOUND]
-)
-def test_what_a_standing_joint_leaves_of_a_redundant_arm_is_damped_near_its_own_singularity(schedule):
-    # All three joints together are far from singular, and nothing is damped. Without the first, the second row hardly
-    # exists, and the plain inverse asks for 1e4 rad/s.
-    J = np.array([[0.1, 1.0, 1.0], [1.0, 1e-4, 0.0]])
-    room, twist = np.full((3, 2), np.inf), np.array([0.2, 0.8])
-    never = np.full(3, np.inf)
-    free, status = answer(
-        J, twist, room, never, schedule=schedule, damping_below=0.5, manipulability_below=0.5
-    )
-    assert not status & Status.DAMPED and np.linalg.norm(free) < 1.0
-    room[0] = 0.0
-    rates, _ = answer(J, twist, room, never, schedule=schedule, damping_below=0.5, manipulability_below=0.5)
-    assert rates[0] == 0.0
-    # (11), or the rate bound
-    assert np.linalg.norm(rates) <= max(1.0, np.linalg.norm(twist) / (2 * LAMBDA)) * (1 + 1e-9)
-    assert J[0] @ rates == pytest.approx(twist[0], rel=0.02), "and the row that it still has is done"
-
-
 # Whole runs -------------------------------------------------------------------------------------------------------

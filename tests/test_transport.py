@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from oracle_way import edge, ends, formula
+from oracle_way import formula
 from project import ROOT
 from rmrc.scenario import Scenario
 from rmrc.simulation.prepare import prepare
@@ -49,21 +49,6 @@ def at_the_edge(gain, **plant):
 @pytest.mark.parametrize("d", range(6))
 def test_the_edge_of_stability_is_that_of_an_integrator_with_so_many_ticks_of_delay(d):
     assert at_the_edge(formula(d), delay=d * PERIOD)
-
-
-def lagging(d, lag):
-    """Return the polynomials P, Q of P + K T Q, of 1/(s (lag s + 1)) behind a hold and d ticks of delay [Astrom97]."""
-    T, a = PERIOD, np.exp(-PERIOD / lag)
-    numerator = np.array([T - lag + lag * a, lag - lag * a - T * a]) / T
-    return np.polymul(np.poly([1.0, a]), [1.0] + d * [0.0]), numerator
-
-
-@pytest.mark.parametrize(("d", "lag"), [(0, 0.004), (0, 0.03), (1, 0.01), (3, 0.05), (5, 0.002)])
-def test_with_a_lag_the_edge_is_where_a_root_of_the_characteristic_equation_leaves_the_circle(d, lag):
-    P, Q = lagging(d, lag)
-    gain = edge(lambda gain: ends(np.polyadd(P, gain * Q)) < 1.0)
-    assert at_the_edge(gain, delay=d * PERIOD, lag=lag)
-    assert not at_the_edge(1.05 * gain, delay=d * PERIOD, lag=lag)
 
 
 # A plain queue ------------------------------------------------------------------------------------------------------

@@ -12,8 +12,6 @@ from rmrc.simulation.simulation import Simulation
 from rmrc.textbook.stanford import stanford_chain
 from rmrc.textbook.two_link import two_link_rates
 
-IDEAL = ("plant.kind=ideal", "control.inverse.method=inverse", "control.limits.on_excess=none")
-
 
 def example_5_5(*overrides):
     (run,) = Simulation([prepare(load(ROOT / "scenarios/example_5_5.yaml", overrides))]).run()
@@ -76,18 +74,3 @@ def test_the_scenario_whitney_1972_is_his_algorithm_over_the_whole_run():
     # rounding: a tick covers all of the error that the ones before it left, so nothing adds up
     assert_allclose(right["q"], want, rtol=0, atol=1e-13)
     assert np.abs(wrong["q"] - want).max() > 1e-9
-
-
-def drift(scenario, period):
-    prepared = prepare(scenario(*IDEAL, "control.feedback=0", f"control.period={period}"))
-    (run,) = Simulation([prepared]).run()
-    return np.linalg.norm(run["pose_error"][-1, :2])
-
-
-def test_open_loop_drift_falls_with_the_first_order_of_the_period(scenario):
-    # Rates held constant over a period are Euler's method: order 1.
-    periods = np.array([0.008, 0.004, 0.002, 0.001])
-    errors = np.array([drift(scenario, period) for period in periods])
-    orders = np.log2(errors[:-1] / errors[1:])
-
-    assert_allclose(orders, 1.0, rtol=0, atol=0.1)
