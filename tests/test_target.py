@@ -71,14 +71,9 @@ def up_to(low, high):
 
 
 limit_sets = st.builds(
-    TargetLimitsSection,
-    velocity=up_to(0.1, 10),
-    acceleration=up_to(0.3, 30),
-    jerk=up_to(1, 1000),
-    angular_velocity=up_to(0.3, 10),
-    angular_acceleration=up_to(1, 100),
-    angular_jerk=up_to(3, 3000),
-)
+    TargetLimitsSection, velocity=up_to(0.1, 10), acceleration=up_to(0.3, 30), jerk=up_to(1, 1000),
+    angular_velocity=up_to(0.3, 10), angular_acceleration=up_to(1, 100), angular_jerk=up_to(3, 3000),
+)  # fmt: skip
 
 
 def unit_axis(axis):
