@@ -2,7 +2,6 @@
 
 import ast
 import importlib
-import re
 import subprocess
 import sys
 import textwrap
@@ -56,9 +55,8 @@ def test_a_run_has_columns_and_figures(simulate):
     assert run["qdot_cmd"].shape == (len(run), 2)
     assert repr(dict(run.scorecard)) == repr(dict(scorecard(run)))  # NaN among them
     assert run.scorecard is run.scorecard
-    # what only metrics and pictures need is there, but not under tab
-    assert run.chatter_floor and run.leaders == (0, 1)
-    assert not {"chatter_floor", "leaders", "touching"} & {*dir(run), *re.findall(r"\w+", repr(run))}
+    # what only metrics and pictures need is not under tab
+    assert not {"chatter_floor", "leaders", "touching"} & set(dir(run))
     assert {"joints", "columns", "scorecard", "verdict", "baseline", "plot"} <= set(dir(run))
 
 

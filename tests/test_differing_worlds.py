@@ -1,4 +1,4 @@
-"""Payload, gravity and stretched bodies: what they are, and that worlds which differ in them run side by side."""
+"""Payload, gravity and stretched bodies are what models that are written so have."""
 
 import numpy as np
 import pytest
@@ -33,9 +33,6 @@ def write(folder, *changes):
         text = text.replace(old, new)
     (folder / "arm.xml").write_text(text)
     return f"arm.model={folder}/arm.xml"
-
-
-# Bits ---------------------------------------------------------------------------------------------
 
 
 # Payload ------------------------------------------------------------------------------------------

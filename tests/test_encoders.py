@@ -1,4 +1,4 @@
-"""Encoders that are off: what the law sees, what is recorded, and how far the tip comes to lie beside its target."""
+"""Encoders that are off: how far the tip comes to lie beside its target."""
 
 import numpy as np
 

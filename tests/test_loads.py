@@ -161,6 +161,3 @@ def test_what_compensation_bears_is_the_weight_at_its_levers(tmp_path):
     assert on.scorecard["tau.share_of_limit"].value < 0.01 * shares[0]
     ideal = run(path, HOLD, kind="ideal")
     assert not ideal["tau_gravity"].any()
-
-
-# What is told --------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What may be taken of memory: against files that say it; what runs take: against what the system counts."""
+"""What may be taken of memory: against files that say it."""
 
 import math
 import re

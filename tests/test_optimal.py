@@ -242,6 +242,3 @@ def test_limits_come_first_by_the_closed_form_of_reverse_priority(seed):
     assert np.all((y >= lower) & (y <= upper))
     assert held.any()
     assert np.all((y[held] == lower[held]) | (y[held] == upper[held]))
-
-
-# In time --------------------------------------------------------------------------------------------------------------

@@ -216,32 +216,7 @@ def test_beside_its_keyframe_an_arm_starts_at_rest(name):
     assert np.abs(done["tau"][-1]).max() > 0.1
 
 
-# Ranges ------------------------------------------------------------------------------------------------
-
-
-# Which drives ------------------------------------------------------------------------------------------
-
-BODY = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="shoulder" axis="0 1 0"/>
-<geom type="capsule" fromto="0 0 0 .4 0 0" size=".03" mass="1"/><body pos=".4 0 0">
-<joint name="elbow" axis="0 1 0"/><geom type="capsule" fromto=".1 0 0 .3 0 0" size=".02" mass=".6"/>
-<site name="hand" pos=".3 0 0"/></body></body></worldbody>
-<tendon><fixed name="both"><joint joint="shoulder" coef="1"/><joint joint="elbow" coef="1"/></fixed></tendon>
-<actuator>{}</actuator></mujoco>"""
-POSITION = '<position name="p" joint="shoulder" kp="9"/>'
-
-REFUSED = {
-    f'{POSITION}<damper name="m" joint="elbow" kv="1" ctrlrange="0 1"/>': ("elbow", "m"),
-    # a motor that also pulls at a joint with a servo keeps its control
-    f'{POSITION}<motor name="m" tendon="both"/>': ("elbow", "m"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("actuators", REFUSED)
-def test_joints_that_nothing_drives_are_named(tmp_path, actuators):
-    joints, idle = REFUSED[actuators]
-    path = tmp_path / "model.xml"
-    path.write_text(BODY.format(actuators))
+def test_joints_that_nothing_drives_are_named():
     with pytest.raises(ScenarioError) as caught:
-        prepare(scenario(path))
-    told = f"{idle} … " if idle else ""
-    assert str(caught.value) == says(f'plant.kind: "model" … {path} … {joints} alone … {told}"servo"')
+        prepare(scenario(MODELS.parent / "idle_rail.xml"))
+    assert str(caught.value) == says('plant.kind: "model" … idle_rail.xml … shoulder, elbow alone … "servo"')

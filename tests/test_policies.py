@@ -1,4 +1,4 @@
-"""What slowing down, stopping, damping and a second task promise of whole runs through and beyond singularities."""
+"""What slowing down and stopping promise of whole runs through and beyond singularities."""
 
 import numpy as np
 import pytest
@@ -128,6 +128,3 @@ def test_stop_holds_the_arm_before_the_singularity_and_lets_it_back(simulate, ch
     # It stands while the target is out there, and follows again once it is back.
     assert np.all(elbow < 0) and error_norms(run)[0][-1] < 0.002
     assert not has(run, Status.STOPPED)[-1]
-
-
-# Backing out --------------------------------------------------------------------------------------------------

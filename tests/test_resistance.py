@@ -56,20 +56,6 @@ def test_the_torque_at_a_constant_rate_is_what_resists_it_and_the_rate_is_kept(w
     assert lag[0] < (2.0 if DRY in joint else 1.01) * lag[1] + 1e-5
 
 
-@pytest.mark.parametrize(("joint", "steps"), [(DAMPED, 4), (DRY, 1), (DRAG, 4), (f"{DAMPED} {DRY}", 1)])
-def test_computed_torque_gives_the_acceleration_that_it_wants(wheel, joint, steps):
-    """Δq̇ = period · q̈ to rounding, with the implicit steps of damping and the creep of dry friction as they are.
-
-    With several steps a period, dry friction that changes on the way is left out, and the slope of a drag.
-    """
-    prepared, done = turning(wheel(joint), "torque", timestep=PERIOD / steps)
-    sent, qdot = done["qdot_cmd"][:, 0], done["qdot"][:, 0]
-    wanted = (sent - np.concatenate([[0.0], sent[:-1]])) + PERIOD * prepared.plant.bandwidth * (sent - qdot)
-    exact = (steps == 1 and joint != DRAG) or joint == DAMPED
-    assert_allclose(np.diff(qdot), wanted[:-1], rtol=0, atol=1e-9 if exact else 1e-4)
-    assert np.abs(wanted).max() > 1e-3
-
-
 def test_servos_take_a_step_with_damping_as_one_without():
     """kv = M/h + d by (26): M + h d is the inertia that an implicit step of h feels."""
     arm = load(ROOT / "models/xarm7.xml", "tool")

@@ -1,7 +1,6 @@
-"""Believed positions: encoders that are late, noisy and coarse, an integrated state, an arm that nobody
-calibrated.
+"""An integrated state, an arm that nobody calibrated, friction that nobody knows: the closed forms.
 
-Whole runs are held against the loop of `oracles.py` in `test_simulation.py`; here are the closed forms.
+Whole runs, with encoders of all kinds, are held against the loop of `oracles.py` in `test_simulation.py`.
 """
 
 import numpy as np
@@ -17,9 +16,6 @@ PLANAR = ("arm.model=models/planar_3link.xml", "arm.start=home", "plant.kind=ide
 SHORT = "target.path=[{line: {by: [0.05, 0.02]}}]"
 HOLD = "target.path=[{hold: {for: 2}}]"
 PERIOD = 0.001
-
-
-# Encoders ---------------------------------------------------------------------------------------
 
 
 # An integrated state ----------------------------------------------------------------------------

@@ -1,6 +1,6 @@
-"""Springs of joints: the actuators carry them, as they carry weight, or it is told which ones they do not.
+"""Springs of joints: the actuators carry them, as they carry weight, or it is told that they do not.
 
-The oracles are the springs as they are written, and a plain loop over MuJoCo that cancels `qfrc_spring`.
+The oracle is the springs as they are written.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""A run that starts in a pose of the site, and runs along recorded motions and the axes of the hand."""
+"""A run that starts in a pose of the site, outside its limits, or along the recording of another."""
 
 import numpy as np
 import pytest

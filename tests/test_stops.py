@@ -147,6 +147,3 @@ def test_rates_do_not_jump_where_a_joint_begins_to_be_held(shape, schedule):
         j = int(np.argsort(-free / limit)[seed // 2])
         coarse, fine = (steepest(J, twist, limit, j, steps, schedule=schedule) for steps in (500, 5000))
         assert fine <= 3.0 * coarse, seed
-
-
-# Whole runs -------------------------------------------------------------------------------------------------------

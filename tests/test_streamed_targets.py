@@ -1,4 +1,4 @@
-"""Recorded motions that are no smooth curves: rows that lack, steps of a policy, the noise of a headset, rounded poses.
+"""Recorded motions that are no smooth curves: rows that lack, steps of a policy, the noise of a headset.
 
 Held targets are compared with `Controller` in a loop of its own, gaps with sums and limits by numpy.
 """

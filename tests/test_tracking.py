@@ -1,4 +1,4 @@
-"""How well the plants follow, and what damping and null space promise at every tick of a run."""
+"""How well the plants follow, and what damping promises at every tick of a run."""
 
 import numpy as np
 import pytest

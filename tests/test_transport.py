@@ -1,4 +1,4 @@
-"""What is between the command and the plant, against queues, exponentials, roots and the law of large numbers."""
+"""What is between the command and the plant: the edge of stability of a delay, MuJoCo's own delay, and play."""
 
 import numpy as np
 import pytest
