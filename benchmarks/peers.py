@@ -287,6 +287,8 @@ SITUATIONS = {
     "Past a singularity at 0.1°": ("wrist 0.1°", "shoulder 0.1°"),
     "Beyond a joint limit": ("joint limit", "boom limit"),
 }
+# Rows of the tables; the others are in the file alone.
+SHOWN = ("rmrc, same grid", OURS, "numpy DLS", "mjctrl", "mink", "pink", "J-PARSE", "Toolbox", "NEO")
 
 
 def follows(row: dict[str, str], ours: dict[str, str]) -> bool:
@@ -305,6 +307,11 @@ def counted(rows: list[dict[str, str]]) -> str:
     )
 
 
+def cell(row: dict[str, str] | None) -> str:
+    """Return the error and the peak rate of a row."""
+    return f"{np.hypot(float(row['mm']), float(row['mrad'])):.3g}; {row['peak rate']}" if row else "stops"
+
+
 def page(rows: list[dict[str, str]]) -> Iterator[str]:
     """Yield the page, from the rows of the file."""
     ran = [row for row in rows if row["setting"]]
@@ -318,51 +325,58 @@ def page(rows: list[dict[str, str]]) -> Iterator[str]:
     yield f"- Of the {len(away)} others, {counted(away)}."
     for name in dict.fromkeys(row["row"] for row in rows if not row["setting"]):
         where = [row["case"] for row in rows if row["row"] == name and not row["setting"]]
-        yield f"- {name} stops with an error at every setting in {'; '.join(where)}."
+        yield f"- {name} stops with an error at every setting in {len(where)} of {len(ours)} cases."
+    past = [row for row in ran if row["row"] in SHOWN and float(row["over"]) > OUTSIDE]
+    most = max(float(row["over"]) for row in past)
+    names = ", ".join(dict.fromkeys(row["row"] for row in past))
+    yield f"- Of the rows below, {names} pass joint limits, by up to {most:g} mrad or mm."
     yield CONDITIONS
+    found = {(row["row"].partition(" (")[0], row["case"]): row for row in ran}
     for title, begins in SITUATIONS.items():
-        shown = [row for row in ran if row["case"].startswith(begins)]
-        names = list(dict.fromkeys(row["case"] for row in shown))
+        cases = [case for case in ours if case.startswith(begins)]
+        headings = [case if len(begins) > 1 else case.partition(", ")[2] for case in cases]
         yield f"\n## {title}\n"
-        yield "| mm; mrad; peak rate | " + " | ".join(names) + " |\n|---|" + "---:|" * len(names)
-        cells = {
-            (row["row"].partition(" (")[0], row["case"]): f"{row['mm']}; {row['mrad']}; {row['peak rate']}"
-            for row in shown
-        }
-        for name in dict.fromkeys(name for name, _ in cells):
-            yield f"| {name} | " + " | ".join(cells.get((name, case), "stops") for case in names) + " |"
+        yield "| | " + " | ".join(headings) + " |\n|---|" + "---:|" * len(cases)
+        alike: dict[str, list[str]] = {}
+        for name in SHOWN:
+            cells = " | ".join(cell(found.get((name, case))) for case in cases)
+            alike.setdefault(cells, []).append(name)
+        yield from (f"| {'; '.join(names)} | {cells} |" for cells, names in alike.items())
 
 
 HEAD = """# Comparison with other libraries
 
-rmrc and other libraries for resolved motion rates, on the same arms and paths. This command writes the page,
-and all numbers, settings and verdicts to [peers.csv](peers.csv):
+rmrc and other libraries for resolved motion rates, on the same arms and paths. All numbers, settings and
+verdicts are in [peers.csv](peers.csv); this command writes it, and the page:
 
 ```sh
 pip install -e '.[peers]' && python benchmarks/peers.py
 ```
 
-A row is a library with its best setting. Other libraries have {rows} rows in {cases} cases. A row leads in a
-column if it is better by more than 2 %; a setting is as good as a row that leads it in no column. "Our row"
-is "rmrc, more methods". No single setting leads everywhere, because less error needs faster joints.
+## Conclusions
+
+A row is a library with its best setting; other libraries have {rows} rows in {cases} cases. A row leads in
+a column of the file if it is better by more than 2 %; a setting is as good as a row that leads it in no
+column. Our row is "rmrc, more methods".
 """
 
-CONDITIONS = """
-**Conditions.** All loops use the same models: without fingers, weight and friction, with a stiff rate servo
-on each joint, in MuJoCo at 2 ms, without delay and noise. A path is one screw, there and back in 2 s each. A
-loop gets joint positions, the reference pose now and at the end of the period, and the mean twist, and
-returns joint rates. Rates of a loop without limits are scaled down to the limits. A real robot tolerates less
-gain: see [From simulation to your robot](from_simulation_to_your_robot.md).
+CONDITIONS = """- No single setting leads everywhere, because less error needs faster joints.
 
-**Settings.** "As documented" and "as written" have the numbers of a library's own example. Each other row is
-the best of one grid: feedback K of 10, 50, 500 /s and damping λ of 0.01, 0.05, 0.2. "rmrc, more methods" adds
-16 methods and 11 settings that imitate the others. The best has the least error, a meter as bad as a radian;
-within 2 % of it, the one with the least peak acceleration. A setting that exceeds the limits, chatters or
-does not come back counts only if all do.
+## Conditions
 
-**Columns.** Largest error of position [mm] and of orientation [mrad]; peak commanded rate of a joint [rad/s
-or m/s]. The file also has rms rates, errors at the end, accelerations, chatter, and the distance beyond
-position limits."""
+All loops use the same models, without fingers, weight and friction, with stiff rate servos, in MuJoCo at 2
+ms, without delay and noise. A path is one screw, there and back in 2 s each. A loop gets joint positions, the
+reference pose now and at the end of the period, and the mean twist. Rates of a loop without limits are scaled
+down to the limits. A real robot tolerates less gain: see [From simulation to your
+robot](from_simulation_to_your_robot.md).
+
+Each row is the best of one grid: feedback K of 10, 50, 500 /s and damping λ of 0.01, 0.05, 0.2. "rmrc, more
+methods" adds 16 methods and 11 settings that imitate the others. The best setting has the least error; within
+2 % of it, the least peak acceleration. A setting that exceeds the limits, chatters or does not come back
+counts only if all do. The file also has each library with the numbers of its own example.
+
+The tables have the largest error [mm], where a radian counts as a meter, and the peak commanded rate of a
+joint [rad/s or m/s]. Libraries with equal numbers share a line."""
 
 
 def main() -> None:

@@ -35,7 +35,7 @@ exclude_patterns = ["docs/_*", ".*", "build", "node_modules", "src", "tests", "*
 root_doc = "docs/index"
 source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
 
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["dollarmath", "html_image"]
 myst_fence_as_directive = ["math"]
 html_math_renderer = "mathml"
 myst_heading_anchors = 4

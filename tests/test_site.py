@@ -103,3 +103,18 @@ def test_the_search_reads_no_page_from_disk(tmp_path):
         shown.route("**/*", lambda route: route.fulfill(body=text, content_type="text/html"))
         shown.goto("http://127.0.0.1:9/search.html")
         assert shown.evaluate(asked) is True  # from a server it may
+
+
+@pytest.mark.browser
+def test_a_button_copies_the_command_of_a_row():
+    script = (ROOT / "docs/_static/site.js").read_text("utf-8")
+    row = "<tr id=a1><td>A1<td>topic<td><code>rmrc inspect planar_2link --q 0,0</code><td>prints</tr>"
+    text = f"<div class=versions></div><table>{row}</table><script>{script}</script>"
+    with chromium() as browser:
+        page = browser.new_context(permissions=["clipboard-read", "clipboard-write"]).new_page()
+        page.route("**/*", lambda route: route.fulfill(body=text, content_type="text/html"))
+        page.goto("http://127.0.0.1:9/")
+        page.click("button.copy")
+        page.wait_for_function("document.querySelector('button.copy').textContent === 'copied'")
+        copied = page.evaluate("navigator.clipboard.readText()")
+    assert copied == "rmrc inspect planar_2link --q 0,0"
