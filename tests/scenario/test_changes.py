@@ -61,7 +61,7 @@ def outcome(make):
 
 
 @examples(5, 100)
-@given(st.fixed_dictionaries({}, optional=VALUES))
+@given(st.fixed_dictionaries({}, optional=VALUES).map(lambda values: dict(sorted(values.items()))))
 def test_typed_changes_are_what_texts_are(values):
     texts = [f"{key}={inline(value)}" for key, value in values.items()]
     by_text = outcome(lambda: loads(FULL, overrides=texts))
