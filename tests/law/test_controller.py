@@ -142,7 +142,7 @@ def test_a_step_keeps_nothing(way):
         call()
     # What steps keep or take, they do each time; what something else in the tests' process does meanwhile, it does once.
     grown, peak = map(min, zip(*(allocated(call, 1000) for _ in range(3)), strict=True))
-    assert grown < 1000 and peak < 5000
+    assert grown < 4000 and peak < 5000  # the smallest object a step would be 16,000
     # negative controls: what a caller keeps is seen, each time, and what a call takes for a while
     kept = []
     assert min(allocated(lambda: kept.append(np.array(call().qdot_cmd)), 100) for _ in range(3))[0] > 100 * 24
