@@ -12,7 +12,7 @@ from project import ROOT
 # From the top down: a module imports what is below its own line, or its neighbors in the same package.
 LAYERS = [
     rooms.split() for rooms in (
-        "__main__", "cli", "tuning analysis", "study", "film", "recording", "show", "simulation", "logs",
+        "__main__", "cli", "tuning analysis", "study", "recording", "show", "simulation", "logs",
         "plants results", "law", "arm", "scenario textbook", "support",
     )
 ]  # fmt: skip
@@ -20,7 +20,7 @@ LAYERS = [
 # Who may import an outside library. A library that is missing here has no owner, and is refused.
 OWNERS = {
     "numpy": ("rmrc",),
-    "mujoco": ("rmrc.arm", "rmrc.plants", "rmrc.law.controller", "rmrc.simulation.world", "rmrc.film"),
+    "mujoco": ("rmrc.arm", "rmrc.plants", "rmrc.law.controller", "rmrc.simulation.world", "rmrc.recording"),
     "numba": ("rmrc.law.compiling",),
     "llvmlite": ("rmrc.law.compiling",),  # comes with numba
     "ruckig": ("rmrc.simulation.trajectory",),
@@ -31,21 +31,20 @@ OWNERS = {
     "pyarrow": ("rmrc.study.dataset", "rmrc.recording", "rmrc.logs.tables"),
     "matplotlib": (
         "rmrc.show.figures", "rmrc.show.figure", "rmrc.show.page", "rmrc.study.pictures", "rmrc.tuning.page",
-        "rmrc.film.film", "rmrc.analysis.identify.report", "rmrc.analysis.inspect.figure",
+        "rmrc.recording.film", "rmrc.analysis.identify.report", "rmrc.analysis.inspect.figure",
         "rmrc.analysis.workspace.report",
     ),
     "contourpy": ("rmrc.analysis.workspace.workspace",),  # comes with matplotlib
     "rich": ("rmrc.cli", "rmrc.show.tables", "rmrc.show.terminal"),
     "typer": ("rmrc.cli",),
     "distributed": ("rmrc.study.dask",),
-    "pandas": ("rmrc.results.notebook",),
-    "PIL": ("rmrc.film",),
-    "imageio_ffmpeg": ("rmrc.film.encode",),
+    "PIL": ("rmrc.recording",),
+    "imageio_ffmpeg": ("rmrc.recording.encoding",),
 }  # fmt: skip
 
-SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow", "imageio_ffmpeg", "pandas"}
+SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow", "imageio_ffmpeg"}
 # Modules of ours that load these, or rich; only who shows something loads them.
-PICTURES = ("rmrc.film", *OWNERS["matplotlib"], *OWNERS["rich"], *OWNERS["rerun"])
+PICTURES = (*OWNERS["matplotlib"], *OWNERS["rich"], *OWNERS["rerun"])
 # A run whose columns alone are read, as for a picture, does without numba.
 WITHOUT_NUMBA = {("rmrc.results.run", "rmrc.results.scorecard"), ("rmrc.law.task", "rmrc.law.kinematics")}
 

@@ -15,9 +15,11 @@ from PIL import Image
 
 import rmrc
 from project import ROOT
-from rmrc.film import PictureError, encode, film, shot
-from rmrc.film.film import Cut, instants
-from rmrc.film.shot import Shot, fitted
+from rmrc.recording import encoding as encode
+from rmrc.recording import film, shot
+from rmrc.recording.film import Cut, instants
+from rmrc.recording.opengl import PictureError
+from rmrc.recording.shot import Shot, fitted
 from rmrc.scenario import loads
 from rmrc.show.panels import panels
 from rmrc.study.pictures import worlds_of
