@@ -12,7 +12,7 @@ from project import ROOT
 # From the top down: a module imports what is below its own line, or its neighbors in the same package.
 LAYERS = [
     rooms.split() for rooms in (
-        "__main__", "cli", "tuning analysis", "study", "recording", "show", "simulation", "logs",
+        "__main__", "cli", "tuning analysis", "study", "export", "recording", "show", "simulation", "logs",
         "plants results", "law", "arm", "scenario textbook", "support",
     )
 ]  # fmt: skip
@@ -21,8 +21,8 @@ LAYERS = [
 OWNERS = {
     "numpy": ("rmrc",),
     "mujoco": ("rmrc.arm", "rmrc.plants", "rmrc.law.controller", "rmrc.simulation.world", "rmrc.recording"),
-    "numba": ("rmrc.law.compiling",),
-    "llvmlite": ("rmrc.law.compiling",),  # comes with numba
+    "numba": ("rmrc.law.compiling", "rmrc.export.objects"),
+    "llvmlite": ("rmrc.law.compiling", "rmrc.export.objects"),  # comes with numba
     "ruckig": ("rmrc.simulation.trajectory",),
     "yaml": ("rmrc.scenario",),
     "pydantic": ("rmrc.scenario", "rmrc.results.run"),

@@ -26,7 +26,7 @@ from typing import Annotated, Any, NoReturn, TypeAlias
 import typer
 
 import rmrc
-from rmrc.cli import arms, catalog, console, models, pictures, run, search
+from rmrc.cli import arms, catalog, console, export, models, pictures, run, search
 from rmrc.cli.console import complain
 from rmrc.support.errors import RmrcError, ScenarioError
 from rmrc.support.interruption import signal_that_came, stops_like_ctrl_c
@@ -41,9 +41,9 @@ UsageError: Any = typer.BadParameter.__mro__[1]
 Verbs: TypeAlias = tuple[Callable[..., None], ...]
 FIRST: Verbs = (run.run, run.compare, search.tune, models.check, models.new, pictures.replay)
 OTHERS: dict[str, Verbs] = {
-    "runs": (search.sweep, search.margins, pictures.plot, pictures.report, pictures.render),
+    "runs": (search.sweep, search.margins, pictures.plot, pictures.report, pictures.render, pictures.explore),
     "arms": (arms.inspect, arms.ik, arms.statics, arms.workspace, models.identify),
-    "files": (catalog.examples, catalog.schema),
+    "files": (export.export, catalog.examples, catalog.schema),
 }
 MORE = "\n".join(f"  {about:7}{', '.join(verb.__name__ for verb in some)}" for about, some in OTHERS.items())
 # Large libraries that only pictures and recordings need, and their packages.

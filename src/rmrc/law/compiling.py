@@ -130,6 +130,21 @@ def _keeping() -> Iterator[dict[str, Any]]:
             vars(settings).update(before)
 
 
+@contextmanager
+def portably() -> Iterator[dict[str, Any]]:
+    """Have numba make code for no machine yet; yield the flags of a function. One thread at a time.
+
+    It is neither kept nor optimized, and counts no references.
+    """
+    settings = _numba.config
+    with _compiling:
+        before, settings.OPT = settings.OPT, type(settings.OPT)(0)
+        try:
+            yield {"error_model": _FLAGS["error_model"], "_nrt": False}
+        finally:
+            settings.OPT = before
+
+
 def compiled(function: Function) -> Function:
     """Compile a function that compiled functions or Python call, at its first call."""
     with _keeping() as flags:
@@ -223,7 +238,8 @@ def _holding_handlers() -> Iterator[None]:
 class Method:
     """A function of a world, and perhaps of one of its spectra, that is called at its address.
 
-    MuJoCo's guard calls with a model, data and a number before the world.
+    MuJoCo's guard calls with a model, data and a number before the world. A program in C calls with addresses
+    of q, qdot, a pose and a twist, and with a time dt.
 
     Attributes:
         function: The plain function.
@@ -276,12 +292,21 @@ class Method:
                     self._made[capacity] = self._make(capacity)
         return self._made[capacity]
 
-    def _make(self, capacity: int) -> Any:
+    def signature(self, capacity: int) -> Any:
+        """Return its type, as numba has it.
+
+        Args:
+            capacity: Number of joints that the records of worlds hold.
+        """
         kinds = dict.fromkeys(("model", "data"), _types.voidptr) | {"number": _types.int32}
         kinds["world"] = _numba.from_dtype(world_type(capacity))
         kinds["spectrum"] = _numba.from_dtype(spectrum_type(capacity))
+        kinds |= dict.fromkeys(("q", "qdot", "pose", "twist"), _types.int64) | {"dt": _types.float64}
         names = self.function.__code__.co_varnames[: self.function.__code__.co_argcount]
-        signature = _types.void(*(kinds[name] for name in names))
+        return _types.void(*(kinds[name] for name in names))
+
+    def _make(self, capacity: int) -> Any:
+        signature = self.signature(capacity)
         folder = cache_folder()
         mark = folder and folder / f"{self.function.__module__}.{self.function.__qualname__}.{capacity}"
         if mark is None or not mark.exists():

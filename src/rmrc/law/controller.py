@@ -72,6 +72,7 @@ class Controller(SteppedLaw):
         task: The task: which components of the site's motion are controlled.
         control: The settings of the law; numbers that nobody gave are those of the arm.
         assumed: Assumptions about the model, and the numbers that came from the arm, one line each.
+        unseen: Why `step` cannot tell where the site is, "" if it can.
         actuators: Indices of the arm's actuators in `data.ctrl` of the model, (n,).
     """
 
@@ -226,9 +227,9 @@ class Controller(SteppedLaw):
         if self._drives:
             self._limit_by_drives()
         idle = self.arm.idle() or (self.arm.idle(self._second.site) if self._second else ())
-        self._unseen = ""  # why the chain alone does not determine the poses of the sites
+        self.unseen = ""  # why the chain alone does not determine the poses of the sites
         if idle:
-            self._unseen = (
+            self.unseen = (
                 f'joint "{idle[0]}" moves the site and is not actuated: step_data reads its position'
             )
 
@@ -343,8 +344,8 @@ class Controller(SteppedLaw):
             self._take_time(dt)
             if self._data:
                 self._follow_chain()
-            if self._unseen:
-                raise QuestionError(self._unseen)
+            if self.unseen:
+                raise QuestionError(self.unseen)
             self._take_each("q", q)
             bits = self._take_target(
                 frame, qdot=qdot, pose=pose, twist=twist, q_target=q_target, qdot_target=qdot_target

@@ -178,6 +178,13 @@ def world_type(joints: int) -> np.dtype[np.void]:
     return np.dtype([*_fields("i: n m k rank f: period", joints), *groups.items()])
 
 
+def field_offset(record: np.dtype[np.void], group: str, field: str) -> int:
+    """Return where a field of a group begins in the record of a world [bytes]."""
+    fields: Any = record.fields
+    kind, first = fields[group]
+    return int(first + kind.fields[field][1])
+
+
 def new_worlds(count: int, n: int, axes: int = 0) -> NDArray[np.void]:
     """Return the records of worlds of an arm before anything is written into them, (count,).
 

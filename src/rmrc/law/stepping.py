@@ -1,7 +1,7 @@
 """A law that Python steps: the input, memory, watchdog and output that `Controller` and `Law` share."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, cast
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.law.command import Command
-from rmrc.law.compiling import Array
+from rmrc.law.compiling import Array, Method
 from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET, move_joints
 from rmrc.law.limits import by_joint
 from rmrc.law.periods import TIMED
@@ -92,6 +92,11 @@ class SteppedLaw:
         """Compile the law (seconds) or load its machine code (tenths), before the first step does."""
         link(self._worlds, self._methods, late=())  # as a step must not take seconds
         self._steps = _steps(self._worlds)
+
+    def beginning(self) -> tuple[np.void, Mapping[str, Method]]:
+        """Return a copy of the first world's record before any step, and the methods that it calls."""
+        self._forget()
+        return self._worlds[:1].copy()[0], self._methods
 
     def _forget(self) -> None:
         """Forget all steps."""

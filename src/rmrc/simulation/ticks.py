@@ -8,7 +8,7 @@ from rmrc.law.compiling import Method, Record, at, call, carray, compiled, point
 from rmrc.law.kinematics import follow_chain, follow_second, framed_error, geometric_jacobian
 from rmrc.law.priority import second_error
 from rmrc.law.sight import TORQUE_LIMITED, is_at_torque_limit, look, read_at_joints, read_forces, read_joints
-from rmrc.law.svd import dot
+from rmrc.law.svd import copy, dot
 from rmrc.plants.engine import BAD_FIRST, BAD_LAST
 from rmrc.plants.fields import qpos_of
 from rmrc.scenario.choices import Status
@@ -112,7 +112,7 @@ def sense(world: Record) -> None:
         tick.pose[i] = state.pose[i]
     if engine.positions != 0:  # those of all joints of the model are kept
         row = engine.next % engine.rows
-        at(engine.positions + 8 * engine.nq * row, engine.nq)[:] = qpos_of(world)
+        copy(qpos_of(world), at(engine.positions + 8 * engine.nq * row, engine.nq), engine.nq)
 
 
 @compiled

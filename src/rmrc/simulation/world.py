@@ -86,7 +86,7 @@ def _methods(prepared: Prepared) -> Mapping[str, Method]:
 
 
 @lru_cache(16)  # variants share it
-def _words_of_columns(record: np.dtype[np.void], n: int, k: int) -> dict[str, NDArray[np.int64]]:
+def words_of_columns(record: np.dtype[np.void], n: int, k: int) -> dict[str, NDArray[np.int64]]:
     """Return the words of a record that hold each column except qpos."""
     empty, words = np.zeros(1, record), {}
     for name, size in widths(n, k, 0).items():
@@ -101,6 +101,8 @@ class World:
 
     Attributes:
         prepared: The scenario.
+        record: Its record, one element of a structured array.
+        methods: All methods that it calls, by their fields in the record.
         rows: Its columns, (most ticks, width).
         positions: All of qpos, (most ticks, nq); None where qpos is q in its order.
         contacts: Contacts of the arm; None where it can touch nothing.
@@ -115,11 +117,11 @@ class World:
         self._spares = [_take(base, plant.difference(base, wiring))]
         self._data = self._spares[0][2]
         self._records = new_worlds(1, arm.n, _room(prepared))
-        world = self._record = self._records[0]
+        world = self.record = self._records[0]
         prepared.law.write(world)
         hardware.write(world)
-        self._methods = _methods(prepared)
-        link(self._records, self._methods)
+        self.methods = _methods(prepared)
+        link(self._records, self.methods)
         self._begin(self._data)
         if not plant.knows_all:
             self._spares.append(_take(base, plant.known(base, wiring)))
@@ -128,7 +130,7 @@ class World:
         mujoco.mj_step1(self._data.model, self._data)  # for tables that need the kinematics of the start
         # Compiled code has addresses of these.
         self._referenced: list[Any] = [*plant.wire(world, base, wiring, self._data)]
-        self._words = _words_of_columns(self._records.dtype, arm.n, int(world["k"]))
+        self._words = words_of_columns(self._records.dtype, arm.n, int(world["k"]))
         self._sources = np.concatenate([*self._words.values()])
         self.rows = np.empty((prepared.most_ticks, len(self._sources)), np.int64)
         self.positions = np.empty((prepared.most_ticks, base.nq)) if has_others(wiring, base.nq) else None
@@ -179,7 +181,7 @@ class World:
             group[name] = addresses[field]
         group["warning_count"] = data.warning.number.ctypes.data
         group["warning_info"] = data.warning.lastinfo.ctypes.data
-        look_at(self._record, data, arm, self.prepared.law.second)
+        look_at(self.record, data, arm, self.prepared.law.second)
         n, followers = arm.n, len(arm.followers)
         has_drives = bool((wiring.actuator >= 0).all())  # the ideal plant needs none
         group["ctrl_at"][:n] = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
@@ -210,19 +212,19 @@ class World:
     @property
     def done(self) -> int:
         """Number of finished ticks."""
-        return int(self._record["engine"]["next"])
+        return int(self.record["engine"]["next"])
 
     @property
     def is_running(self) -> bool:
         """Whether there is a next tick."""
-        group = self._record["engine"]
+        group = self.record["engine"]
         return bool(group["diverged"] < 0 and group["next"] < group["ticks"])
 
     def advance(self, count: int) -> None:
         """Do some ticks: at most so many."""
-        group = self._record["engine"]
+        group = self.record["engine"]
         group["last"] = min(self.done + min(count, BLOCK - 1), int(group["ticks"]))
-        count, tick = int(group["last"]) - self.done, int(self._record["memory"]["path_tick"])
+        count, tick = int(group["last"]) - self.done, int(self.record["memory"]["path_tick"])
         if tick + count >= self._path_end < group["path_ticks"]:
             self._path = self.prepared.reference.block(tick)
             self._path_end = tick + len(self._path)
@@ -231,10 +233,10 @@ class World:
             self._chance = self._draw(count)
             group["chance"] = self._chance.ctypes.data - self.done * self._chance.strides[0]
         with uninterrupted():
-            self._error = engine.run_guarded(int(self._record["methods"]["ticks"]), self._records.ctypes.data)
+            self._error = engine.run_guarded(int(self.record["methods"]["ticks"]), self._records.ctypes.data)
             if self._error:
                 group["diverged"], group["diverged_joint"] = group["next"], -1
-            link(self._records, {field: self._methods[field] for field in LATE if field in self._methods})
+            link(self._records, {field: self.methods[field] for field in LATE if field in self.methods})
 
     def release(self) -> None:
         """Let the next world of this thread use its models; it must not go on."""
@@ -242,7 +244,7 @@ class World:
 
     def end(self) -> None:
         """Have no next tick."""
-        self._record["engine"]["ticks"] = self.done
+        self.record["engine"]["ticks"] = self.done
 
     def columns(self, first: int, last: int) -> dict[str, NDArray[np.generic]]:
         """Return views of the columns of some ticks."""
@@ -259,7 +261,7 @@ class World:
     @property
     def divergence(self) -> Divergence | None:
         """Where it stopped being finite."""
-        group, period = self._record["engine"], self.prepared.scenario.control.period
+        group, period = self.record["engine"], self.prepared.scenario.control.period
         tick, joint = int(group["diverged"]), int(group["diverged_joint"])
         if tick < 0:
             return None

@@ -1,0 +1,160 @@
+"""The law in WebAssembly gives the columns of `rmrc run`, in Node; and it is the law of these sources."""
+
+import base64
+import json
+import math
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from project import ROOT
+from rmrc.export import artifact
+from rmrc.export.image import image, offset
+from rmrc.scenario import load, loads
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import QuestionError
+
+NODE = shutil.which("node")
+
+# A start that differs by 1e-13 moves their runs by more than 1e-9.
+CHAOTIC = {"blow_up", "puma_shoulder", "stanford_shoulder"}
+NEEDS_MUJOCO = {"wrong_lengths"}
+SCENARIOS = sorted({file.stem for file in (ROOT / "scenarios").glob("*.yaml")} - CHAOTIC - NEEDS_MUJOCO)
+FEW = ("example_5_5", "helical_crank", "slow_wrist", "so101_five_joints", "recorded_motion")
+
+# Columns that a singularity magnifies.
+MAGNIFIED = {"qdot_plain", "condition", "u_min", "v_min", "manipulability", "tau"}
+
+# All stages of the ideal plant.
+STAGES = """
+name: stages
+arm: {model: MODEL, site: tool, start: home, encoder: {noise: 1.0e-6, resolution: 1.0e-6, delay: 0.003}}
+plant: {kind: ideal, delay: 0.004, lag: 0.01, jitter: 0.002, loss: 0.05}
+control: CONTROL
+target: {path: [{line: {by: [0.2, 0.1, 0.1]}}]}
+"""
+
+# What the shipped scenarios leave out.
+LAWS = (
+    "{inverse: {metric: inertia}, nullspace: {objective: secondary, secondary: {site: flange, axes: [z]}}}",
+    "{limits: {acceleration: 10, jerk: 500, on_excess: redistribute}, nullspace: {objective: joint_limits}}",
+    "{at_singularity: keep_out, limits: {on_excess: optimal}, nullspace: {objective: manipulability}}",
+    "{at_singularity: singularity_consistent, inverse: {method: jparse}, limits: {rate: 2}}",
+    "{inverse: {method: selectively_damped}, limits: {on_excess: sns}}",
+)
+
+
+def ideal(name):
+    return prepare(load(ROOT / f"scenarios/{name}.yaml", ("plant.kind=ideal",)))
+
+
+def in_node(folder, *worlds):
+    """Return the columns of images in Node."""
+    if NODE is None:
+        pytest.skip("there is no Node here")
+    files = [folder / f"{i}.json" for i, _ in enumerate(worlds)]
+    for file, world in zip(files, worlds, strict=True):
+        file.write_text(json.dumps(world))
+    harness = ROOT / "tests/export/columns.mjs"
+    law = artifact.FILE.with_name("law.mjs")
+    done = subprocess.run(
+        [NODE, harness, law, artifact.FILE, *files], check=False, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    found = [json.loads(file.with_suffix(".json.columns").read_text()) for file in files]
+    return [
+        {name: np.frombuffer(bytearray(base64.b64decode(text))) for name, text in each.items()}
+        for each in found
+    ]
+
+
+def differences(run, columns):
+    """Return the largest difference of each column, over max(1, |value|); NaN equals NaN."""
+    wanted = {name: np.array(run[name], np.float64) for name in columns}
+    ticks = len(wanted["time"])
+    found = {name: values.reshape(wanted[name].shape) for name, values in columns.items()}
+    for side in (wanted, found):  # q and −q are one rotation, (u, v) and (−u, −v) one singular direction
+        side["pose"][:, 3:] *= signs(side["pose"][:, 3:])
+        side["pose_ref"][:, 3:] *= signs(side["pose_ref"][:, 3:])
+        sign = signs(side["u_min"])
+        side["u_min"] *= sign
+        side["v_min"] *= sign
+    assert ticks > 0
+    most = {}
+    for name, values in wanted.items():
+        same = (values == found[name]) | (np.isnan(values) & np.isnan(found[name]))
+        with np.errstate(invalid="ignore"):
+            off = np.abs(values - found[name]) / np.maximum(1.0, np.abs(values))
+        most[name] = np.where(same, 0.0, np.where(np.isnan(off), math.inf, off)).max(initial=0.0)
+    return most
+
+
+def signs(vectors):
+    """Return the sign of the largest entry of each row, (T, 1)."""
+    largest = np.abs(vectors).argmax(axis=1)[:, None]
+    return np.where(np.take_along_axis(vectors, largest, axis=1) < 0.0, -1.0, 1.0)
+
+
+def assert_equal(run, columns):
+    for name, most in differences(run, columns).items():
+        assert most <= (1e-6 if name in MAGNIFIED else 1e-9), (name, most)
+
+
+def check(folder, prepared):
+    (run,) = Simulation([prepared]).run()
+    (columns,) = in_node(folder, image(prepared))
+    assert columns["time"].size == len(run["time"])
+    assert_equal(run, columns)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in FEW else pytest.mark.long) for name in SCENARIOS]
+)
+def test_node_gives_the_columns_of_a_run(tmp_path, name):
+    check(tmp_path, ideal(name))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_node_gives_the_columns_of_stages_and_parts_that_few_worlds_have(tmp_path, law):
+    text = STAGES.replace("MODEL", str(ROOT / "models/fr3.xml")).replace("CONTROL", law)
+    check(tmp_path, prepare(loads(text)))
+
+
+def test_a_changed_constant_of_the_image_is_noticed(tmp_path):
+    """A feedback that is larger by a millionth changes the columns by more than the tolerance."""
+    prepared = ideal("helical_crank")
+    (run,) = Simulation([prepared]).run()
+    world = image(prepared)
+    record = bytearray(base64.b64decode(world["record"]))
+    numbers = np.frombuffer(record, np.float64)
+    numbers[offset("task", "feedback") // 8] *= 1.0 + 1e-6
+    world["record"] = base64.b64encode(record).decode()
+    (columns,) = in_node(tmp_path, world)
+    assert max(differences(run, columns).values()) > 1e-9
+
+
+def test_the_artifact_is_that_of_the_sources():
+    """Otherwise: run tools/law_wasm.py."""
+    assert artifact.FILE.read_bytes().endswith(b"\x07sources" + artifact.digest())
+
+
+def test_a_changed_constant_of_the_law_changes_the_digest(monkeypatch):
+    before = artifact.digest()
+    monkeypatch.setattr("rmrc.law.svd.RANK_FLOOR", 1.1e-14)
+    assert artifact.digest() != before
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ("plant.kind=servo", 'plant.kind "ideal" alone, got "servo"'),
+        ("plant.stretch={link_1: 1.1}", "plant.stretch"),
+    ],
+)
+def test_what_a_page_cannot_run_is_refused_in_a_line(change, text):
+    changes = ("plant.kind=ideal", change)
+    with pytest.raises(QuestionError, match=text):
+        image(prepare(load(ROOT / "scenarios/approach_singularity.yaml", changes)))
