@@ -1,6 +1,9 @@
-"""The verbs that show results: `plot`, `report`, `render` and `replay`."""
+"""The verbs that show results: `plot`, `report`, `render`, `replay` and `explore`."""
 
+import os
 import re
+import sys
+import webbrowser
 from pathlib import Path
 from typing import Annotated
 
@@ -89,7 +92,7 @@ def render(
     Writes NAME.gif, or FILE in .gif, .png or, with the extra `film`, .mp4. MuJoCo renders off screen: without
     a display set MUJOCO_GL=egl or osmesa.
     """
-    from rmrc.film import film
+    from rmrc.recording import film
     from rmrc.study.pictures import worlds_of
 
     file = target(source, output, FILMS)
@@ -131,3 +134,36 @@ def replay(
     from rmrc.recording import viewer
 
     viewer.replay(recording, web, at, port)
+
+
+def explore(
+    scenario: Annotated[
+        Path | None,
+        Argument(
+            help="The scenario: a YAML file, or the name of a shipped one.",
+            callback=lambda path: path and expect(path, "a scenario"),
+        ),
+    ] = None,
+    lesson: Annotated[Text, Option(metavar="NAME", help="A lesson: its scenario with questions.")] = None,
+    output: options.Output = None,
+    set_: options.Overrides = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Write one HTML page that runs the law in a browser, and open it: sliders, and a goal to drag.
+
+    Writes NAME.explore.html, or FILE, which is not opened. The page needs no server and loads nothing. It has
+    the ideal plant, beside the run of the scenario as written.
+    """
+    from rmrc import scenario as scenarios
+    from rmrc.export import page
+
+    if (scenario is None) == (lesson is None):
+        raise QuestionError("give a scenario, or a lesson by --lesson NAME")
+    questions = page.read_lesson(lesson) if lesson else None
+    source = expect(Path(questions.scenario), "a scenario") if questions else scenario or Path()
+    file = target(Path(f"{lesson or source.stem}.explore.yaml"), output, (".html", ".htm"))
+    page.write(file, scenarios.load(source, set_ or ()), questions)
+    _tell(file, quiet)
+    has_display = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if output is None and has_display:
+        webbrowser.open(file.absolute().as_uri())

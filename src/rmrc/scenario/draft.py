@@ -131,7 +131,8 @@ class Draft(Document):
     def files(self) -> tuple[Path, ...]:
         """Return the models, packages, recorded motions and profiles that it and its sweep name."""
         texts = _texts("", self.value)
-        named = (text for key, text in texts if _FILES.search(key) and text not in SHIPPED)
+        known = {*SHIPPED, *shipped.shipped("models")}
+        named = (text for key, text in texts if _FILES.search(key) and text not in known)
         return tuple(map(Path, dict.fromkeys(os.path.abspath(self.folder / name) for name in named)))
 
     def moved(self, root: Path) -> "Draft":

@@ -14,6 +14,7 @@ from pydantic_core import PydanticCustomError
 
 from rmrc.scenario.wording import nearby, show
 from rmrc.support.problems import Key
+from rmrc.support.shipped import shipped
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -195,6 +196,13 @@ def checked_file(path: Path, info: pydantic.ValidationInfo, *suffixes: str, is_f
     return Path(full if is_folder else os.path.realpath(full))
 
 
+def _model(path: Path, info: pydantic.ValidationInfo) -> Path:
+    """Return the file of a model; a bare name without a file beside the scenario is that of a shipped one."""
+    is_there = os.path.lexists(os.path.join((info.context or {}).get("folder", ""), path))
+    named = None if is_there else shipped("models").get(str(path))
+    return named or checked_file(path, info, ".xml", ".urdf")
+
+
 def _motion(path: Path, info: pydantic.ValidationInfo) -> Path:
     if path.suffix not in MOTIONS:
         raise rule(f"must end in one of {', '.join(MOTIONS)}, got {show(str(path))}")
@@ -229,7 +237,7 @@ Seed = Annotated[int, Field(strict=True, ge=0)]
 Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
 Name = Annotated[Text, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=100)]
-ModelFile = Annotated[Path, AfterValidator(lambda path, info: checked_file(path, info, ".xml", ".urdf"))]
+ModelFile = Annotated[Path, AfterValidator(_model)]
 MotionFile = Annotated[Path, AfterValidator(_motion)]
 Folder = Annotated[Path, AfterValidator(lambda path, info: checked_file(path, info, is_folder=True))]
 Angle = Annotated[Number, _radians(_ANGLE), _or_text("angle", _ANGLE)]

@@ -1,5 +1,6 @@
 "use strict";
 // Plots over time that share cursor and zoom, from the JSON block "data"; and a button that copies text.
+// `drawPanel` draws one in an element and returns it: its panel may have arrays, and change before `setData`.
 (() => {
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const paint = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -8,6 +9,7 @@
 
   // Values are little-endian 32-bit floats in base64; what is not finite is a gap.
   function values(text) {
+    if (typeof text !== "string") return text;
     const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
     const view = new DataView(bytes.buffer);
     return Array.from({length: bytes.length / 4}, (_, i) => view.getFloat32(4 * i, true))
@@ -71,17 +73,19 @@
       {splits: powers, filter: (u, all) => all, values: (u, all) => all.map((v) => v.toExponential(0))} :
       {values: (u, all) => all.map(shown)};
     const plot = new uPlot({
-      width: place.clientWidth, height: lanes ? 72 + 30 * lanes : 250,
+      width: place.clientWidth, height: panel.height ?? (lanes ? 72 + 30 * lanes : 250),
       legend: {show: !lanes},
       cursor: {sync: {key: "time", scales: ["x", null]}, drag: {x: true, y: false}},
       scales: {x: {time: false}, y: {distr: panel.logarithmic ? 3 : 1, range: () => panel.range}},
-      axes: [{...axis, label: "time [s]", labelSize: 20, size: 30}, {...axis, size: 62, ...numbers}],
+      axes: [{...axis, ...(panel.height ? {} : {label: "time [s]", labelSize: 20}), size: 30},
+        {...axis, size: 62, space: panel.height ? 18 : 30, ...numbers}],
       series: [{label: "time [s]", value: (u, v) => shown(v)}, ...panel.curves.map((curve) => ({
         label: curve.label, stroke: curve.color, width: curve.width, dash: curve.dash, value: (u, v) => shown(v),
         points: {show: false},
       })), ...(lanes ? [{}] : [])],
       hooks: {
         draw: [(u) => marks(u, panel)],
+        destroy: [(u) => { if (plots.includes(u)) plots.splice(plots.indexOf(u), 1); }],
         setScale: [(u, key) => { if (key === "x") zoomAll(u); }],
         setSeries: [(u, i, change) => {
           if (i && change.show != null) {
@@ -90,7 +94,7 @@
         }],
       },
     }, [values(panel.time), ...panel.curves.map((curve) => values(curve.values)),
-      ...(lanes ? [values(panel.time).fill(null)] : [])], place);
+      ...(lanes ? [values(panel.time).map(() => null)] : [])], place);
     const canvas = place.querySelector("canvas");
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `${panel.title} over time; its figures stand in the tables`);
@@ -106,7 +110,9 @@
       });
     }
     plots.push(plot);
+    return plot;
   }
+  globalThis.drawPanel = draw;
 
   function drawAll() {
     const block = document.getElementById("data");

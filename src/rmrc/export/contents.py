@@ -1,0 +1,144 @@
+"""What a page has of its scenario: the image of its world, controls, path, picture, and MuJoCo's run.
+
+The page has the ideal plant, as there is no MuJoCo in it. The run that MuJoCo made of the scenario as written
+is beside it, thinned.
+"""
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rmrc.export.controls import Controls, written
+from rmrc.export.drawing import drawing, packed, skeleton
+from rmrc.export.form import facts
+from rmrc.export.image import CAPACITY, image, offset
+from rmrc.law.record import METHODS
+from rmrc.scenario import Scenario
+from rmrc.scenario.choices import IN_RUNS, POLICIES
+from rmrc.scenario.lesson import Lesson
+from rmrc.show.palette import css, distinct, of_status
+from rmrc.show.panels import error_rows, extremes, in_words
+from rmrc.simulation.prepare import Prepared, prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support import shipped
+from rmrc.support.errors import QuestionError
+
+# What the ideal plant has of a plant; and what is of no use in a page.
+CARRIED = "delay", "jitter", "loss", "lag", "seed", "joint_offset", "stretch"
+UNUSED: dict[str, Any] = {"expect": {}, "look": None, "baseline": {}, "sweep": {}, "tune": {}}
+# Points of the run that MuJoCo made.
+POINTS = 1500
+
+
+def contents(scenario: Scenario, lesson: Lesson | None = None) -> tuple[Controls, dict[str, Any]]:
+    """Return the controls of a page, and what its scripts need, ready for strict JSON.
+
+    Args:
+        scenario: The scenario as written.
+        lesson: Questions about it.
+
+    Raises:
+        ScenarioError: The scenario cannot be prepared.
+        QuestionError: A page cannot run it.
+    """
+    ideal = prepare(on_ideal_plant(scenario))
+    fitted, arm = ideal.scenario, ideal.arm
+    control, made = fitted.control, _image(ideal)
+    controls = Controls(ideal, lesson.number.setting if lesson else {})
+    statuses = ((int(flag), in_words(flag), css(of_status(int(flag)))) for flag in IN_RUNS)
+    paths = ((speed, limits, faster.reference) for speed, limits, faster in controls.paths)
+    return controls, {
+        "name": fitted.name, "scenario": to_paste(fitted), "period": control.period, "image": made,
+        "policy": control.at_singularity, "longest": control.slow.longest,
+        "slow": [policy.name for policy in POLICIES.options if policy.slows],
+        "controls": [facts(each) for each in controls.controls], "groups": controls.groups,
+        "paths": [
+            {"speed": speed, "changes": limits, "ticks": path.ticks, "pieces": packed(path.numbers, "<f8")}
+            for speed, limits, path in paths
+        ],
+        "joints": [
+            {"name": name, "color": css(color)}
+            for name, color in zip(arm.joints, distinct(arm.n), strict=True)
+        ],
+        "unit": " or ".join(f"{unit}/s" for unit in dict.fromkeys(arm.units)),
+        "places": arm.wiring.qpos.tolist(), "below": control.inverse.damping.below,
+        "statuses": [dict(zip(("bit", "name", "color"), each, strict=True)) for each in statuses],
+        "drawing": drawing(ideal), "shows": lesson.shows if lesson else ("velocity", "lost"),
+        "written": _mujoco(prepare(scenario)), "lesson": lesson and _number(lesson, ideal),
+    }  # fmt: skip
+
+
+def on_ideal_plant(scenario: Scenario) -> Scenario:
+    """Return a scenario as the page runs it: with the ideal plant, and all numbers that its arm gives."""
+    plant = {name: getattr(scenario.plant, name) for name in CARRIED} | {"kind": "ideal"}
+    fitted = prepare(scenario.set({"plant": plant, **UNUSED})).scenario
+    return fitted.model_copy(update={"name": scenario.name})  # its numbers are now its own
+
+
+def to_paste(scenario: Scenario) -> dict[str, Any]:
+    """Return a scenario without defaults; a model that does not come with rmrc is a file beside it."""
+    values = scenario.model_dump(mode="json", exclude_defaults=True)
+    model = Path(values["arm"]["model"])
+    is_shipped = shipped.shipped("models").get(model.stem) == model
+    values["arm"]["model"] = model.stem if is_shipped else model.name
+    return values
+
+
+def _image(prepared: Prepared) -> dict[str, Any]:
+    """Return the image of a world whose path, number of ticks and settings the page writes.
+
+    Raises:
+        QuestionError: It needs random numbers, or a page cannot run it.
+    """
+    plant, made, width = prepared.scenario.plant, image(prepared), 0
+    if prepared.hardware.encoders.is_noisy or plant.jitter or plant.loss:
+        keys = "arm.encoder.noise, plant.jitter and plant.loss"
+        raise QuestionError(f"{prepared.scenario.name}: a page has no random numbers; leave out {keys}")
+    n, words, arrays = prepared.arm.n, made["words"], made["arrays"]
+    J, frame = (offset(*field) // 8 for field in (("state", "J"), ("chain", "frame")))
+    more = {
+        "frame": frame + np.arange(7 * len(prepared.arm.axis_names)),
+        "J": (J + CAPACITY * np.arange(6)[:, None] + np.arange(n)).ravel(),
+        "limit": offset("limits", "rate") // 8 + np.arange(n),
+    }
+    for name, places in more.items():
+        made["columns"][name], width = [made["width"] + width, len(places)], width + len(places)
+    made["width"] += width
+    sources = base64.b64decode(arrays["sources"][2]) + np.concatenate([*more.values()]).tobytes()
+    arrays["sources"][1:] = len(sources), base64.b64encode(sources).decode()
+    arrays.pop("positions", None)  # of joints that are not the arm's
+    for name in ("reference", "chance", "path"):
+        arrays[name] = [offset("engine", name), 0, ""]
+    for name in ("rows", "width", "path_ticks", "path_size", "past_rows", "chance"):
+        words[name] = offset("engine", name)
+    words["path_tick"] = offset("memory", "path_tick")
+    record = np.frombuffer(base64.b64decode(made["record"]), np.int64).copy()
+    record[[words[name] // 8 for name in ("path_ticks", "path_size")]] = 0
+    made["record"] = base64.b64encode(record.tobytes()).decode()
+    made["fields"] = {field: offset("methods", field) for field in METHODS.split()}
+    # the settings are differences from these
+    made["methods"] += [[made["fields"][field], name] for field, name in written(prepared).methods.items()]
+    return made
+
+
+def _mujoco(prepared: Prepared) -> dict[str, Any] | None:
+    """Return the run that MuJoCo makes of a scenario as written, thinned; None where it has no physics."""
+    if not prepared.plant.has_physics:
+        return None
+    (run,) = Simulation([prepared]).run()
+    joint = int(np.abs(run["qdot"]).max(axis=0).argmax())
+    moved, turned = (1e3 * np.linalg.norm(run["pose_error"][:, rows], axis=1) for rows in error_rows(run))
+    curves = {"rates": run["qdot"][:, joint], "sigma": run["sigma"][:, -1], "error": moved, "turn": turned}
+    spans = POINTS // (2 * len(curves)) - 2  # beside the ends of each
+    rows = np.unique(np.concatenate([extremes(curve, spans) for curve in curves.values()]))
+    thinned = {name: packed(curve[rows]) for name, curve in {"time": run["time"], **curves}.items()}
+    return {**thinned, "joint": run.joints[joint], "skeleton": skeleton(prepared, run)}
+
+
+def _number(lesson: Lesson, ideal: Prepared) -> dict[str, float]:
+    """Return the number to find, as the ideal plant gives it."""
+    number = lesson.number
+    (run,) = Simulation([prepare(ideal.scenario.set(number.setting))]).run()
+    return {"value": float(run.scorecard[number.figure].value) / number.per, "within": number.within}
