@@ -3,9 +3,9 @@
     pip install -e '.[peers]'
     python benchmarks/peers.py
 
-It writes every number to docs/peers.csv, and the page docs/peers.md from that file; `--page` writes the page
-alone. What is not installed is left out. `peer_cases.py` has what is the same for everyone, `peer_loops.py`
-the lines that a user of each writes.
+It writes every number to docs/peers.csv, and from that file the tables of docs/peers.md; `--page` writes the
+tables alone. It prints the counts that the words of the page have. What is not installed is left out.
+`peer_cases.py` has what is the same for everyone, `peer_loops.py` the lines that a user of each writes.
 """
 
 import argparse
@@ -287,6 +287,8 @@ SITUATIONS = {
     "Past a singularity at 0.1°": ("wrist 0.1°", "shoulder 0.1°"),
     "Beyond a joint limit": ("joint limit", "boom limit"),
 }
+# Rows of the tables; the others are in the file alone.
+SHOWN = ("rmrc, same grid", OURS, "numpy DLS", "mjctrl", "mink", "pink", "J-PARSE", "Toolbox", "NEO")
 
 
 def follows(row: dict[str, str], ours: dict[str, str]) -> bool:
@@ -296,79 +298,46 @@ def follows(row: dict[str, str], ours: dict[str, str]) -> bool:
     return bool(errors[0] <= FOLLOWS * errors[1]) and float(row["over"]) <= OUTSIDE and back
 
 
-def counted(rows: list[dict[str, str]]) -> str:
-    """Return how many rows of others our row, another setting and none of ours are as good as."""
-    kinds = [row["verdict"].partition(":")[0] for row in rows]
-    return (
-        f"our row is as good as {kinds.count('our row')}, another single setting of rmrc as "
-        f"{kinds.count('setting')}, and {kinds.count('ahead')} lead every setting of rmrc in some column"
-    )
+def counts(rows: list[dict[str, str]]) -> dict[str, dict[str, int]]:
+    """Return how many rows of others our row, another setting and none of ours are as good as.
+
+    Rows that do the task, as `follows` says, are counted apart from the others.
+    """
+    ours = {row["case"]: row for row in rows if row["row"] == OURS}
+    found = {name: dict.fromkeys(("our row", "setting", "ahead"), 0) for name in ("task", "others")}
+    for row in rows:
+        if row["setting"] and row["verdict"]:
+            does = "task" if follows(row, ours[row["case"]]) else "others"
+            found[does][row["verdict"].partition(":")[0]] += 1
+    return found
 
 
-def page(rows: list[dict[str, str]]) -> Iterator[str]:
-    """Yield the page, from the rows of the file."""
+def cell(row: dict[str, str] | None) -> str:
+    """Return the error and the peak rate of a row."""
+    return f"{np.hypot(float(row['mm']), float(row['mrad'])):.3g}; {row['peak rate']}" if row else "stops"
+
+
+def tables(rows: list[dict[str, str]]) -> str:
+    """Return the tables of the page, from the rows of the file."""
     ran = [row for row in rows if row["setting"]]
-    ours = {row["case"]: row for row in ran if row["row"] == OURS}
-    others = [row for row in ran if row["verdict"]]
-    doing = [row for row in others if follows(row, ours[row["case"]])]
-    away = [row for row in others if not follows(row, ours[row["case"]])]
-    yield HEAD.format(rows=len(others), cases=len(ours))
-    task = f"at most {FOLLOWS:g} times our error, within the limits, back at the end"
-    yield f"- Of the {len(doing)} that do the task ({task}), {counted(doing)}."
-    yield f"- Of the {len(away)} others, {counted(away)}."
-    for name in dict.fromkeys(row["row"] for row in rows if not row["setting"]):
-        where = [row["case"] for row in rows if row["row"] == name and not row["setting"]]
-        yield f"- {name} stops with an error at every setting in {'; '.join(where)}."
-    yield CONDITIONS
+    names, lines = list(dict.fromkeys(row["case"] for row in rows)), list[str]()
+    found = {(row["row"].partition(" (")[0], row["case"]): row for row in ran}
     for title, begins in SITUATIONS.items():
-        shown = [row for row in ran if row["case"].startswith(begins)]
-        names = list(dict.fromkeys(row["case"] for row in shown))
-        yield f"\n## {title}\n"
-        yield "| mm; mrad; peak rate | " + " | ".join(names) + " |\n|---|" + "---:|" * len(names)
-        cells = {
-            (row["row"].partition(" (")[0], row["case"]): f"{row['mm']}; {row['mrad']}; {row['peak rate']}"
-            for row in shown
-        }
-        for name in dict.fromkeys(name for name, _ in cells):
-            yield f"| {name} | " + " | ".join(cells.get((name, case), "stops") for case in names) + " |"
-
-
-HEAD = """# Comparison with other libraries
-
-rmrc and other libraries for resolved motion rates, on the same arms and paths. This command writes the page,
-and all numbers, settings and verdicts to [peers.csv](peers.csv):
-
-```sh
-pip install -e '.[peers]' && python benchmarks/peers.py
-```
-
-A row is a library with its best setting. Other libraries have {rows} rows in {cases} cases. A row leads in a
-column if it is better by more than 2 %; a setting is as good as a row that leads it in no column. "Our row"
-is "rmrc, more methods". No single setting leads everywhere, because less error needs faster joints.
-"""
-
-CONDITIONS = """
-**Conditions.** All loops use the same models: without fingers, weight and friction, with a stiff rate servo
-on each joint, in MuJoCo at 2 ms, without delay and noise. A path is one screw, there and back in 2 s each. A
-loop gets joint positions, the reference pose now and at the end of the period, and the mean twist, and
-returns joint rates. Rates of a loop without limits are scaled down to the limits. A real robot tolerates less
-gain: see [From simulation to your robot](from_simulation_to_your_robot.md).
-
-**Settings.** "As documented" and "as written" have the numbers of a library's own example. Each other row is
-the best of one grid: feedback K of 10, 50, 500 /s and damping λ of 0.01, 0.05, 0.2. "rmrc, more methods" adds
-16 methods and 11 settings that imitate the others. The best has the least error, a meter as bad as a radian;
-within 2 % of it, the one with the least peak acceleration. A setting that exceeds the limits, chatters or
-does not come back counts only if all do.
-
-**Columns.** Largest error of position [mm] and of orientation [mrad]; peak commanded rate of a joint [rad/s
-or m/s]. The file also has rms rates, errors at the end, accelerations, chatter, and the distance beyond
-position limits."""
+        cases = [case for case in names if case.startswith(begins)]
+        headings = [case if len(begins) > 1 else case.partition(", ")[2] for case in cases]
+        lines += [f"## {title}", "", "| | " + " | ".join(headings) + " |", "|---|" + "---:|" * len(cases)]
+        alike: dict[str, list[str]] = {}
+        for name in SHOWN:
+            cells = " | ".join(cell(found.get((name, case))) for case in cases)
+            alike.setdefault(cells, []).append(name)
+        lines += [f"| {'; '.join(libraries)} | {cells} |" for cells, libraries in alike.items()] + [""]
+    return "\n".join(lines)
 
 
 def main() -> None:
-    """Run everything and write the file, or write the page alone."""
+    """Run everything and write the file, or write the tables alone."""
     parser = argparse.ArgumentParser(description="rmrc beside others who resolve motion rates")
-    parser.add_argument("--page", action="store_true", help="write the page from the file that is there")
+    parser.add_argument("--page", action="store_true", help="write the tables from the file that is there")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--out", type=Path, default=ROOT / "docs", help="folder of peers.csv and peers.md")
     arguments = parser.parse_args()
@@ -379,8 +348,10 @@ def main() -> None:
         with file.open("w", encoding="utf-8", newline="") as opened:
             csv.writer(opened, lineterminator="\n").writerows([HEADINGS, *found])
     with file.open(encoding="utf-8", newline="") as opened:
-        text = "\n".join(page(list(csv.DictReader(opened)))) + "\n"
-    (arguments.out / PAGE.name).write_text(text, "utf-8")
+        rows = list(csv.DictReader(opened))
+    words, _, _ = PAGE.read_text("utf-8").partition(f"## {next(iter(SITUATIONS))}\n")
+    (arguments.out / PAGE.name).write_text(words + tables(rows), "utf-8")
+    print(counts(rows))
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ exclude_patterns = ["docs/_*", ".*", "build", "node_modules", "src", "tests", "*
 root_doc = "docs/index"
 source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
 
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["dollarmath", "html_image"]
 myst_fence_as_directive = ["math"]
 html_math_renderer = "mathml"
 myst_heading_anchors = 4
@@ -52,6 +52,18 @@ napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 
+# What people search for, and the page that comes first then, besides those whose words it is.
+SEARCHED = {
+    "docs/choices": ("DLS", "damped least squares", "pseudo-inverse", "pseudoinverse"),
+    "docs/franka": ("Franka",),
+    "docs/from_simulation_to_your_robot": ("ROS", "ROS 2"),
+    "docs/my_robot": ("URDF", "MJCF"),
+    "docs/profiles": ("UR", "Universal Robots"),
+    "docs/python": ("MoveIt Servo", "servoing"),
+    "docs/tune": ("choose lambda", "lambda", "damping factor"),
+    "docs/which_method": ("singularity avoidance", "avoid singularities"),
+}
+
 ENTRY = re.compile(r"^- \[(.+?)\]\((\S+?)\.(?:md|ipynb)\)", re.MULTILINE)
 
 
@@ -64,12 +76,25 @@ def add_contents(_: object, page: str, source: list[str]) -> None:
             source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{entries}\n```\n"
 
 
+def add_words(_: object, page: str, source: list[str]) -> None:
+    """Add what people search for to the index of a page, and the textbook to the Python API."""
+    title, _, text = source[0].partition("\n")
+    words = "".join(f"   ! {word}\n" for word in SEARCHED.get(page, ()))
+    if words:
+        source[0] = f"{title}\n\n```{{eval-rst}}\n.. index::\n{words}```\n{text}"
+    if page == "docs/api":
+        modules = sorted(path.stem for path in (ROOT / "src/rmrc/textbook").glob("[a-z]*.py"))
+        listed = "".join(f".. automodule:: rmrc.textbook.{module}\n   :members:\n" for module in modules)
+        source[0] += f"\n```{{eval-rst}}\n{listed}```\n"
+
+
 def write_math(writer: Any, node: Any) -> None:
     """Write an equation, which is TeX, as MathML."""
     from docutils.nodes import SkipNode
     from latex2mathml.converter import convert
 
-    writer.body.append(convert(node.astext(), display="block" if node.tagname == "math_block" else "inline"))
+    tex = node.astext().replace(r"\tag", r"\qquad\tag")  # MathML has no place of its own for numbers
+    writer.body.append(convert(tex, display="block" if node.tagname == "math_block" else "inline"))
     raise SkipNode
 
 
@@ -93,6 +118,7 @@ def setup(app: Any) -> None:
     app.add_html_math_renderer("mathml", (write_math, None), (write_math, None))
     app.connect("autodoc-process-docstring", as_markup, priority=400)  # before napoleon
     app.connect("source-read", add_contents)
+    app.connect("source-read", add_words)
     findable.setup(app)
 
 

@@ -9,7 +9,6 @@ import sys
 
 import pytest
 import typer.main
-from _pytest.doctest import DoctestModule
 from hypothesis import settings
 from xdist.scheduler import LoadGroupScheduling
 
@@ -78,42 +77,15 @@ reading._composed = functools.cache(reading._composed)
 typer.main.get_command = functools.cache(typer.main.get_command)
 
 
-def parsed_once():
-    """Have matplotlib parse each formula once, if tests draw: it does so anew for each figure, for a third of its time."""
-    parser = getattr(sys.modules.get("matplotlib.mathtext"), "MathTextParser", None)
-    parse = getattr(getattr(parser, "_parse_cached", None), "__wrapped__", None)
-    if parse is None:  # nobody draws, or another version parses in another way
-        return
-    known = {}
-
-    def recalled(self, *text_and_font):
-        key = (self._output_type, *text_and_font)
-        if key not in known:
-            known[key] = parse(self, *text_and_font)
-        return known[key]
-
-    parser._parse_cached = recalled
-
-
 # In the name of each test of clusters.
 CLUSTER = "/test_cluster"
 # Files whose tests share what takes seconds to make, and which each of two processes would else make for itself.
 SHARING = (
-    "/test_report_page.py", "/test_sweep.py", "/test_workspace.py",
-    "/test_film.py", "/test_architecture.py", "/test_peers_page.py", "/test_scenarios.py",
-    "/test_browser.py", "/test_plot.py", "/test_overlay.py", "/test_chance.py",
+    "/test_report_page.py", "/test_sweep.py", "/test_workspace.py", "/test_film.py", "/test_peers_page.py",
+    "/test_scenarios.py", "/test_browser.py", "/test_plot.py",
 )  # fmt: skip
 # Files whose tests share what those of another make: runs of shipped scenarios, workspaces.
-LIKEWISE = {
-    "/test_docs.py": "/test_scenarios.py", "/test_workspace_figure.py": "/test_workspace.py",
-}  # fmt: skip
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_collect_file():
-    """Leave out the doctests of tests: there are none, and to look for them takes a fourteenth of collecting."""
-    found = yield
-    return [one for one in found if not isinstance(one, DoctestModule)]
+LIKEWISE = {"/test_docs.py": "/test_scenarios.py", "/test_figures.py": "/test_workspace.py"}
 
 
 def pytest_collection_modifyitems(items):
@@ -127,22 +99,9 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """Look through what is loaded by now for garbage only rarely: most of it stays.
-
-    It is not frozen, as each pool of threads counts what is frozen, one by one; frozen and thawed, it is old.
-    """
+    """Look for garbage again, but rarely: most of what is loaded by now stays."""
     gc.enable()
-    gc.freeze()
-    gc.unfreeze()
     gc.set_threshold(10_000, 20, 1000)
-    parsed_once()
-
-
-@pytest.hookimpl(trylast=True)
-def pytest_sessionfinish():
-    """Look through all for garbage once; pytest does it twice more, for which nothing is left."""
-    gc.collect()
-    gc.freeze()
 
 
 class OneCluster(LoadGroupScheduling):
@@ -154,13 +113,6 @@ class OneCluster(LoadGroupScheduling):
     def _split_scope(self, nodeid):
         groups = [group for group in (CLUSTER, *SHARING, *LIKEWISE) if group in nodeid]
         return LIKEWISE.get(groups[0], groups[0]) if groups else super()._split_scope(nodeid)
-
-    def mark_test_complete(self, node, item_index, duration=0):
-        """Forget what is done: after each test, xdist looks through all that a process ever had, which takes seconds."""
-        super().mark_test_complete(node, item_index, duration)
-        work = self.assigned_work[node]
-        for scope in [scope for scope, tests in work.items() if all(tests.values())]:
-            del work[scope]
 
 
 def pytest_xdist_make_scheduler(config, log):

@@ -24,19 +24,8 @@ def scaled_jacobian(J, wx, wq):
 
 
 def damping(
-    schedule,
-    maximum,
-    below,
-    sigma_min,
-    *,
-    w=None,
-    w_below=None,
-    error=None,
-    error_gain=None,
-    A=None,
-    t=None,
-    bound=None,
-):
+    schedule, maximum, below, sigma_min, *, w=None, w_below=None, error=None, error_gain=None, A=None, t=None, bound=None
+):  # fmt: skip
     """Return λ by the formulas of the schedules (12); `rate_bound` needs the scaled A and task t."""
     if schedule == "constant":
         return maximum

@@ -71,20 +71,6 @@ class Way:
         return total
 
 
-def ends(coefficients):
-    """Return the largest root of a polynomial, by its size."""
-    return max(map(abs, np.roots(coefficients)))
-
-
-def edge(stays_within):
-    """Return the largest gain of a loop that is stable, by bisection: a function says whether one is."""
-    lower, upper = 0.0, 8.0
-    while upper - lower > 1e-6:
-        middle = (lower + upper) / 2
-        lower, upper = (middle, upper) if stays_within(middle) else (lower, middle)
-    return lower
-
-
 def formula(d):
     """Return the gain times the period at which an integrator with so many ticks of delay is at its edge."""
     return 2 * math.sin(math.pi / (2 * (2 * d + 1)))

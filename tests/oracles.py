@@ -99,9 +99,8 @@ class Kinematics:
         """
         step, factors = 2e-3, {-3: -1, -2: 9, -1: -45, 1: 45, 2: -9, 3: 1}
         moved = [q + i * step * joint for joint in np.eye(len(q)) for i in factors]
-        values = f(np.array([self.at(one, site, frame)[2] for one in moved])).reshape(
-            len(q), len(factors), -1
-        )
+        values = f(np.array([self.at(one, site, frame)[2] for one in moved]))
+        values = values.reshape(len(q), len(factors), -1)
         slopes = np.tensordot(values, list(factors.values()), (1, 0)) / (60 * step)
         return slopes if size else slopes[:, 0]
 
@@ -118,11 +117,7 @@ class NumpyLoop:
     """
 
     def __init__(self, prepared):
-        self.scenario, self.arm, self.reference = (
-            prepared.scenario,
-            prepared.arm,
-            prepared.reference,
-        )
+        self.scenario, self.arm, self.reference = prepared.scenario, prepared.arm, prepared.reference
         self.known = known_model(prepared)
         self.known_data = mujoco.MjData(self.known)
         dofs = [int(self.known.joint(name).dofadr[0]) for name in self.arm.joints]
@@ -133,12 +128,8 @@ class NumpyLoop:
         self.kinematics = Kinematics(self.known, prepared.qpos, self.arm.joints)
         self.truth = Kinematics(self.model, prepared.qpos, self.arm.joints)
         self.dof, self.qpos = self.kinematics.dof, self.kinematics.qpos
-        self.ctrl = [
-            i
-            for name in self.arm.joints
-            for i in range(self.model.nu)
-            if self.model.actuator_trnid[i, 0] == self.model.joint(name).id
-        ]
+        driven = [self.model.joint(name).id for name in self.arm.joints]
+        self.ctrl = [i for joint in driven for i in np.flatnonzero(self.model.actuator_trnid[:, 0] == joint)]
         n = self.arm.n
         task, control = self.scenario.task, self.scenario.control
         self.wx, self.wq = scaling(
@@ -159,11 +150,8 @@ class NumpyLoop:
         self.sensing = Sensing(self.scenario, n)
         if control.nullspace.objective == "secondary":
             self.start_second(control.nullspace.secondary)
-        self.last, self.told, self.way = (
-            np.zeros(n),
-            np.zeros(n),
-            Way(self.scenario.plant, self.scenario.control.period, n),
-        )
+        self.way = Way(self.scenario.plant, control.period, n)
+        self.last, self.told = np.zeros((2, n))
         self.path_tick, self.pace, self.share = 0.0, 1.0, 1.0
         self.fastest, self.falling, self.advance, self.waited, self.still = None, 0.0, 0.0, 0.0, 0.0
 
@@ -199,9 +187,9 @@ class NumpyLoop:
 
     def tick(self):
         model, data, plant = self.model, self.data, self.scenario.plant
-        tau = (
+        tau = np.array(
             data.qfrc_actuator[self.dof] if plant.kind == "model" else data.actuator_force[self.ctrl]
-        ).copy()
+        )
         if plant.kind == "ideal":
             mujoco.mj_forward(model, data)
             qdot, tau = self.told, np.zeros(self.arm.n)
@@ -276,13 +264,8 @@ class NumpyLoop:
             v = v + change * forward
         if control.at_singularity == "keep_out":
             barrier = self.barrier(q, J)
-            beside, slack = kept_out(
-                *barrier,
-                rates,
-                1 / np.sqrt(self.wq),
-                scaled_jacobian(J, self.wx, self.wq),
-                control.keep_out.sigma,
-            )
+            A, scale = scaled_jacobian(J, self.wx, self.wq), 1 / np.sqrt(self.wq)
+            beside, slack = kept_out(*barrier, rates, scale, A, control.keep_out.sigma)
             rates, lowest = rates + beside, np.where(barrier[1] <= 0, barrier[1] - slack, -np.inf)
         if control.at_singularity == "slow":
             change = self.choose_pace(rates, G @ forward)
@@ -302,17 +285,10 @@ class NumpyLoop:
         if control.inverse.method != "transpose":  # at rest its α is rounding over rounding
             row["gain"] = self.gains(u, vt, G)
         return row | {
-            "qdot_cmd": cmd,
-            "pose_ref": pose_ref,
-            "pose_error": error,
-            "twist_ref": self.pace * recorded_twist,
-            "sigma": sigma,
-            "damping": lam,
-            "path_time": self.path_tick * control.period,
-            "path_rate": self.pace,
-            "status": status,
-            "limited": limited,
-        }
+            "qdot_cmd": cmd, "pose_ref": pose_ref, "pose_error": error, "twist_ref": self.pace * recorded_twist,
+            "sigma": sigma, "damping": lam, "path_time": self.path_tick * control.period, "path_rate": self.pace,
+            "status": status, "limited": limited,
+        }  # fmt: skip
 
     def error(self, point, turn):
         """Return the error (2) of an arm whose site is there."""
@@ -454,12 +430,8 @@ class NumpyLoop:
 
     def go_along_kernel(self, q, J, rates, along, forward):
         """Choose ṡ by the kernel of [Σ | −c], and return the rates, how much ṡ changes, and what is beside G."""
-        slow, period, last, r = (
-            self.scenario.control.slow,
-            self.scenario.control.period,
-            self.pace,
-            self.rank - 1,
-        )
+        slow, period = self.scenario.control.slow, self.scenario.control.period
+        last, r = self.pace, self.rank - 1
         u, sigma, vt = np.linalg.svd(scaled_jacobian(J, self.wx, self.wq), full_matrices=False)
         c = (u.T @ (np.sqrt(self.wx) * forward))[: r + 1]
         # the null vector of (r + 1) equations for r + 2 unknowns, by elimination from the last, smallest, σ
@@ -486,10 +458,8 @@ class NumpyLoop:
         if stop.condition is not None:
             near = near or sigma[0] >= stop.condition * sigma[last]
         if near:
-            smallest = lambda full: self.sigma(full[self.rows])[last]  # noqa: E731
-            ahead, behind = (
-                smallest(self.kinematics.at(q + h * rates, self.site, self.frame)[2]) for h in (1e-6, -1e-6)
-            )
+            moved = (self.kinematics.at(q + h * rates, self.site, self.frame)[2] for h in (1e-6, -1e-6))
+            ahead, behind = (self.sigma(full[self.rows])[last] for full in moved)
             near = ahead - behind <= 1e-14 * sigma[0]  # as far as the differences of two roundings go
         step = stop.change * self.scenario.control.period
         self.share = max(0.0, self.share - step) if near else min(1.0, self.share + step)
@@ -510,9 +480,7 @@ class NumpyLoop:
         how = limits.on_excess
         if how == "none":
             return rates, Status.OK
-        assert how in ("scale", "clamp", "redistribute") and limits.jerk is None, (
-            f"no oracle for {how}, or jerk"
-        )
+        assert how in ("scale", "clamp", "redistribute") and limits.jerk is None, "no oracle for this limit"
         about = self.last, self.rate, self.acceleration, self.deceleration
         rest_lo, rest_up, lower, upper = bounds(q, *about, self.position, period)
         near_stop = bool(np.any(np.minimum(rest_up, -rest_lo) < self.rate))
@@ -604,28 +572,3 @@ def quat_of(matrix):
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, matrix.ravel())
     return quat
-
-
-def error_parts(error, jacobian, rows, weights, length, joint_scale):
-    """Return the parts of an error along the direction that an arm is losing, and across it, six rows each.
-
-    The direction is the force and torque that cost the least joint torques for their scaled size. By numpy's
-    decomposition and a least-squares fit for the rows of each unit, and nothing of the law's records.
-
-    Args:
-        error: Six rows [m, rad].
-        jacobian: (6, n).
-        rows: That count.
-        weights: One a row.
-        length: Characteristic length [m].
-        joint_scale: (n,).
-    """
-    rows = np.array(rows)
-    scale = np.diag(np.sqrt(weights) / np.where(rows < 3, length, 1.0))
-    lost, along, across = np.zeros(6), np.zeros(6), np.zeros(6)
-    lost[rows] = scale @ np.linalg.svd(scale @ jacobian[rows] * joint_scale, full_matrices=False)[0][:, -1]
-    for some in (rows[rows < 3], rows[rows >= 3]):
-        share = np.linalg.lstsq(lost[some, None], error[some], rcond=None)[0]
-        along[some] = lost[some, None] @ share
-        across[some] = error[some] - along[some]
-    return along, across

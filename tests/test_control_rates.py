@@ -13,8 +13,7 @@ from wording import says
 
 LINE = ROOT / "scenarios/line_tracking.yaml"
 # Steps of at most 1 ms in a period, counted by hand.
-RATES = {"30 Hz": 34, "60 Hz": 17, "120 Hz": 9, "240 Hz": 5, "300 Hz": 4}
-WRITTEN = {"0.0333": 34, "0.03333333333": 34, "1/7": 143, "0.0005": 1, "0.002": 2}
+STEPS = {"30 Hz": 34, "300 Hz": 4, "0.0333": 34, "1/7": 143, "0.0005": 1}
 
 
 def line(period, kind, *more):
@@ -23,7 +22,7 @@ def line(period, kind, *more):
     return prepare(load(LINE, [f"control.period={period}", *slow, *more]))
 
 
-@pytest.mark.parametrize(("period", "steps"), {**RATES, **WRITTEN}.items())
+@pytest.mark.parametrize(("period", "steps"), STEPS.items())
 def test_servos_take_the_longest_steps_of_a_millisecond_at_most_and_the_run_is_a_loop_over_them(
     period, steps
 ):
@@ -49,7 +48,7 @@ def test_servos_take_the_longest_steps_of_a_millisecond_at_most_and_the_run_is_a
 
 
 @pytest.mark.parametrize("kind", ["torque", "model", "ideal"])
-@pytest.mark.parametrize("period", ["30 Hz", "0.0333", "240 Hz"])
+@pytest.mark.parametrize("period", ["30 Hz", "240 Hz"])
 def test_other_plants_follow_the_path_at_any_rate(kind, period):
     prepared = line(period, kind)
     (run,) = Simulation([prepared]).run()

@@ -1,4 +1,4 @@
-"""Payload, gravity and stretched bodies: what they are, and that worlds which differ in them run side by side."""
+"""Payload, gravity and stretched bodies are what models that are written so have."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,6 @@ from rmrc.simulation.simulation import Simulation
 
 PLANAR = (ROOT / "models" / "planar_2link.xml").read_text()
 REACH = "target.path=[{line: {to: [1.5, 0.2]}}, {line: {to: [1.2, 0.2]}}]"
-DOWN = "plant.gravity=[0, -9.81, 0]"  # in the plane of the arm
 
 
 def run(prepared, threads=1):
@@ -34,27 +33,6 @@ def write(folder, *changes):
         text = text.replace(old, new)
     (folder / "arm.xml").write_text(text)
     return f"arm.model={folder}/arm.xml"
-
-
-# Bits ---------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("kind", ["servo", "torque"])
-def test_no_bit_of_a_world_depends_on_others_that_differ_in_their_numbers(scenario, kind):
-    shared = (f"plant.kind={kind}", "target.path=[{line: {to: [1.3, 0.1]}}]", "control.period=0.002")
-    chosen = [
-        shared,
-        (*shared, "plant.payload=0.5", DOWN, "plant.kv=[300, 200]"),
-        (*shared, "arm.stretch={link_2: 0.9, link_1: 1.05}", "plant.payload=1", "arm.encoder.offset=0.01"),
-        (*shared, "arm.stretch={link_2: 1.2}", DOWN, "plant.wrench=[0, 5, 0, 0, 0, 1]"),
-    ]
-    prepared = [prepare(scenario(*overrides)) for overrides in chosen]
-    alone = [run([one])[0] for one in prepared]
-    for order, threads in ((1, 1), (-1, 2)):
-        together = run(prepared[::order], threads)[::order]
-        for one, want in zip(together, alone, strict=True):
-            assert_same(one, want)
-    assert len({one["q"].tobytes() for one in alone}) == len(chosen)
 
 
 # Payload ------------------------------------------------------------------------------------------
@@ -103,7 +81,7 @@ def test_a_run_is_that_of_a_model_with_these_lengths(scenario, tmp_path, kind):
     text = text.replace('name="link_2" pos="1 0 0"', 'name="link_2" pos="1.1 0 0"')
     text = text.replace('name="tip" pos="1 0 0"', 'name="tip" pos="0.9 0 0"')
     (tmp_path / "arm.xml").write_text(text.replace('file="common/', f'file="{ROOT}/models/common/'))
-    shared = (REACH, f"plant.kind={kind}", DOWN, "plant.gravity_compensation=false", "plant.wrench=[3, 2, 1, 0, 0, 1]",
+    shared = (REACH, f"plant.kind={kind}", "plant.gravity=[0, -9.81, 0]", "plant.gravity_compensation=false", "plant.wrench=[3, 2, 1, 0, 0, 1]",
               "control.period=0.002")  # fmt: skip
     theirs = run([prepare(scenario(f"arm.model={tmp_path}/arm.xml", *shared))])[0]
     ours, _ = run(

@@ -5,9 +5,8 @@ import runpy
 import shlex
 
 import pytest
-from PIL import Image
 
-from project import ROOT, mostly_long
+from project import ROOT
 
 PICTURE = re.compile(r"docs/figures/(\w+\.png)")
 LINES = re.findall(r"^\t\$\(PYTHON\) (.+)$", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
@@ -22,14 +21,6 @@ def test_every_picture_has_its_command_and_every_command_its_picture():
     assert len(made) >= 4
 
 
-@pytest.mark.parametrize("path", FIGURES, ids=lambda path: path.name)
-def test_a_picture_is_whole_and_small_enough_for_a_page(path):
-    assert path.stat().st_size < 400_000
-    with Image.open(path) as picture:
-        picture.load()  # all of it
-        assert min(picture.size) > 400
-
-
 QUICK = ["--set", "plant.kind=ideal", "--set", "control.period=0.005"]
 COARSE = {
     "workspace": ["--cells", "12"],
@@ -39,9 +30,7 @@ COARSE = {
 
 
 @pytest.mark.parametrize(
-    "command",
-    mostly_long(COMMANDS, 5, slow=[one for one in COMMANDS if " margins " in one or "workspace_6_3" in one]),
-    ids=lambda command: PICTURE.search(command)[1],
+    "command", [line for line in COMMANDS if not re.search("margins|planar_6_3", line)][::4]
 )
 def test_commands_of_the_makefile_run(rmrc, tmp_path, monkeypatch, command):
     """Coarser than for the page, and into another folder."""

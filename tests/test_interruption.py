@@ -1,7 +1,5 @@
 """Signals: the first stops what goes on and keeps it, the second ends the process, ignored ones stay ignored."""
 
-import json
-import os
 import signal
 import subprocess
 import sys
@@ -11,7 +9,6 @@ import pytest
 
 from processes import TELLS_OF_TICKS
 from project import ROOT
-from rmrc.results.run import Run
 from rmrc.support.interruption import interruptible, signal_that_came, stops_like_ctrl_c
 
 ALL = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
@@ -84,59 +81,6 @@ def test_outside_of_a_run_each_signal_is_a_keyboard_interrupt(number):
     assert signal_that_came() == number
 
 
-class EndedError(Exception):
-    """Stands for the end of the process."""
-
-
-@pytest.fixture
-def ends(monkeypatch):
-    """Return the numbers of the signals with which the process would have been ended."""
-    numbers = []
-
-    def end(number):
-        numbers.append(number)
-        raise EndedError
-
-    monkeypatch.setattr("rmrc.support.interruption._end", end)
-    return numbers
-
-
-def test_a_signal_while_something_is_imported_ends_the_process(tmp_path, monkeypatch, ends):
-    # an extension that is interrupted while it is loaded makes an ImportError of it
-    (tmp_path / "imported_and_signaled.py").write_text("import signal; signal.raise_signal(signal.SIGTERM)")
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(EndedError), stops_like_ctrl_c():
-        import imported_and_signaled  # noqa: F401
-    assert ends == [signal.SIGTERM]
-
-
-def test_an_interrupt_that_a_callback_takes_ends_the_process(ends):
-    class Dies:
-        def __del__(self):
-            signal.raise_signal(signal.SIGHUP)
-
-    with stops_like_ctrl_c():
-        hook = sys.unraisablehook
-        lost = []
-
-        def tell(what):
-            try:
-                hook(what)
-            except EndedError:
-                lost.append(what.exc_type)
-
-        sys.unraisablehook = tell
-        Dies()  # what it raises goes to the hook, and no further
-    assert lost == [KeyboardInterrupt] and ends == [signal.SIGHUP]
-
-
-def test_the_second_signal_ends_the_process_after_the_run_as_well():
-    with stops_like_ctrl_c():
-        with interruptible():
-            signal.raise_signal(signal.SIGTERM)
-        assert {signal.getsignal(one) for one in ALL} == {signal.SIG_DFL}
-
-
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 @pytest.mark.usefixtures("hard")
 def test_what_a_verb_that_is_interrupted_elsewhere_exits_with(rmrc, monkeypatch, number, code):
@@ -149,43 +93,6 @@ def test_what_a_verb_that_is_interrupted_elsewhere_exits_with(rmrc, monkeypatch,
     assert (*ended, err.splitlines()[-1]) == (code, "", "rmrc: interrupted")
     monkeypatch.setattr("rmrc.study.run.draft_of", interrupted)
     assert rmrc("run", "hard.yaml") == (code, "", "rmrc: interrupted\n")
-
-
-@pytest.mark.long  # Ctrl-C is tried in tests/test_cli.py, and the other signals end a verb as it does, above
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
-def test_a_run_within_a_long_tick_answers_and_keeps_what_it_has(hard, number, code):
-    process = start(hard, "run", "hard.yaml", code=TELLS_OF_TICKS, env={**os.environ, "COLUMNS": "200"})
-    wait_for_ticks(process)
-    returned, err, took = ended(process, number)
-    assert returned == code and "Traceback" not in err and took < PATIENCE, (err, took)
-    facts = json.loads((hard / "recordings/hard.json").read_text())
-    run = Run.read(hard / "recordings/hard.npz")
-    assert facts["status"] == "interrupted" and 0 < len(run) < run.planned
-    assert f"rmrc: interrupted at tick {len(run)} of {run.planned}\n" in err
-    assert sorted(os.listdir(hard / "recordings")) == ["hard.json", "hard.npz", "hard.rrd"]
-
-
-VERBS = {
-    "compare": ["compare", "hard.yaml", "--vary", "control.feedback=1,2"],
-    "sweep": ["sweep", "hard.yaml", "--vary", "control.feedback=1,2,3"],
-    "tune": ["tune", "hard.yaml"],
-    "statics": ["statics", f"{ROOT}/models/planar_2link.xml", "--wrench", "0,1,0", "--hold", "1000"],
-    "workspace": ["workspace", f"{ROOT}/models/puma560.xml", "--samples", "2000000000"],
-}
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_that_runs_answers_a_polite_kill(hard, verb):
-    code = "from rmrc.cli import main; main()"
-    if verb == "statics":  # which is still after a second, and then done
-        code = f"import rmrc.analysis.statics.statics as h; h.STILL = -1.0; {code}"
-    process = start(hard, *VERBS[verb], code=code)
-    time.sleep(15.0)  # nothing tells when it is under way
-    assert process.poll() is None, process.communicate()
-    returned, err, took = ended(process, signal.SIGTERM)
-    assert returned == 143 and "rmrc: interrupted" in err and "Traceback" not in err, err
-    assert took < PATIENCE
 
 
 def test_nohup_stays_deaf_and_the_second_signal_does_not_wait(hard):

@@ -9,16 +9,14 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-import rmrc
 from codes import Method, OnExcess
 from oracle_limits import least_way, ticks_to_rate
-from project import ROOT, examples
+from project import examples
 from records import blank, put, resolve
 from rmrc.law import braking as stops
 from rmrc.law.jerk import remember
 from rmrc.scenario.choices import LIMITS, Status
-from rmrc.simulation.prepare import prepare
-from rmrc.simulation.simulation import Simulation
+from shipped import shipped
 
 T = 1e-3
 LIMITING = [name for name in LIMITS.names if name != "none"]
@@ -33,16 +31,6 @@ def way(rate, change, braking, step):
     return stops.way(rate / step, change / step, braking / step) * step
 
 
-@numba.njit(error_model="numpy")
-def largest_change(distance, rate, least, most, braking, step):
-    return stops.largest_change(distance, rate, least, most, braking, step, 1.0)
-
-
-@numba.njit(error_model="numpy")
-def next_gentle_rate(rate, distance):
-    return stops.brake_gently(rate, distance, 1.0)
-
-
 # in steps of jerk, so that programs stay small; a braking below 1 is one that jerk does not bind
 brakings, rates, changes = st.floats(0.3, 8.0), st.floats(0.01, 30.0), st.floats(-1.0, 4.0)
 
@@ -55,35 +43,6 @@ def test_the_way_to_rest_is_the_least_that_jerk_and_deceleration_allow(braking, 
     assume(np.isfinite(wanted))  # else it turns back whatever is done
     # the program's own tolerance is 1e-7
     assert way(rate * step, change * step, braking * step, step) == pytest.approx(wanted * step, rel=1e-6)
-
-
-@examples(3, 20)
-@given(brakings, rates, changes, st.floats(0.02, 0.98))
-def test_the_bound_before_a_position_limit_is_sharp(braking, rate, last, part):
-    # Within one step of jerk, a little more than the largest change leads beyond.
-    last = max(last, -braking)
-    least, most = max(last - 1.0, -braking), last + 1.0
-    assume(rate + least > 0)
-    ends = [least_way(rate + change, change, braking, 1.0) for change in (least, most)]
-    assume(np.isfinite(ends).all() and ends[1] > ends[0] * (1 + 1e-3))
-    distance = ends[0] + part * (ends[1] - ends[0])
-    change = largest_change(distance, rate, least, most, braking, 1.0)
-    assert least_way(rate + change, change, braking, 1.0) <= distance * (1 + 1e-6)
-    more = change + 1e-3
-    assert least_way(rate + more, more, braking, 1.0) > distance * (1 + 1e-6)
-
-
-@given(st.floats(0.01, 100.0), st.floats(0.05, 1e4))
-def test_the_least_deceleration_stops_at_the_limit(rate, distance):
-    # Followed tick by tick, none is harder than the first, and the way is all there is.
-    left, falls, now = distance, [], rate
-    assume(rate <= 2 * distance < 400 * rate)
-    for _ in range(500):
-        following = next_gentle_rate(now, left)
-        falls.append(now - following)
-        left, now = left - following, following
-    assert min(falls) >= -1e-9 * rate and max(falls) <= falls[0] * (1 + 1e-6) + 1e-9 * rate
-    assert left == pytest.approx(0.0, abs=1e-6 * distance)
 
 
 # Any wishes -----------------------------------------------------------------------------------------------------
@@ -149,13 +108,11 @@ ALL = {"jerk", "acceleration", "rate", "position"}
 def greedy(seed, n, ticks=400):
     """Return wishes that turn at random ticks, by far too much; some rest, and some move steadily."""
     rng = np.random.default_rng(seed)
-    wishes, now = np.zeros((ticks, n)), np.zeros(n)
-    slope = np.zeros(n)
+    wishes, now, slope = np.zeros((ticks, n)), np.zeros(n), np.zeros(n)
     for t in range(ticks):
         if rng.random() < 0.03:
             now, slope = rng.choice([-50.0, -0.5, 0.0, 0.5, 50.0], n), rng.choice([0.0, 0.0, 0.01], n)
-        now = now + slope
-        wishes[t] = now
+        wishes[t] = now = now + slope
     return wishes
 
 
@@ -233,21 +190,6 @@ def test_position_and_rate_come_before_acceleration_and_that_before_jerk(
         )
 
 
-def test_acceleration_and_jerk_give_way_to_a_limit_that_is_too_near():
-    near = Joints(1, ends=[[-1.0], [1.0]], acceleration=20.0, rate=2.0).at(0.999, 1.0, 0.0)
-    assert near.step(50.0)[1] & EXCEEDED == EXCEEDED
-    # of a stop in one tick no more goes on than braking and jerk allow
-    alone = Joints(1, ends=[[-1.0], [1.0]], rate=2.0).at(0.9999, 1.5, 0.0)
-    sent, _, status = alone.run([50.0] * 5)
-    assert (
-        status & Status.JERK_EXCEEDED and sent[0] < 0.2 and np.abs(np.diff(sent, axis=0)).max() < 2 * 10.0 * T
-    )
-    # 1 rad/s² · 1 s²/2 away: jerk has to give way, and acceleration has not
-    late = Joints(1, ends=[[-1.0], [1.0]], acceleration=20.0, rate=2.0, jerk=50.0).at(0.96, 1.0, 0.0)
-    _, q, status = late.run([50.0] * 500)
-    assert status & EXCEEDED == Status.JERK_EXCEEDED and q.max() <= 1.0 + 1e-12
-
-
 @examples(5, 15)
 @given(
     st.floats(1e-5, 3.0),
@@ -267,48 +209,23 @@ def test_a_step_is_followed_in_the_least_time_and_without_overshoot(rate, jerk, 
     assert sent[-1] == pytest.approx(wishes[-1], rel=1e-9)
 
 
-def test_scaled_rates_keep_their_direction_while_they_change():
-    joints = Joints(
-        3, "scale", jerk=[500.0, 50.0, 5000.0], acceleration=[30.0, 20.0, 5.0], rate=[2.0, 3.0, 1.0]
-    )
-    sent, _, status = joints.run([[3.0, -1.0, 0.5]] * 400 + [[0.0, 0.0, 0.0]] * 400)
-    moving = sent[np.linalg.norm(sent, axis=1) > 1e-9]
-    turned = moving / np.linalg.norm(moving, axis=1)[:, None] - np.array([3.0, -1.0, 0.5]) / np.linalg.norm(
-        [3.0, -1.0, 0.5]
-    )
-    assert np.abs(turned).max() < 1e-9
-    # negative control: by each joint's own limits it does not
-    clamped, _, _ = Joints(3, "clamp", jerk=[500.0, 50.0, 5000.0]).run([[3.0, -1.0, 0.5]] * 50)
-    assert abs(clamped[20, 0] / clamped[20, 1] + 3.0) > 0.5
-    assert status & Status.JERK_LIMITED
-
-
 # Whole runs ---------------------------------------------------------------------------------------------------
-
-
-def jerk_of(run):
-    """Return the largest jerk that is commanded, and what rounding of rates makes of it, added up while they change."""
-    changes = np.diff(run["qdot_cmd"], axis=0, prepend=0.0)
-    rounding = 1e-10 * np.abs(run["qdot_cmd"]).max() / run.period**2
-    return np.abs(np.diff(changes, axis=0, prepend=0.0)).max() / run.period**2, rounding
-
-
-def shipped(name, *overrides):
-    return Simulation([prepare(rmrc.load(ROOT / f"scenarios/{name}.yaml", overrides))]).run()[0]
 
 
 @pytest.mark.parametrize(
     ("name", "policy", "on_excess", "jerk"),
     [
-        ("stanford_wrist", "damp", "scale", 500.0), ("approach_singularity", "slow", "clamp", 5000.0),
-        ("slow_wrist", "singularity_consistent", "redistribute", 500.0), ("joint_limit", "stop", "optimal", 500.0),
-        ("at_the_stop", "damp", "sns", 5000.0), ("null_space", "keep_out", "reverse_priority", 500.0),
+        ("stanford_wrist", "damp", "scale", 500.0),
+        ("joint_limit", "stop", "optimal", 500.0),
+        ("at_the_stop", "damp", "sns", 5000.0),
         ("best_within_limits", "damp", "optimal", 5000.0),
     ],
 )  # fmt: skip
 def test_shipped_scenarios_stay_below_a_jerk_limit_at_every_tick(name, policy, on_excess, jerk):
     limits = (f"control.limits.jerk={jerk}", f"control.limits.on_excess={on_excess}")
     run = shipped(name, f"control.at_singularity={policy}", *limits)
-    peak, rounding = jerk_of(run)
-    assert run.divergence is None and np.isfinite(run["qdot_cmd"]).all()
-    assert peak <= jerk * (1 + 1e-9) + rounding
+    sent = run["qdot_cmd"]
+    peak = np.abs(np.diff(np.diff(sent, axis=0, prepend=0.0), axis=0, prepend=0.0)).max() / run.period**2
+    assert run.divergence is None and np.isfinite(sent).all()
+    # what rounding of rates makes of it, added up while they change
+    assert peak <= jerk * (1 + 1e-9) + 1e-10 * np.abs(sent).max() / run.period**2

@@ -3,8 +3,6 @@
 The oracles are plain loops over MuJoCo, which look at `data.contact` and clamp forces by hand, and levers.
 """
 
-import json
-
 import mujoco
 import numpy as np
 import pytest
@@ -163,30 +161,3 @@ def test_what_compensation_bears_is_the_weight_at_its_levers(tmp_path):
     assert on.scorecard["tau.share_of_limit"].value < 0.01 * shares[0]
     ideal = run(path, HOLD, kind="ideal")
     assert not ideal["tau_gravity"].any()
-
-
-# What is told --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("expected", "code"), [({}, 0), ({"contact.time": {"below": 0.001}}, 1)])
-def test_the_verb_tells_contact_and_leaves_the_verdict_to_what_is_expected(rmrc, tmp_path, expected, code):
-    (tmp_path / "one.yaml").write_text(json.dumps(written(arm(tmp_path), expect=expected)))
-    got, out, err = rmrc("run", str(tmp_path / "one.yaml"), "--no-record", "--out", str(tmp_path))
-    assert got == code and "lower – floor" in out
-    assert ("lower – floor" in err) == (not expected) and ("missed: contact.time" in err) == bool(expected)
-    known = json.loads((tmp_path / "loaded.json").read_text())
-    assert known["scorecard"]["contact"]["first_bodies"] == "lower – floor" and known["resting"] == []
-
-
-@pytest.mark.parametrize(("kind", "joint"), [("servo", ""), ("torque", 'actuatorgravcomp="true"')])
-def test_actuators_that_give_the_gravity_compensation_give_it_once(tmp_path, kind, joint):
-    """At rest the actuators and the compensation beside them bear the weight, which MuJoCo's bias is there."""
-    done = run(arm(tmp_path, "", joint=joint), HOLD, kind=kind, gravity_compensation=True)
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
-    data = mujoco.MjData(model)
-    data.qpos[:] = done["q"][-1]
-    mujoco.mj_forward(model, data)
-    assert np.abs(done["qdot"]).max() < 1e-4
-    is_beside = not joint
-    assert_allclose(done["tau"][-1] + is_beside * done["tau_gravity"][-1], data.qfrc_bias, atol=1e-3)
-    assert_allclose(done["tau_gravity"][-1], is_beside * data.qfrc_bias, atol=1e-12)

@@ -92,15 +92,3 @@ def test_a_file_that_attaches_another_works_from_any_folder(tmp_path, monkeypatc
     assert_allclose(arm.adapted(None, 0.001, gravity_compensation=False).mesh_vert, oracle.mesh_vert)
     names = {file.name for file in arms.files((tmp_path / "there/attached.xml").resolve())}
     assert names == {"attached.xml", "part.xml", "part.stl"}
-
-
-def test_what_the_others_are_told_at_home_is_what_the_keyframe_that_is_home_tells_them(tmp_path):
-    """The second actuator's control of 0.7 is in no way what holds its joint at 0.2."""
-    text = """<mujoco><worldbody><body><joint name="a"/><geom size="0.1"/><site name="tip"/></body>
-<body><joint name="b" range="-60 60"/><geom size="0.1"/></body></worldbody><actuator><position joint="b" kp="9"/></actuator>
-<keyframe><key name="ready" qpos="0.1 0.2" ctrl="0.7"/></keyframe></mujoco>"""
-    path = tmp_path / "model.xml"
-    path.write_text(text)
-    arm = arms.load(path, "tip")
-    ctrl, act = arm.held("home", arm.configuration("home"))
-    assert ctrl.tolist() == [0.7] and act.size == 0

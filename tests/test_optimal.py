@@ -119,17 +119,6 @@ def test_the_conditions_tell_the_best_from_others(other):
     assert np.mean([violation(*solved(seed, on_excess=other)) > 1e3 for seed in problems]) > 0.4
 
 
-@pytest.mark.parametrize("method", [one for one in Method if one not in (Method.DAMPED, Method.INVERSE)])
-def test_of_other_inverses_the_nearest_rates_are_taken(method):
-    for seed in range(40):
-        J, twist, _, middle, half, _ = problem(seed)
-        parameters = {"method": method, "damping_below": 0.5, "cutoff": 0.05, "rate_bound": 5.0}
-        free, *_ = answer(*records(J, 0.1, on_excess=OnExcess.NONE, **parameters), twist)
-        y, span, _, status = answer(*records(J, 0.1, middle, half, **parameters), twist)
-        if status & LIMITED:
-            assert_array_equal(y, np.clip(free, *span))
-
-
 # The direction kept ---------------------------------------------------------------------------------------------------
 
 
@@ -204,21 +193,6 @@ def test_sns_does_the_largest_share_within_all_bounds_by_the_least_rates_and_sca
         assert excess_of_norm(J, done, y, lower, upper, drift) <= 1e-6
 
 
-def test_at_a_stop_the_tip_waits_on_its_way_or_leaves_it():
-    """Two joints for two rows; the second joint stands at its stop and is to go on."""
-
-    def rates(how, q=1.0, **fields):
-        world, tick = records(np.array([[1.0, 0.5], [0.0, 1.0]]), 0.0, on_excess=how, **fields)
-        put(world, q=np.array([0.0, q]), position_limit=np.array([[-2.0, -2.0], [2.0, 1.0]]), rate_limit=1.0)
-        return answer(world, tick, np.array([0.3, 0.4]))[0]
-
-    assert_array_equal(rates(OnExcess.SNS), 0.0)
-    for how in (OnExcess.SCALE, OnExcess.OPTIMAL, OnExcess.REVERSE_PRIORITY):  # let the tip go elsewhere
-        assert_allclose(rates(how), [0.3, 0.0], atol=1e-12)
-    assert_allclose(rates(OnExcess.OPTIMAL, keep_direction=1), [0.3, 0.0], atol=1e-12)
-    assert_allclose(rates(OnExcess.SNS, q=-1.0), [0.1, 0.4], atol=1e-12)
-
-
 # Limits first -------------------------------------------------------------------------------------------------------
 
 
@@ -268,29 +242,3 @@ def test_limits_come_first_by_the_closed_form_of_reverse_priority(seed):
     assert np.all((y >= lower) & (y <= upper))
     assert held.any()
     assert np.all((y[held] == lower[held]) | (y[held] == upper[held]))
-
-
-# In time --------------------------------------------------------------------------------------------------------------
-
-
-def along(seed, steps, lam, **fields):
-    """Return J, twists and rates along a path that leads through many sets of joints at their bounds."""
-    rng = np.random.default_rng(seed)
-    m, n = [(3, 3), (2, 4), (6, 6), (3, 7), (6, 7), (6, 4)][seed % 6]
-    (J_0, J_1), (v_0, v_1) = rng.normal(size=(2, m, n)), rng.normal(size=(2, m))
-    world, tick = records(J_0, lam, rate_limit=rng.uniform(0.3, 1.0, n), **fields)
-    rates = np.empty((steps + 1, n))
-    for i, s in enumerate(np.linspace(0.0, 1.0, steps + 1)):
-        put(world, J=np.cos(s) * J_0 + np.sin(s) * J_1)
-        rates[i] = answer(world, tick, 2.0 * (np.cos(2 * s) * v_0 + np.sin(2 * s) * v_1))[0]
-    return rates
-
-
-def largest_change(seed, steps, **fields):
-    return np.abs(np.diff(along(seed, steps, 0.05, **fields), axis=0)).max()
-
-
-def test_damped_rates_do_not_jump_where_other_joints_are_held():
-    # Of rates that are continuous the largest change falls with the step; at a jump it stays.
-    for seed in range(6):
-        assert largest_change(seed, 1000) <= 0.4 * largest_change(seed, 100), seed

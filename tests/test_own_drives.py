@@ -12,7 +12,6 @@ from numpy.testing import assert_allclose
 from loops import controller_of
 from project import ROOT
 from rmrc.scenario import Scenario
-from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ScenarioError
@@ -217,85 +216,7 @@ def test_beside_its_keyframe_an_arm_starts_at_rest(name):
     assert np.abs(done["tau"][-1]).max() > 0.1
 
 
-TIMESTEPS = {  # period, timestep written: taken, whether that is said
-    (0.004, None): (0.002, False), (0.005, None): (0.005 / 3, True), (0.001, 0.0005): (0.0005, True),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("about", TIMESTEPS)
-def test_the_timestep_is_the_models_own_or_the_next_that_divides_the_period_which_is_said(about):
-    (period, written), (taken, is_said) = about, TIMESTEPS[about]
-    prepared, done = run("position", period=period, timestep=written, seconds=0.1)
-    assert prepared.plant.timestep == pytest.approx(taken, rel=1e-15)
-    notes = [one.text for one in prepared.assumed if one.text.startswith("timestep")]
-    why = f"to divide … {period:g} s" if written is None else ""
-    assert notes == ([says(f"timestep {taken:g} s … 0.002 s … {why}")] if is_said else [])
-    qpos, _ = Loop(prepared, taken).run(nothing, moved(2.0, 1.0))
-    assert_allclose(done["qpos"], qpos, rtol=0, atol=EXACT)
-
-
-# Ranges ------------------------------------------------------------------------------------------------
-
-
-def test_a_command_stops_at_the_end_of_its_range_and_turns_at_once():
-    # the command ends at 1 rad; the law wants to go on for a second, then back
-    prepared = prepare(scenario("position", by=(0.0, 0.0, 0.0), limits={"position": False}).set({
-        "arm.start": [-0.4, 2.2], "control.feedback": 0.0,
-        "task.axes": ["x"], "target.path": [{"line": {"by": [-0.35, 0, 0]}}, {"line": {"by": [0.35, 0, 0]}}],
-    }))  # fmt: skip
-    (done,) = Simulation([prepared]).run()
-    is_clamped = (done["status"].astype(int) & int(Status.POSITION_LIMITED)) > 0
-    (loop_q, _) = Loop(prepared).run(*_clamped_position())
-    assert is_clamped.any() and not is_clamped.all()
-    assert_allclose(done["qpos"], loop_q, rtol=0, atol=EXACT)
-
-
-def _clamped_position():
-    def start(loop):
-        q, load = loop.data.qpos, loop.load()
-        loop.data.ctrl[:] = 2 * q[0] + load[0] / 2 / 300, min(q[1] + load[1] / 90, 2.5)
-
-    def tell(loop, rates):
-        loop.data.ctrl[:] += np.array([2.0, 1.0]) * rates * loop.period
-        loop.data.ctrl[1] = np.clip(loop.data.ctrl[1], -2.5, 2.5)
-
-    return start, tell
-
-
-# Which drives ------------------------------------------------------------------------------------------
-
-BODY = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="shoulder" axis="0 1 0"/>
-<geom type="capsule" fromto="0 0 0 .4 0 0" size=".03" mass="1"/><body pos=".4 0 0">
-<joint name="elbow" axis="0 1 0"/><geom type="capsule" fromto=".1 0 0 .3 0 0" size=".02" mass=".6"/>
-<site name="hand" pos=".3 0 0"/></body></body></worldbody>
-<tendon><fixed name="both"><joint joint="shoulder" coef="1"/><joint joint="elbow" coef="1"/></fixed></tendon>
-<actuator>{}</actuator></mujoco>"""
-POSITION = '<position name="p" joint="shoulder" kp="9"/>'
-
-REFUSED = {
-    "": ("shoulder, elbow", ""),
-    POSITION: ("elbow", ""),
-    f'{POSITION}<damper name="m" joint="elbow" kv="1" ctrlrange="0 1"/>': ("elbow", "m"),
-    '<position name="p" tendon="both" kp="9"/>': ("shoulder, elbow", ""),
-    # a motor that also pulls at a joint with a servo keeps its control
-    f'{POSITION}<motor name="m" tendon="both"/>': ("elbow", "m"),
-    f'{POSITION}<general name="m" joint="elbow" biastype="affine" gainprm="1" biasprm="0 3 0"/>': ("elbow", "m"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("actuators", REFUSED)
-def test_joints_that_nothing_drives_are_named(tmp_path, actuators):
-    joints, idle = REFUSED[actuators]
-    path = tmp_path / "model.xml"
-    path.write_text(BODY.format(actuators))
+def test_joints_that_nothing_drives_are_named():
     with pytest.raises(ScenarioError) as caught:
-        prepare(scenario(path))
-    told = f"{idle} … " if idle else ""
-    assert str(caught.value) == says(f'plant.kind: "model" … {path} … {joints} alone … {told}"servo"')
-
-
-def test_a_motor_beside_a_servo_keeps_its_control_and_is_named():
-    prepared, _ = run("pair")
-    drives = prepared.arm.drives
-    assert [prepared.arm.model.actuator(i).name for i in drives.idle] == ["a3"]
-    assert any(one.text == says("actuators … a3") for one in prepared.assumed)
+        prepare(scenario(MODELS.parent / "idle_rail.xml"))
+    assert str(caught.value) == says('plant.kind: "model" … idle_rail.xml … shoulder, elbow alone … "servo"')

@@ -119,18 +119,3 @@ def test_it_keeps_its_path_as_the_ideal_arm_does_on_every_plant(write, about):
         assert run["slip"].max() < 2e-6
         assert not (run["status"] & (Status.SLIPPED | Status.RATE_LIMITED)).any()
         assert np.abs(run["qdot"] - ideal["qdot"]).max() < 0.05
-
-
-def test_a_hand_may_have_more_followers_than_the_arm_has_joints(write):
-    hand = "".join(FINGER.replace('"finger"', f'"finger{i}"') for i in range(9))
-    rules = "".join(FOLLOWS.replace('"finger"', f'"finger{i}"').replace("0.02", f"0.0{i}") for i in range(9))
-    prepared, run = ran(write(size=1.0, mass=1.0, wrist=(0.05, 1e-4), hand=hand, finger=rules), "ideal")
-    assert len(prepared.arm.followers) == 11 and run["slip"].max() < 1e-12
-    assert gap(prepared.arm.model, run["qpos"]).max() < 1e-12
-
-
-@pytest.mark.parametrize("kv", [1.0, 1e7])
-def test_no_gain_is_too_stiff_for_the_equalities(write, kv):
-    _, run = ran(write(size=1.0, mass=1.0, wrist=(0.05, 1e-4)), "servo", kv=kv)
-    assert error(run) < 1e-3 and run["slip"].max() < 1e-7
-    assert np.abs(np.diff(run["qdot"], axis=0)).max() < 0.01  # no chatter

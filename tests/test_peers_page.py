@@ -2,6 +2,7 @@
 
 import csv
 import itertools
+import re
 import sys
 
 import mujoco
@@ -137,8 +138,9 @@ def test_the_setting_that_leaves_a_peer_fewest_columns_is_found():
     assert peers.verdict(row, ours._replace(figures=row.figures), [half]) == "our row"
 
 
-def test_the_page_is_that_of_its_file_and_counts_every_row_once():
-    assert peers.PAGE.read_text("utf-8") == "\n".join(peers.page(ROWS)) + "\n"
+def test_the_page_has_the_tables_and_the_counts_of_its_file():
+    words, _, tables = peers.PAGE.read_text("utf-8").partition(f"## {next(iter(peers.SITUATIONS))}\n")
+    assert peers.tables(ROWS) == f"## {next(iter(peers.SITUATIONS))}\n{tables}"
     assert [case.name for case in peer_cases.cases()] == NAMES
     assert {row["row"] for row in ROWS} == {peer.name for _, peer in peers.peers()}
     shown = [begin for begins in peers.SITUATIONS.values() for begin in begins]
@@ -153,3 +155,21 @@ def test_the_page_is_that_of_its_file_and_counts_every_row_once():
             assert all(
                 own[name] <= 1.02 * theirs[name] * 1.01 + floor for name, floor in peers.COLUMNS.items()
             )
+    # what the words conclude
+    counts = peers.counts(ROWS)
+    found = [[int(number) for number in re.findall(r"\b\d+\b", line)] for line in words.splitlines()]
+    task, others = counts["task"], counts["others"]
+    assert [sum(task.values()), 2, *task.values()] in found and [
+        sum(others.values()),
+        *others.values(),
+    ] in found
+    assert f"{sum(task.values()) + sum(others.values())} rows in {len(NAMES)} cases" in words
+    for name in {row["row"] for row in ROWS if not row["setting"]}:
+        stops = sum(row["row"] == name and not row["setting"] for row in ROWS)
+        assert f"{name} stops with an error at every setting in {stops} of {len(NAMES)} cases" in words
+    past = [
+        row
+        for row in ROWS
+        if row["setting"] and row["row"] in peers.SHOWN and float(row["over"]) > peers.OUTSIDE
+    ]
+    assert f"by up to {max(float(row['over']) for row in past):g} mrad" in words

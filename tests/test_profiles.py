@@ -182,20 +182,6 @@ def test_a_profile_sets_what_is_not_written():
     assert (found.period, found.limits.rate, found.limits.acceleration) == (0.002, 1.5, None)
 
 
-def test_joints_brake_before_the_positions_of_the_profile_so_that_no_rate_near_an_end_is_met():
-    law = prepare(load(FR3, ["control.limits={profile: franka_fr3}"])).law
-    (lower, upper), braking = law.position_limit, law.braking
-    assert (lower > Q_MIN).all() and (upper < Q_MAX).all()
-    distance = np.linspace(0.0, 1.0, 2001)[:, None]  # from where the joints are to the stops of the law
-    braked, allowed = np.sqrt(2.0 * braking * distance), rate_bounds(upper - distance)[1]
-    assert (braked < allowed)[braked < RATES - 1e-3].all()
-
-
-def test_chatter_counts_from_the_rate_in_a_second_or_a_tenth_of_the_acceleration():
-    limits = "control.limits={rate: [2, 2, 0.5, 2, 2, 2, 2], acceleration: 10}"
-    assert prepare(load(FR3, [limits])).chatter_floor == (1.0, 1.0, 0.5, 1.0, 1.0, 1.0, 1.0)
-
-
 def test_joints_that_are_driven_into_their_ends_keep_to_the_rates_there(tmp_path):
     """All but jerk, which the law bounds by itself: the joints race to their ends, where the rates fall to 0."""
     published = yaml.safe_load(SHIPPED["franka_fr3_before_5_9"].read_text())
@@ -244,11 +230,7 @@ def test_a_profile_of_ones_own_is_a_file_beside_the_scenario(tmp_path):
     ("text", "wanted"),
     [
         (OWN.replace("joints: 7\n", ""), "… mine.yaml… joints … required…"),
-        (OWN + "paint: red\n", "… mine.yaml:6… paint … unknown key …"),
         (OWN.replace("[1, 1, 1, 1, 1, 1, 1]", "[1, 1]"), "… mine.yaml:3… rate.value … 2 … 7 joints"),
-        (OWN.replace("[1, 1, 1, 1, 1, 1, 1]", "[1, 1, 1, 0.001, 1, 1, 1]"), "… rate.value … margin 0.001 … 0.001"),
-        (OWN + "position: {lower: [1,1,1,1,1,1,1], upper: [0,2,2,2,2,2,2], source: x}\n", "… position.lower[0] … upper[0] … 0 … 1"),
-        ("[", "… mine.yaml… YAML…"),
     ],
 )  # fmt: skip
 def test_a_wrong_profile_is_one_line_with_its_place(tmp_path, text, wanted):
@@ -258,16 +240,7 @@ def test_a_wrong_profile_is_one_line_with_its_place(tmp_path, text, wanted):
     assert line == says(wanted) and "control.limits.profile" in line
 
 
-@pytest.mark.parametrize(
-    ("overrides", "wanted"),
-    [
-        (["control.limits.profile=franka_fr4"], '… control.limits.profile: … "franka_fr4" … "franka_fr3"…'),
-        (["control.limits={profile: ur5e}"], "… control.limits.profile: ur5e … 6 joints … 7 (fr3_joint1…"),
-        (["expect={profile: franka_fr3}", "control.period=0.002"], "… expect.profile: franka_fr3 … 0.001 s … 0.002 s … control.period: 0.001"),
-    ],
-)  # fmt: skip
-def test_a_profile_that_is_none_or_does_not_fit_the_arm_is_refused_on_one_line(overrides, wanted):
+def test_a_profile_that_does_not_fit_the_arm_is_refused_on_one_line():
     with pytest.raises(ScenarioError) as caught:
-        prepare(load(FR3, [SHORT, *overrides]))
-    (line,) = str(caught.value).splitlines()
-    assert line == says(wanted)
+        prepare(load(FR3, [SHORT, "control.limits={profile: ur5e}"]))
+    assert str(caught.value) == says("… control.limits.profile: ur5e … 6 joints … 7 (fr3_joint1…")

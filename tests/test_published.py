@@ -56,43 +56,10 @@ PANDA_J = [
 ]
 PANDA_W = 0.006559178039088341
 
-# The PUMA 560 of the Robotics Toolbox, roboticstoolbox/models/DH/Puma560.py, at its qn. Its rows are of the standard
-# convention, its forearm 0.4318 m. What it prints as manipulability: of all rows, of the linear and of the angular ones.
-PUMA = DHChain(
-    (
-        (QUARTER, 0, 0.67183, 0), (0, 0.4318, 0, 0), (-QUARTER, 0.0203, 0.15005, 0), (QUARTER, 0, 0.4318, 0),
-        (-QUARTER, 0, 0, 0), (0, 0, 0, 0),
-    ), REVOLUTE[:6], "standard",
-)  # fmt: skip
-PUMA_QN = [0, np.pi / 4, np.pi, 0, np.pi / 4, 0]
-PUMA_W = (0.0786, 0.111181, 2.44949)
-# What `ikine_a` of its 1.5.0 gives for the pose of qn: left or right, elbow up or down, wrist not flipped or flipped;
-# tests/test_DHRobot.py asks of them that they have this pose, and of the signs of the first two joints.
-PUMA_POSTURES = {
-    "lun": [2.648561209203047, 2.356194490192345, 0.09395583269616559, -0.6090332165263892, -0.9743495848750968, -2.7681930768196916],
-    "luf": [2.648561209203047, 2.356194490192345, 0.09395583269616559, 2.532559437063404, 0.9743495848750968, 0.3733995767701016],
-    "ldn": [2.648561209203047, -2.3080595908440813, -np.pi, -2.4673264002514963, -0.8603902644654776, -0.48046800059445566],
-    "ldf": [2.648561209203047, -2.3080595908440813, -np.pi, 0.6742662533382969, 0.8603902644654776, 2.6611246529953374],
-    "run": [0, np.pi / 4, -np.pi, -np.pi, -np.pi / 4, np.pi],
-    "ruf": [0, np.pi / 4, -np.pi, 0, np.pi / 4, 0],
-    "rdn": [0, -0.8335330627457118, 0.09395583269616559, 0, -0.8312190967453504, 0],
-    "rdf": [0, -0.8335330627457118, 0.09395583269616559, np.pi, 0.8312190967453504, -np.pi],
-}  # fmt: skip
-
 
 def jacobian(chain, q, length):
     """J of the point so far along the last axis, along base axes."""
     return chain.jacobian(q, point=tool(length))
-
-
-def towards(chain, q, target, length):
-    """[Δp; rotation vector] from the pose at q to a target, along base axes."""
-    end = chain.frames(q)[-1]
-    turn = target[:3, :3] @ end[:3, :3].T
-    v = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    sine = np.linalg.norm(v)
-    v *= np.arctan2(sine, 0.5 * (np.trace(turn) - 1)) / sine if sine else 1.0
-    return np.concatenate([target[:3, 3] - end[:3, 3] - length * end[:3, 2], v])
 
 
 def manipulability(J):
@@ -118,40 +85,6 @@ def test_kdl_s_singular_values_and_scaled_damping(second, fourth, third, zero):
     assert_allclose(resolve_rates(J, twist, "damped", **chosen), theirs, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("q", "turn", "step", "iterations", "converges", "zero"),
-    [
-        ([0, 0.5, 0.4, -QUARTER, 0, 0, 0], 0.1, 0.01, 30, True, 1),
-        ([0, 0.2, 0.4, -QUARTER, 0, 0, 0], 0.1, 0.01, 30, False, 2),
-        ([0, 0.5, 0.4, -QUARTER, 0, 0, 0], 0.2, -0.2, 5, False, 1),
-        ([0, 0, 0, 0, 0, 0, 0], 0.1, 0.01, 30, False, 3),
-    ],
-    ids=["near", "singular", "far", "straight"],
-)
-def test_kdl_s_singular_values_while_it_searches(q, turn, step, iterations, converges, zero):
-    """IkSingularValueTest: Newton's method with singular values below 0.1 dropped, to 1e-6 in all six rows.
-
-    Whether it converges, and how many σ it dropped at the end, is what KDL's test has; `truncated` drops the same.
-    """
-    c, s = np.cos(turn), np.sin(turn)
-    x, y, z = (
-        np.array([[1, 0, 0], [0, c, -s], [0, s, c]]),
-        np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]),
-        np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]),
-    )
-    target = SIA10.frames(q)[-1] @ np.block([[np.eye(3), tool(SIA10_TOOL)[:, None]], [np.zeros((1, 3)), 1]])
-    target[:3] = np.column_stack(
-        [target[:3, :3] @ (z @ y @ x), target[:3, 3] + target[:3, :3] @ np.full(3, step)]
-    )
-    for _ in range(iterations):
-        J, error = jacobian(SIA10, q, SIA10_TOOL), towards(SIA10, q, target, SIA10_TOOL)
-        q = q + resolve_rates(J, error, "truncated", cutoff=0.1)
-        if np.abs(error).max() < 1e-6:
-            break
-    assert (np.abs(error).max() < 1e-6) == converges
-    assert 1 + np.count_nonzero(np.linalg.svd(J)[1] < 0.1) == zero
-
-
 def test_kdl_s_forward_kinematics():
     """FdSolverDevelopmentTest, to the three digits of its source."""
     end = SIA10_STANDARD.frames([0.2, 0.6, 1.0, 0.5, -1.4, 0.3, -0.8])[-1]
@@ -168,29 +101,6 @@ def test_the_toolbox_s_panda():
     J = jacobian(PANDA, PANDA_Q, PANDA_TOOL)
     assert_allclose(J, PANDA_J, atol=1e-9)
     assert manipulability(J) == pytest.approx(PANDA_W, rel=1e-9)
-
-
-def test_the_toolbox_s_manipulability_of_the_puma():
-    J = jacobian(PUMA, PUMA_QN, 0.0)
-    got = (manipulability(J), manipulability(J[:3]), manipulability(J[3:]))
-    assert_allclose(got, PUMA_W, rtol=3e-4)
-
-
-@pytest.mark.parametrize("name", PUMA_POSTURES)
-def test_the_toolbox_s_eight_postures_of_the_puma(name):
-    """All have the pose of qn, to rounding; and each is found again from 0.02 rad beside it.
-
-    Newton's method squares what is missing: from 0.02 to rounding in four steps, if J is that of the pose.
-    """
-    q = np.array(PUMA_POSTURES[name])
-    pose = PUMA.frames(PUMA_QN)[-1]
-    assert_allclose(PUMA.frames(q)[-1], pose, atol=1e-14)
-    found = q + np.array([0.02, -0.02, 0.02, -0.02, 0.02, -0.02])
-    for _ in range(4):
-        found = found + resolve_rates(
-            jacobian(PUMA, found, 0.0), towards(PUMA, found, pose, 0.0), "pseudoinverse"
-        )
-    assert_allclose(found, q, atol=1e-10)
 
 
 # What mink at cf1a302 and pink at f568e80 promise of a UR5e in their unit tests, at this home of theirs, with their rates.

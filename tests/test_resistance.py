@@ -15,7 +15,6 @@ WHEEL = """<mujoco><worldbody><body name="wheel"><joint name="j" axis="0 0 1" {j
 DAMPED, DRY, DRAG = 'damping="2"', 'frictionloss="0.5"', 'damping="2 0.4 0.3"'
 FLAG = '<mujoco><option><flag contact="disable"/></option>'
 TURN, PERIOD = 0.4, 0.001
-KINDS = ("servo", "torque")
 
 
 def turning(path, kind, compensates=True, arm=None, **plant):
@@ -55,45 +54,6 @@ def test_the_torque_at_a_constant_rate_is_what_resists_it_and_the_rate_is_kept(w
     _, free = turning(wheel(""), kind)
     lag = [np.abs(one["pose_error"][:, 5]).max() for one in (done, free)]
     assert lag[0] < (2.0 if DRY in joint else 1.01) * lag[1] + 1e-5
-
-
-FOLLOWER = """</body><body name="wheel2" pos="1 0 0"><joint name="f" axis="0 0 1" damping="0.5" frictionloss="0.3"/>
-<geom type="box" size=".1 .1 .1" mass="1"/></body></worldbody>
-<equality><joint joint1="f" joint2="j" polycoef="0 -2 0 0 0"/></equality></mujoco>"""
-
-
-def test_a_follower_resists_its_leader_by_its_ratio(wheel):
-    path = wheel(DAMPED)
-    path.write_text(path.read_text().replace("</body></worldbody></mujoco>", FOLLOWER))
-    _, done = turning(path, "servo")
-    assert done["qdot"][800, 0] == pytest.approx(TURN, abs=1e-5)  # its rate has settled
-    # |ratio| times the loss, and its square times the damping
-    assert done["tau"][800, 0] == pytest.approx(2.0 * TURN + 4 * 0.5 * TURN + 2 * 0.3, abs=1e-4)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_without_compensation_it_lags(wheel, kind):
-    """The negative control of the test above."""
-    _, done = turning(
-        wheel(f"{DAMPED} {DRY}"), kind, compensates=False, **{"kv": 10.0} if kind == "servo" else {}
-    )
-    _, free = turning(wheel(f"{DAMPED} {DRY}"), kind, **{"kv": 10.0} if kind == "servo" else {})
-    lag, little = (np.abs(one["pose_error"][:, 5]).max() for one in (done, free))
-    assert lag > 3 * little
-
-
-@pytest.mark.parametrize(("joint", "steps"), [(DAMPED, 4), (DRY, 1), (DRAG, 4), (f"{DAMPED} {DRY}", 1)])
-def test_computed_torque_gives_the_acceleration_that_it_wants(wheel, joint, steps):
-    """Δq̇ = period · q̈ to rounding, with the implicit steps of damping and the creep of dry friction as they are.
-
-    With several steps a period, dry friction that changes on the way is left out, and the slope of a drag.
-    """
-    prepared, done = turning(wheel(joint), "torque", timestep=PERIOD / steps)
-    sent, qdot = done["qdot_cmd"][:, 0], done["qdot"][:, 0]
-    wanted = (sent - np.concatenate([[0.0], sent[:-1]])) + PERIOD * prepared.plant.bandwidth * (sent - qdot)
-    exact = (steps == 1 and joint != DRAG) or joint == DAMPED
-    assert_allclose(np.diff(qdot), wanted[:-1], rtol=0, atol=1e-9 if exact else 1e-4)
-    assert np.abs(wanted).max() > 1e-3
 
 
 def test_servos_take_a_step_with_damping_as_one_without():

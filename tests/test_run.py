@@ -43,9 +43,8 @@ def test_what_is_saved_is_read_back_bit_for_bit(tmp_path, ticks, divergence):
 
 
 def test_a_run_is_complete_when_its_path_was_recorded_to_the_end():
-    assert random_run(4, planned=4).is_complete
-    assert not random_run(3, planned=4).is_complete
-    assert [random_run(ticks, planned=4).completed for ticks in (0, 3)] == [0.0, 0.75]
+    runs = [random_run(ticks, planned=4) for ticks in (0, 3, 4)]
+    assert [(run.completed, run.is_complete) for run in runs] == [(0.0, False), (0.75, False), (1.0, True)]
     slowed = random_run(4, planned=4)  # more ticks than planned, and still on its way
     slowed.columns["path_time"][:] *= 0.5
     assert slowed.completed == 0.625

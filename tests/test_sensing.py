@@ -1,13 +1,11 @@
-"""Believed positions: encoders that are late, noisy and coarse, an integrated state, an arm that nobody
-calibrated.
+"""An integrated state, an arm that nobody calibrated, friction that nobody knows: the closed forms.
 
-Whole runs are held against the loop of `oracles.py` in `test_simulation.py`; here are the closed forms.
+Whole runs, with encoders of all kinds, are held against the loop of `oracles.py` in `test_simulation.py`.
 """
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.special import chdtri, ndtri
 
 from rmrc.arm import load
 from rmrc.scenario import Scenario
@@ -18,63 +16,6 @@ PLANAR = ("arm.model=models/planar_3link.xml", "arm.start=home", "plant.kind=ide
 SHORT = "target.path=[{line: {by: [0.05, 0.02]}}]"
 HOLD = "target.path=[{hold: {for: 2}}]"
 PERIOD = 0.001
-
-
-# Encoders ---------------------------------------------------------------------------------------
-
-
-def test_what_is_read_is_the_nearest_multiple_of_the_resolution(simulate):
-    steps = np.array([1e-3, 2**-17 * 2 * np.pi, 0.0])
-    _, run = simulate(*PLANAR, SHORT, f"arm.encoder.resolution={steps.tolist()}")
-    q, read = run["q"], run["q_believed"]
-    assert (np.abs(read - q) <= steps / 2 + 1e-15).all()
-    counts = read[:, :2] / steps[:2]
-    assert_allclose(counts, np.round(counts), rtol=0, atol=1e-9)
-    assert_array_equal(read[:, 2], q[:, 2])
-    assert len(set(counts[:, 0])) > 10
-
-
-@pytest.mark.parametrize("ticks", [3.0, 3.25, 0.5])
-def test_what_is_read_is_as_old_as_the_delay_to_the_share_of_a_tick(simulate, ticks):
-    """The ideal plant moves evenly within a tick, so that between two ticks the mean of both is where it was."""
-    _, run = simulate(*PLANAR, SHORT, f"arm.encoder.delay={ticks * PERIOD}")
-    q, t = run["q"], np.arange(len(run))
-    then = np.maximum(t - ticks, 0.0)
-    want = np.column_stack([np.interp(then, t, one) for one in q.T])
-    assert_allclose(run["q_believed"], want, rtol=0, atol=1e-13)
-    if ticks == round(ticks):
-        assert_array_equal(run["q_believed"][3:], q[:-3])
-    other = np.column_stack([np.interp(np.maximum(then - 0.01, 0.0), t, one) for one in q.T])
-    assert np.abs(run["q_believed"] - other).max() > 1e-7  # negative control: a hundredth of a tick
-
-
-def noisy(scenario, seed, *more):
-    return prepare(
-        scenario(*PLANAR, HOLD, f"arm.encoder={{noise: [1.0e-4, 0, 2.0e-3], seed: {seed}}}", *more)
-    )
-
-
-def test_noise_is_white_and_normal_with_the_deviation_that_is_asked_for(scenario):
-    deviation = np.array([1e-4, 2e-3])
-    (run,) = Simulation([noisy(scenario, 3, "control.feedback=0")]).run()
-    noise = (run["q_believed"] - run["q"])[:, [0, 2]] / deviation
-    count = len(noise)
-    assert_array_equal(run["q_believed"][:, 1], run["q"][:, 1])
-    # Each bound is missed by one of a thousand seeds, and this one is fixed.
-    assert (np.abs(noise.mean(axis=0)) < -ndtri(5e-4) / np.sqrt(count)).all()
-    squares = (noise**2).sum(axis=0)
-    assert (chdtri(count, 0.9995) < squares).all() and (squares < chdtri(count, 5e-4)).all()
-    assert not chdtri(count, 0.9995) < (1.1**2 * squares[0]) < chdtri(count, 5e-4)  # 10 % more is seen
-
-    def whiteness(x):
-        """Return Ljung and Box's statistic of the first ten lags: χ² of ten."""
-        lags = np.arange(1, 11)
-        r = np.array([x[k:] @ x[:-k] for k in lags]) / (x @ x)
-        return count * (count + 2) * np.sum(r**2 / (count - lags))
-
-    assert max(whiteness(x) for x in noise.T) < chdtri(10, 1e-3)
-    assert whiteness(noise[1:, 0] + 0.3 * noise[:-1, 0]) > chdtri(10, 1e-3)  # negative control
-    assert abs(noise[:, 0] @ noise[:, 1]) / count < -ndtri(5e-4) / np.sqrt(count)
 
 
 # An integrated state ----------------------------------------------------------------------------
@@ -160,25 +101,6 @@ def test_lengths_that_are_half_a_percent_off_cost_ten_millimeters_near_reach_und
         atol=1e-12,
     )
     assert_array_equal(run["q_believed"], run["q"])
-
-
-def test_joints_beyond_where_they_are_thought_are_encoders_that_say_too_little(simulate):
-    """Both begin at the same place; the path of one begins where the law takes it to be, the other's where it is."""
-    there, delta = np.array([0.9, -1.7]), np.array([0.02, -0.03])
-    jump = "target.path=[{set: {to: [1.2, 0.3], for: 0.5}}]"
-    _, plant = simulate(f"arm.start={there.tolist()}", f"plant.joint_offset={delta.tolist()}", jump)
-    _, encoder = simulate(
-        f"arm.start={(there + delta).tolist()}", f"arm.encoder.offset={(-delta).tolist()}", jump
-    )
-    for name in ("q", "q_believed", "qdot_cmd", "pose"):
-        assert_allclose(plant[name], encoder[name], rtol=0, atol=1e-9)
-    _, held = simulate(
-        f"arm.start={there.tolist()}",
-        f"plant.joint_offset={delta.tolist()}",
-        "target.path=[{hold: {for: 0.5}}]",
-    )
-    assert np.abs(held["qdot_cmd"]).max() < 1e-9  # its path begins where it believes to be
-    assert np.abs(held["pose_error"][:, :2]).max() > 0.01
 
 
 # Friction ---------------------------------------------------------------------------------------

@@ -1,16 +1,14 @@
-"""Springs of joints: the actuators carry them, as they carry weight, or it is told which ones they do not.
+"""Springs of joints: the actuators carry them, as they carry weight, or it is told that they do not.
 
-The oracles are the springs as they are written, and a plain loop over MuJoCo that cancels `qfrc_spring`.
+The oracle is the springs as they are written.
 """
 
 import re
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-import rmrc
 from physics import moved
 
 # A slide under a hinge, which an arm of two joints moves in a plane; a third joint follows the hinge.
@@ -56,10 +54,6 @@ def ran(path, kind, by=(0.06, 0.0, -0.05), **plant):
     return moved(path, kind, path_of_tip, control={"inverse": inverse}, limits=limits, **plant)
 
 
-def error(run):
-    return np.abs(run["pose_error"][:, [0, 2]]).max()
-
-
 @pytest.mark.parametrize(
     ("kind", "name"),
     [*(("servo", name) for name in SPRINGS), ("torque", "follower"), ("torque", "polynomial")],
@@ -82,37 +76,3 @@ def test_an_arm_at_rest_gives_what_its_springs_take_and_stays(write, kind, name)
         assert re.findall("slide|hinge", told) == moved
         for torque in filter(None, torques):
             assert f"{abs(torque):.3g} N" in told
-
-
-def test_servos_are_a_plain_loop_that_cancels_the_springs(write):
-    prepared, run = ran(write(**SPRINGS["polynomial"][0]), "servo")
-    model = prepared.plant.own_model()
-    data, wiring = mujoco.MjData(model), prepared.arm.wire(model)
-    data.qpos[:] = run["qpos"][0]
-    for t, rates in enumerate(run["qdot_cmd"]):
-        mujoco.mj_step1(model, data)
-        # rounding that servos forget
-        assert_allclose(data.qpos, run["qpos"][t], rtol=0, atol=1e-9)
-        data.ctrl[:], data.qfrc_applied[wiring.dof] = rates, -data.qfrc_spring[wiring.dof]
-        mujoco.mj_step2(model, data)
-
-
-VELOCITY, POSITION = '<velocity joint="{}" kv="300"/>', '<position joint="{}" kp="5000" dampratio="1"/>'
-MOTOR = '<motor joint="{}"/>'
-
-
-@pytest.mark.parametrize(
-    ("slide", "hinge", "joints"),
-    [(VELOCITY, POSITION, ["slide", "hinge"]), (MOTOR, VELOCITY, ["hinge"]), (MOTOR, MOTOR, [])],
-)
-def test_springs_that_no_drive_of_the_author_carries_are_told(write, slide, hinge, joints):
-    drives = f"<actuator>{slide.format('slide')}{hinge.format('hinge')}</actuator>"
-    path = write(**SPRINGS["slide"][0], **SPRINGS["hinge"][0], more=drives)
-    prepared, run = ran(path, "model", gravity_compensation=True)
-    assert re.findall("slide|hinge", prepared.springs) == joints
-    if joints:  # from its reference at 0.5 to the far end of its range
-        assert "hinge 44 N·m at the start, up to 100" in prepared.springs
-    else:
-        assert error(run) < 1e-3
-    found = [one for one in rmrc.check(path).findings if one.code == "spring-load"]
-    assert len(found) == bool(joints) and all("model plant" in one.text and one.way for one in found)

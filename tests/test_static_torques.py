@@ -62,14 +62,3 @@ def test_actuators_that_hold_the_arm_still_give_the_equilibrium_torques(simulate
     assert_allclose(run["tau"][-1], want, rtol=1e-6, atol=1e-6)
     with pytest.raises(AssertionError):  # the sign is part of it
         assert_allclose(run["tau"][-1], -want, rtol=1e-6, atol=1e-6)
-
-
-def test_a_force_in_the_lost_direction_costs_no_torque(arm):
-    # Outstretched (planar), or with theta_2 = theta_5 = 0 (Stanford), u_min is lost: Jᵀ u_min = σ_min v_min = 0.
-    J, rows = arm.jacobian(np.zeros(arm.n)), slice(0, 2 if arm.n < 6 else 6)
-    u, sigma, _ = np.linalg.svd(J[rows])
-    assert sigma[-1] < 1e-12
-    lost, kept = np.zeros(6), np.zeros(6)
-    lost[rows], kept[rows] = u[:, -1], u[:, 0]
-    assert_allclose(joint_torques(J, lost), 0, atol=1e-12)
-    assert np.linalg.norm(joint_torques(J, kept)) == pytest.approx(sigma[0])  # any other force does cost

@@ -71,14 +71,9 @@ def up_to(low, high):
 
 
 limit_sets = st.builds(
-    TargetLimitsSection,
-    velocity=up_to(0.1, 10),
-    acceleration=up_to(0.3, 30),
-    jerk=up_to(1, 1000),
-    angular_velocity=up_to(0.3, 10),
-    angular_acceleration=up_to(1, 100),
-    angular_jerk=up_to(3, 3000),
-)
+    TargetLimitsSection, velocity=up_to(0.1, 10), acceleration=up_to(0.3, 30), jerk=up_to(1, 1000),
+    angular_velocity=up_to(0.3, 10), angular_acceleration=up_to(1, 100), angular_jerk=up_to(3, 3000),
+)  # fmt: skip
 
 
 def unit_axis(axis):
@@ -197,35 +192,11 @@ def test_a_line_and_a_turn_take_the_shortest_time_that_the_limits_allow(extent, 
         assert best * (1 - 1e-6) <= duration <= best * 1.002
 
 
-@given(up_to(1e-6, 1e3), st.tuples(*[up_to(1e-5, 1e5)] * 3), st.sampled_from(["line", "arc", "turn"]))
-def test_any_mix_of_limits_can_be_timed(extent, vaj, kind):
-    period = sum((extent / x) ** (1 / k) for k, x in enumerate(vaj, 1)) / 50
-    limits = TargetLimitsSection(**dict(zip(TargetLimitsSection.model_fields, vaj * 2, strict=True)))
-    segment = {
-        "line": line((0, extent, 0)),
-        "arc": arc((0.5, extent / 5), 5.0),
-        "turn": turn(axis="y", angle=extent),
-    }[kind]
-    assert exceeded(make_reference([segment], limits, START, period), limits) == []
-
-
 def test_limits_for_which_ruckig_itself_fails_can_be_timed():
     # its step 1 fails for these numbers over a way of 1
     limits = TargetLimitsSection(velocity=1.0, acceleration=30680.182456523315, jerk=1e9)
     reference = make_reference([line((1.0, 0, 0))], limits, START, 1e-3)
     assert reference.duration == pytest.approx(1.001)
-
-
-@pytest.mark.parametrize("radius", [1e-3, 0.1, 1.0])
-def test_a_full_circle_comes_within_two_fifths_of_a_limit(radius):
-    # the bound that target._along documents
-    reference = make_reference([arc((0.5 + radius, 0), FULL)], LIMITS, START, 1e-3)
-    peaks = (
-        norms(reference.twist[:, :3]).max() / LIMITS.velocity,
-        norms(acceleration(reference)[:, :3]).max() / LIMITS.acceleration,
-        norms(np.diff(acceleration(reference)[:, :3], axis=0)).max() / 1e-3 / LIMITS.jerk,
-    )
-    assert 0.4 < max(peaks) < 1 + 1e-9
 
 
 # Position, twist and acceleration ----------------------------------------------------------------
@@ -236,6 +207,11 @@ def test_it_starts_at_the_start_to_the_bit_and_ends_where_geometry_says_both_at_
     pose, segments, ends = path
     reference = make_reference(segments, limits, pose, period)
     np.testing.assert_array_equal(reference.pose[0], pose)
+    quat = reference.pose[:, 3:]
+    np.testing.assert_allclose(norms(quat), 1, rtol=0, atol=ROUNDING)
+    # never to its negative: half the angle between samples is below 90° as a tick turns less than a half turn
+    step = limits.angular_velocity * period
+    assert (quat[1:] * quat[:-1]).sum(axis=1).min(initial=1) > math.cos(step / 2) - ROUNDING
     position, rotation = ends[-1]
     np.testing.assert_allclose(reference.pose[-1, :3], position, rtol=0, atol=ROUNDING)
     gap = rotation * as_rotation(reference.pose[-1, 3:]).inv()
@@ -265,27 +241,6 @@ def test_twist_and_acceleration_are_the_derivatives_of_the_pose(path, limits, pe
     a = (twist[2:] - twist[:-2]) / (2 * period) - acceleration(reference)[1:-1]
     assert norms(a[:, :3]).max() < limits.jerk * period / 2 * (1 + 1e-6) + 1e-10
     assert norms(a[:, 3:]).max() < limits.angular_jerk * period / 2 * (1 + 1e-6) + 1e-10
-
-
-@given(paths(), limit_sets, up_to(0.003, 0.03))
-def test_quaternions_are_of_length_one_and_never_jump_to_their_negative(path, limits, period):
-    pose, segments, _ = path
-    quat = make_reference(segments, limits, pose, period).pose[:, 3:]
-    np.testing.assert_allclose(norms(quat), 1, rtol=0, atol=ROUNDING)
-    # half the angle between samples; below 90° as long as one tick turns less than a half turn
-    step = limits.angular_velocity * period
-    assert (quat[1:] * quat[:-1]).sum(axis=1).min(initial=1) > math.cos(step / 2) - ROUNDING
-
-
-@pytest.mark.parametrize("turning", [Turn(axis="x", angle=3.0), Turn(axis="x", angle=0.01)])
-def test_translation_and_rotation_keep_the_same_fraction_of_their_way(turning):
-    # the first is limited by the rotation, the second by the translation
-    reference = make_reference([line((0.4, 0.3, 0), turn=turning)], LIMITS, START, 1e-3)
-    way = norms(reference.pose[:, :3] - START[:3]) / 0.5
-    angle = 2 * np.arctan2(reference.pose[:, 4], reference.pose[:, 3]) / turning.angle
-    np.testing.assert_allclose(way, angle, rtol=0, atol=ROUNDING)
-    assert way[0] == 0
-    assert way[-2] < 1
 
 
 @given(poses, long_points, axes, angles)
@@ -320,23 +275,6 @@ def test_a_turn_to_an_orientation_takes_the_shortest_way_whatever_its_sign_and_l
         np.testing.assert_allclose(way, rotvec, rtol=0, atol=3e-3)
 
 
-@pytest.mark.parametrize("axis", [(0, -1, 0), (-1, 1, 0), (0, 1, -2)])
-def test_a_half_turn_takes_the_same_way_whatever_the_rounding(axis):
-    way = set()
-    for noise in (0.0, 1e-13, -1e-13):
-        half = Rotation.from_rotvec((math.pi + noise) * unit_axis(axis))
-        for sign in (1, -1):
-            # noise in the axis too, where a component of 0 has no sign to rely on
-            noisy = np.add(half.as_quat(scalar_first=True), [0, noise, -noise, noise])
-            to = tuple(sign * noisy)
-            reference = make_reference([turn(to=to)], LIMITS, START, 1e-2)
-            middle = reference.twist[len(reference.time) // 2, 3:]
-            way.add(tuple(np.round(middle, 6) + 0.0))  # no -0
-            end = as_rotation(reference.pose[-1, 3:])
-            assert (half * end.inv()).magnitude() < ROUNDING
-    assert len(way) == 1
-
-
 # Time --------------------------------------------------------------------------------------------
 
 
@@ -345,7 +283,6 @@ def test_a_half_turn_takes_the_same_way_whatever_the_rounding(axis):
     [
         ([0.3], 0.1, 4),  # 0.3/0.1 < 3
         ([0.1, 0.2], 0.1, 4),  # 0.1 + 0.2 > 0.3
-        ([0.7], 0.007, 101),  # 0.7/0.007 < 100
         ([100.0], 1e-3, 100_001),
         ([0.301], 0.1, 5),
     ],
@@ -359,21 +296,8 @@ def test_ticks_cover_the_path_and_rounding_adds_none(pauses, period, ticks):
     assert not reference.twist.any()
 
 
-def test_the_last_tick_is_the_end_itself_where_rounding_puts_it_a_little_before():
-    turning = Turn(axis="x", angle=1.0)
-    segments = [line((0.1, 0), turn=turning)]
-    period = fastest(1.0, 1.0, 4.0, 40.0) / 10 * (1 - 1e-9)
-    reference = make_reference(segments, LIMITS, START, period)
-    assert len(reference.time) == 11
-    assert not reference.twist[-1].any()
-    assert not acceleration(reference)[-1].any()
-    np.testing.assert_array_equal(reference.pose[-1, :3], np.add(START[:3], [0.1, 0, 0]))
-
-
 # Messages ----------------------------------------------------------------------------------------
 
-NAN = math.nan
-UNCHECKED = Line.model_construct(by=(NAN, 0.0, 0.0))  # what the schema would refuse
 TOO_LONG = "target.path: … {} s … {} … 0.001 s … 10000000; … target.limits or control.period … path"
 
 
@@ -385,10 +309,6 @@ TOO_LONG = "target.path: … {} s … {} … 0.001 s … 10000000; … target.li
             [line((0.1, 0)), arc((0.6, 0, 7.0), 1.0)],
             "target.path[1].arc: … [0.6, 0, 0.3] … axis … 0; … center … turn …",
         ),
-        ([turn(to=(-1, 0, 0, 0))], "target.path[0].turn: … 0 … [0.5, 0, 0.3]; … hold …"),
-        ([Segment.model_construct(line=UNCHECKED)], "target.path[0].line: … finite; … numbers"),
-        ([arc((-1e308, 1e308), 1.0)], "target.path[0].arc: … finite; … numbers"),
-        ([hold(1e308), hold(1e308)], TOO_LONG.format("inf", "inf")),
         ([hold(1e4), hold(0.01)], TOO_LONG.format("10000", "10000010")),
     ],
 )
@@ -396,12 +316,3 @@ def test_a_path_that_cannot_be_followed_is_refused(segments, message):
     with pytest.raises(TargetError) as caught:
         make_reference(segments, LIMITS, START, 1e-3)
     assert str(caught.value) == says(message)
-
-
-def test_a_length_at_which_two_cases_meet_is_timed():
-    # 2 a³/j² is the longest way whose acceleration only just reaches a, for no time: four ramps of a/j each.
-    limits = TargetLimitsSection(velocity=0.25, acceleration=1.0, jerk=10.0)
-    reference = make_reference([line((0.02, 0.0))], limits, START, 1e-3)
-    assert reference.duration == pytest.approx(0.4, abs=1e-9)
-    a, j = 1.0, 10.0
-    assert 2 * a**3 / j**2 == 0.02

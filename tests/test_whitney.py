@@ -12,8 +12,6 @@ from rmrc.simulation.simulation import Simulation
 from rmrc.textbook.stanford import stanford_chain
 from rmrc.textbook.two_link import two_link_rates
 
-IDEAL = ("plant.kind=ideal", "control.inverse.method=inverse", "control.limits.on_excess=none")
-
 
 def example_5_5(*overrides):
     (run,) = Simulation([prepare(load(ROOT / "scenarios/example_5_5.yaml", overrides))]).run()
@@ -76,34 +74,3 @@ def test_the_scenario_whitney_1972_is_his_algorithm_over_the_whole_run():
     # rounding: a tick covers all of the error that the ones before it left, so nothing adds up
     assert_allclose(right["q"], want, rtol=0, atol=1e-13)
     assert np.abs(wrong["q"] - want).max() > 1e-9
-
-
-def drift(scenario, period):
-    prepared = prepare(scenario(*IDEAL, "control.feedback=0", f"control.period={period}"))
-    (run,) = Simulation([prepared]).run()
-    return np.linalg.norm(run["pose_error"][-1, :2])
-
-
-def test_open_loop_drift_falls_with_the_first_order_of_the_period(scenario):
-    # Rates held constant over a period are Euler's method: order 1.
-    periods = np.array([0.008, 0.004, 0.002, 0.001])
-    errors = np.array([drift(scenario, period) for period in periods])
-    orders = np.log2(errors[:-1] / errors[1:])
-
-    assert_allclose(orders, 1.0, rtol=0, atol=0.1)
-
-
-@pytest.mark.parametrize("gain", [5.0, 20.0])
-def test_with_feedback_an_initial_error_decays_exponentially(scenario, gain):
-    # ė = −K e in continuous time; Euler's (1 − K T)^t differs from exp(−K t) by K² T t / 2 relative.
-    prepared = prepare(
-        scenario(
-            *IDEAL, f"control.feedback={gain}", "control.period=1.0e-4", "target.path=[{hold: {for: 0.5}}]"
-        )
-    )
-    prepared.reference.samples[:, 0] += 0.01
-    (run,) = Simulation([prepared]).run()
-    error = np.linalg.norm(run["pose_error"][:, :2], axis=1)
-    want = 0.01 * np.exp(-gain * run["time"])
-    # 2e-3 m of curvature: the tip moves 10 mm on an arm of 1 m, so J changes by a hundredth
-    assert_allclose(error / want, 1.0, rtol=0, atol=0.05)

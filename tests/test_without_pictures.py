@@ -29,22 +29,16 @@ LINES = [
 ]
 
 
-def codes(folder, *lines):
+def ended(folder, *lines):
     command = [sys.executable, "-c", PROGRAM, *lines]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=True)
-    return [int(line.split()[1]) for line in done.stdout.splitlines() if line.startswith("ended ")]
+    return [
+        int(line.split()[1]) for line in done.stdout.splitlines() if line.startswith("ended ")
+    ], done.stderr
 
 
-def test_verbs_without_a_picture_need_neither(tmp_path):
-    assert codes(tmp_path, *LINES) == [0] * len(LINES)
-
-
-def test_a_recording_and_a_plot_need_them(tmp_path):
-    """The negative control: the program above does keep them away."""
-    rows = f"sweep {SCENARIO} --vary control.feedback=2,5"
-    assert (
-        0
-        not in codes(tmp_path, f"run {SCENARIO}", rows, "plot recordings/approach_singularity.sweep.parquet")[
-            ::2
-        ]
-    )
+def test_verbs_without_a_picture_need_neither_and_others_name_what_is_missing(tmp_path):
+    pictures = [f"run {SCENARIO}", "plot recordings/approach_singularity.npz"]
+    codes, err = ended(tmp_path, *LINES, *pictures)
+    assert codes == [0] * len(LINES) + [2, 2]
+    assert err.count("rmrc: error: rerun is not installed") == err.count("matplotlib is not installed") == 1

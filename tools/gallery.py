@@ -1,7 +1,7 @@
-"""Write `docs/gallery.md`: every shipped scenario with its picture, its point and its command.
+"""Draw the pictures of `docs/gallery.md`, one for every shipped scenario.
 
-    python tools/gallery.py            lists missing and stale parts, and ends with 1 if there are any
-    python tools/gallery.py --write    draws missing and stale pictures, and writes the page
+    python tools/gallery.py            lists missing and stale pictures, and ends with 1 if there are any
+    python tools/gallery.py --write    draws them
 
 A picture has a stamp in it: a hash of the scenario, without comments, expectations and `look`, and of
 the files that it names. It is stale if these have changed. Drawing needs OpenGL, checking does not.
@@ -18,27 +18,9 @@ import yaml
 from PIL import Image, PngImagePlugin
 
 ROOT = Path(__file__).resolve().parent.parent
-SCENARIOS, PICTURES, PAGE = ROOT / "scenarios", ROOT / "docs/figures/gallery", ROOT / "docs/gallery.md"
+SCENARIOS, PICTURES = ROOT / "scenarios", ROOT / "docs/figures/gallery"
 # Width and height of a picture, and its colors: 20 kB.
 SIZE, COLORS = "420x420", 96
-HEAD = """# Gallery
-
-Every scenario that comes with the program, where its arm is nearest to a singularity: the arm by MuJoCo's
-renderer, with the wanted path (dark), the trail (red near a singularity) and the velocity ellipsoid of the
-tip (green), and below it the joint rates against their limits. The command below a picture draws it; with an
-output that ends in `.gif` it makes the film. `python tools/gallery.py --write` writes this page.
-
-"""
-ENTRY = """## {name}
-
-[![{name}](figures/gallery/{name}.png)](../scenarios/{name}.yaml)
-
-{point}
-
-```sh
-.venv/bin/python -m rmrc render {name} -o {name}.png --size {size}
-```
-"""
 
 
 def stamp(scenario: Path) -> str:
@@ -90,45 +72,23 @@ def draw(scenario: Path) -> None:
     few.save(path, "PNG", optimize=True, pnginfo=known)
 
 
-def point(scenario: Path) -> str:
-    """Return the first sentence of a scenario's first comment."""
-    lines = scenario.read_text("utf-8").partition("\nname:")[0].splitlines()
-    text = " ".join(line.strip("# ") for line in lines).strip()
-    end = next(
-        (i for i in range(len(text)) if text[i] == "." and text[i + 1 : i + 2] in ("", " ")), len(text)
-    )
-    return text[: end + 1].replace("|", "\\|")
-
-
-def page() -> str:
-    """Return the text of the page."""
-    scenarios = sorted(SCENARIOS.glob("*.yaml"))
-    entries = (ENTRY.format(name=one.stem, point=point(one), size=SIZE) for one in scenarios)
-    return HEAD + "\n".join(entries)
-
-
 def main() -> int:
-    """Write the page, or report missing and stale parts; return 1 if there are any."""
-    parser = argparse.ArgumentParser(description="The page of all scenarios and their pictures.")
-    parser.add_argument(
-        "--write", action="store_true", help="draw missing and stale pictures, and write the page"
-    )
+    """Draw what is missing or stale, or report it; return 1 if there is anything to report."""
+    parser = argparse.ArgumentParser(description="The pictures of all scenarios.")
+    parser.add_argument("--write", action="store_true", help="draw missing and stale pictures")
     is_writing = parser.parse_args().write
     scenarios = sorted(SCENARIOS.glob("*.yaml"))
-    stale = [one for one in scenarios if is_stale(one)]
-    extra = sorted(set(PICTURES.glob("*.png")) - {picture(one) for one in scenarios})
+    stale = [scenario for scenario in scenarios if is_stale(scenario)]
+    extra = sorted(set(PICTURES.glob("*.png")) - {picture(scenario) for scenario in scenarios})
     if is_writing:
-        for one in stale:
-            draw(one)
-            print(f"drew {picture(one).relative_to(ROOT)}")
+        for scenario in stale:
+            draw(scenario)
+            print(f"drew {picture(scenario).relative_to(ROOT)}")
         for path in extra:
             path.unlink()
-        PAGE.write_text(page(), "utf-8")
         return 0
-    wrong = [f"{picture(one).relative_to(ROOT)}: missing or stale" for one in stale]
+    wrong = [f"{picture(scenario).relative_to(ROOT)}: missing or stale" for scenario in stale]
     wrong += [f"{path.relative_to(ROOT)}: of no scenario" for path in extra]
-    if not PAGE.is_file() or PAGE.read_text("utf-8") != page():
-        wrong.append(f"{PAGE.relative_to(ROOT)}: is not what this writes")
     print("\n".join(wrong))
     return int(bool(wrong))
 

@@ -23,13 +23,13 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE, FILE = ROOT / "docs/which_method.md", ROOT / "docs/methods.csv"
 
 SITUATIONS = {
-    "approach_singularity": "near the edge of the workspace, 5 mm from full reach",
+    "approach_singularity": "5 mm before full reach",
     "blow_up": "1 mm beyond reach",
-    "ur5e_elbow": "10 mm beyond reach, six joints",
-    "fr3_elbow": "10 mm beyond reach, redundant",
-    "ur5e_wrist": "past the wrist singularity at 1°",
-    "ur5e_wrist_close": "past the wrist singularity at 0.1°",
-    "joint_limit": "into a joint limit",
+    "ur5e_elbow": "10 mm beyond reach",
+    "fr3_elbow": "the same, redundant",
+    "ur5e_wrist": "wrist at 1°",
+    "ur5e_wrist_close": "wrist at 0.1°",
+    "joint_limit": "into the limit",
     "line_tracking": "far from singularities",
 }
 # The settings of a situation beside its scenario.
@@ -115,21 +115,16 @@ def decision(scenario: str, found: dict[str, tuple[float, ...] | str]) -> str:
         if not isinstance(row, str) and max(v for v in row[3:5] if not math.isnan(v)) <= BACK
     }
     if not back:
-        return f"| {SITUATIONS[scenario]} | none comes back | | |"
+        return f"| {scenario}: {SITUATIONS[scenario]} | none comes back | | |"
     least = min(back, key=lambda name: error_of(back[name]))
     allowed = max(WORTH * error_of(back[least]), NOTHING)
     near = [name for name in back if error_of(back[name]) <= allowed]
-
-    def cell(name: str, unit: str, value: float) -> str:
-        return f"{name}: {shown(value)} {unit}"
-
     slowest, smoothest = (min(near, key=lambda name, i=i: back[name][i]) for i in (0, 5))
-    cells = [
-        f"{cell(least, 'mm or mrad', error_of(back[least]))}, {shown(back[least][0])} rad/s",
-        f"{cell(slowest, 'rad/s', back[slowest][0])}, {shown(error_of(back[slowest]))} mm or mrad",
-        f"{cell(smoothest, 'rad/s²', back[smoothest][5])}, {shown(error_of(back[smoothest]))} mm or mrad",
-    ]
-    return f"| {SITUATIONS[scenario]} | {' | '.join(cells)} |"
+    cells = [least, slowest, smoothest]
+    for name in dict.fromkeys(cells):
+        numbers = (shown(value) for value in (error_of(back[name]), back[name][0], back[name][5]))
+        cells[cells.index(name)] += f": {'; '.join(numbers)}"
+    return f"| {scenario}: {SITUATIONS[scenario]} | {' | '.join(cells)} |"
 
 
 def rows() -> dict[str, dict[str, tuple[float, ...] | str]]:
@@ -144,12 +139,12 @@ def rows() -> dict[str, dict[str, tuple[float, ...] | str]]:
 
 
 def summary(found: dict[str, dict[str, tuple[float, ...] | str]]) -> Iterator[str]:
-    """Yield the table of all methods: largest error and peak rate of each situation."""
-    yield f"| method | {' | '.join(SITUATIONS[scenario] for scenario in found)} |"
+    """Yield the table of all methods: their largest error in each situation."""
+    yield f"| method | {' | '.join(name.replace('_', '_<wbr>') for name in found)} |"  # may be broken
     yield f"|---|{'---:|' * len(found)}"
     for name in METHODS:
         each = [found[scenario][name] for scenario in found]
-        cells = [row if isinstance(row, str) else f"{shown(error_of(row))}; {shown(row[0])}" for row in each]
+        cells = [row if isinstance(row, str) else shown(error_of(row)) for row in each]
         yield f"| {name} | {' | '.join(cells)} |"
 
 

@@ -8,6 +8,7 @@ its rows. Other pages have the declared part between two lines `<!-- declared --
 import argparse
 import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from itertools import groupby
 from pathlib import Path
@@ -17,8 +18,8 @@ import typer
 from rmrc import cli
 from rmrc.results.columns import COLUMNS
 from rmrc.results.expectations import blank
-from rmrc.scenario import schema_rows
-from rmrc.scenario.choices import CHOICES, INVERSES, PLANTS, PRIORITIES
+from rmrc.scenario import SchemaRow, schema_rows
+from rmrc.scenario.choices import CHOICES, PLANTS, PRIORITIES
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 DECLARED = "<!-- declared -->"
@@ -41,49 +42,88 @@ def code(text: str) -> str:
 
 
 def keys() -> str:
-    """Return all keys of a scenario, a table for each section."""
+    """Return all keys of a scenario, a table for each section; `turn` and `tilt` of segments once."""
+    rows = (row for row in schema_rows() if not re.search(r"\.(line|arc|set)\.(turn|tilt)\.", row.key))
     parts = []
-    for section, rows in groupby(schema_rows(), lambda row: re.split(r"[.\[]", row.key)[0]):
-        cells = [(code(row.key), row.type, row.unit, code(row.default), row.meaning) for row in rows]
-        parts += [f"## {section}\n", table(("key", "type", "unit", "default", "meaning"), *cells)]
+    for section, group in groupby(rows, lambda row: re.split(r"[.\[]", row.key)[0]):
+        cells = [(code(row.key), value(row), row.meaning) for row in group]
+        parts += [f"## {section}\n", table(("key", "value", "meaning"), *cells)]
     return "\n".join(parts)
 
 
+def value(row: SchemaRow) -> str:
+    """Return type, unit and default of a key in a cell; null is the default of those without."""
+    unit = "" if row.unit in ("", "1") else f" [{row.unit}]"
+    default = "" if row.default == "null" else f"; {code(row.default)}"
+    return f"{row.type.replace(' | ', ', ')}{unit}{default}"
+
+
 def metrics() -> str:
-    """Return all metrics of a run with one joint and all axes."""
+    """Return all metrics of a run with one joint and all axes, those of one quantity in one row."""
     card = blank(("JOINT",), ("x", "y", "z", "rx", "ry", "rz"))
-    rows = [(code(name), one.unit, one.meaning) for name, one in card.items()]
-    return table(("metric", "unit", "meaning"), *rows)
+    quantities = dict[str, list[str]]()
+    for name in card:
+        if not re.match(r"status_time\.(?!OK|DAMPED)", name):  # one status stands for all
+            quantities.setdefault(re.sub(r"(\.(rms|max|end|max_time)|_time|_joint)$", "", name), []).append(
+                name
+            )
+    rows = []
+    for names in quantities.values():
+        units = dict.fromkeys(card[name].unit for name in names)
+        meanings = [card[names[0]].meaning, *(beside(name, card[name].meaning) for name in names[1:])]
+        rows.append((", ".join(map(code, names)), ", ".join(filter(None, units)), "; ".join(meanings)))
+    return table(("metric", "unit", "meaning"), *rows).replace("DAMPED", "STATUS")
+
+
+def beside(name: str, meaning: str) -> str:
+    """Return the meaning of a metric in the row of another one of its quantity."""
+    return {"time": "when first", "joint": "which joint"}.get(
+        name.rpartition("_")[2], meaning.partition(", ")[2]
+    )
 
 
 def columns() -> str:
     """Return all columns of a run."""
-    rows = [(code(name), one.unit, one.width, one.meaning) for name, one in COLUMNS.items()]
-    return table(("column", "unit", "width", "meaning"), *rows)
+    rows = [
+        (code(name), f"{each.unit} ({each.width})" if each.width else each.unit, each.meaning)
+        for name, each in COLUMNS.items()
+    ]
+    return table(("column", "unit (width)", "meaning"), *rows)
 
 
 def verbs() -> str:
-    """Return all verbs with their arguments and options."""
-    parts = []
+    """Return all verbs with their arguments and options, those of several verbs once."""
+    helps, options = [], dict[str, list[tuple[str, str]]]()
     for name, verb in typer.main.get_command(cli.app).commands.items():  # type: ignore[attr-defined]
         context = verb.context_class(verb, info_name=name)
-        records = [one.get_help_record(context) for one in verb.get_params(context)]
-        rows = [(code(option), help_) for option, help_ in filter(None, records)]
-        usage = " ".join([f"rmrc {name}", *verb.collect_usage_pieces(context)])
-        said = verb.help.replace("\b\n", "").strip()
-        parts += [f"## {name}\n", f"```\n{usage}\n```\n", f"{said}\n", table(("option", "does"), *rows)]
+        helps.append((name, verb.help.replace("\b\n", "").strip()))
+        options[name] = list(
+            filter(None, (each.get_help_record(context) for each in verb.get_params(context)))
+        )
+    count = Counter(record for records in options.values() for record in records)
+    common = dict[str, str]()
+    for (name, does), number in count.most_common():
+        if number > 2 and name not in common:
+            common[name] = does
+    parts = [
+        "## Common options\n",
+        table(("option", "does"), *((code(name), does) for name, does in common.items())),
+    ]
+    for name, text in helps:
+        rows = [(code(option), does) for option, does in options[name] if common.get(option) != does]
+        named = [option for option, does in options[name] if common.get(option) == does]
+        shared = [code(re.sub(r"[ ,].*", "", option)) for option in named if option != "--help"]
+        parts += [f"## {name}\n", f"{text}\n"]
+        parts += [f"Common: {', '.join(shared)}.\n"] if shared else []
+        parts += [table(("option", "does"), *rows)] if rows else []
     return "\n".join(parts)
 
 
 def choices() -> Iterator[tuple[str, list[tuple[str, ...]]]]:
     """Yield each key with the cells of its rows."""
     for some in CHOICES:
-        cells = [(code(one.name), one.meaning) for one in some.options]
-        if some is INVERSES:
-            needs = ("as many task axes as joints" if one.needs_square else "any" for one in INVERSES.options)
-            yield f"control.{some.key}", [(*row, need) for row, need in zip(cells, needs, strict=True)]
-        elif some is not PRIORITIES:  # which the objective `secondary` names
-            yield f"control.{some.key}", cells
+        if some is not PRIORITIES:  # which the objective `secondary` names
+            yield f"control.{some.key}", [(code(one.name), one.meaning) for one in some.options]
     yield "plant.kind", [(code(one.name), one.meaning) for one in PLANTS.options]
 
 

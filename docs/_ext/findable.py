@@ -1,4 +1,4 @@
-"""Make the rows of the textbook findable, by an anchor each and by titles for the search of the site."""
+"""Make the rows of the textbook findable, by linked numbers and by titles for the search of the site."""
 
 import re
 from typing import Any
@@ -32,6 +32,9 @@ def setup(app: Any) -> None:
             number, subject, *_ = (entry.astext() for entry in row.children)
             if ROW.fullmatch(number):
                 row["ids"].append(number.lower())
+                cell = row[0][0]
+                cell.clear()
+                cell += nodes.reference("", number, refid=number.lower())
                 row += [Label("", text) for text in titles(number, subject)]
 
     def skip(*_: object) -> None:

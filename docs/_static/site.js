@@ -17,3 +17,18 @@ document.addEventListener("DOMContentLoaded", () => {
     place.append(" ", link);
   }
 });
+
+// A button copies a command: of a block, or of a row of the textbook.
+document.addEventListener("DOMContentLoaded", () => {
+  for (const code of document.querySelectorAll(".highlight-sh pre, .highlight-python pre, tr[id] td:nth-child(3) code")) {
+    const text = code.textContent.trim();
+    const button = document.createElement("button");
+    button.className = "copy";
+    button.textContent = "copy";
+    button.addEventListener("click", async () => {
+      await navigator.clipboard.writeText(text);
+      button.textContent = "copied";
+    });
+    code.after(button);
+  }
+});

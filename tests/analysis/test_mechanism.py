@@ -1,7 +1,5 @@
 """A platform on three legs whose loops MuJoCo closes, against the textbook's lines of the legs."""
 
-import json
-
 import mujoco
 import numpy as np
 import pytest
@@ -102,17 +100,3 @@ def test_an_arm_without_loops_is_no_mechanism():
     for name in ("planar_2link", "helical", "fr3"):  # couplings of joints, and fingers of a hand, are none
         found = arms.load(ROOT / f"models/{name}.xml")
         assert find_mechanism(found, found.configuration("home")[found.wiring.qpos]) is None
-
-
-def test_inspect_tells_the_inverse_jacobian_of_the_platform(rmrc):
-    code, out, _ = rmrc("inspect", str(PATH))
-    assert code == 0
-    begin = next(
-        i for i, line in enumerate(out.splitlines()) if line.startswith("The mechanism, its loops closed")
-    )
-    K = platform_inverse_jacobian(BASE, PLATFORM, [1.4, 0.9, 0.2])
-    lines = [line.split() for line in out.splitlines()[begin:]]
-    shown = [[float(one) for one in words[2:]] for words in lines if words and words[0].startswith("leg_")]
-    assert_allclose(shown, K, atol=6e-5)  # of four digits the last is rounded
-    code, out, _ = rmrc("inspect", str(PATH), "--json")
-    assert_allclose(json.loads(out)["mechanism"]["inverse"], K, atol=1e-9)

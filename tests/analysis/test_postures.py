@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from project import ROOT, mostly_long
+from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis.ik.ik import goal_pose
 from rmrc.analysis.ik.postures import find_postures
@@ -54,10 +54,9 @@ def test_two_links_have_two_postures():
     assert not found.is_continuum
 
 
-@pytest.mark.parametrize("seed", mostly_long(range(3), 3))
-def test_the_puma_has_eight_postures(seed):
+def test_the_puma_has_eight_postures():
     task = choose(load("puma560"))
-    q = task.arm.sampled(1, 30 + seed)
+    q = task.arm.sampled(1, 30)
     goal = task.arm.pose(q[0])
     found = find(task, goal, limits=False)
     assert len(found.q) == 8 and not found.is_continuum
@@ -103,8 +102,6 @@ def test_the_stanford_arm_has_eight_postures_half_of_them_with_the_boom_behind(s
     ("name", "point"),
     [
         ("torus_3r", [1.0, 0.5, 1.5]),
-        ("torus_3r", [0.7, -0.9, 1.0]),
-        ("torus_3r_short", [0.2, 0.0, 1.8]),
         ("torus_3r_short", [0.75, 0.3, 1.1]),
     ],
 )
@@ -120,16 +117,6 @@ def test_the_torus_arm_has_the_postures_of_its_closed_form(name, point):
     expected = torus_postures(lengths, np.array(point) - [0, 0, height])
     found = find(task, goal_pose(task, point), limits=False)
     assert len(found.q) == len(expected) > 0
-    assert_allclose(found.q, sorted_rows(expected), atol=1e-11)
-
-
-def test_a_spherical_wrist_has_two_postures():
-    task = choose(load("spherical_wrist"))
-    q = np.array([0.4, 0.9, -0.7])
-    found = find(task, task.arm.pose(q), limits=False)
-    assert task.axes == ("rx", "ry", "rz")
-    # The other is flipped: (q_1 ± π, −q_2, q_3 ± π).
-    expected = [q, np.angle(np.exp(1j * (q * [1, -1, 1] + [np.pi, 0, np.pi])))]
     assert_allclose(found.q, sorted_rows(expected), atol=1e-11)
 
 
@@ -197,63 +184,3 @@ def test_six_hinges_have_all_their_sixteen_postures(tmp_path):
     assert len(found.q) == 16 and not found.is_continuum
     assert_postures(task, goal, found)
     assert np.abs(np.exp(1j * found.q) - np.exp(1j * np.array(REACHED_BY))).max(axis=1).min() < 1e-9
-
-
-def at(axes, steps, q):
-    """Return positions (N, 3), orientations (N, 3, 3) and Jacobians (N, 6, 6) of six hinges, by Rodrigues' formula."""
-    p, R, points, turned = np.zeros(3), np.eye(3), [], []
-    for axis, step, angle in zip(axes, steps, q.T, strict=False):
-        K = np.cross(np.eye(3), axis)
-        p, turned = p + R @ step, [*turned, R @ axis]
-        points.append(p)
-        R = R @ (np.eye(3) + np.sin(angle)[:, None, None] * K + (1 - np.cos(angle))[:, None, None] * K @ K)
-    p = p + R @ steps[6]
-    columns = [np.hstack([np.cross(z, p - o), z + 0 * p]) for z, o in zip(turned, points, strict=True)]
-    return p, R, np.stack(columns, axis=2)
-
-
-def postures_by_newton(axes, steps, goal, count=800):
-    """Return the distinct postures that damped Newton steps from random starts reach, (k, 6), and how often each."""
-    (p_goal,), (R_goal,), _ = at(axes, steps, goal[None])
-    q = np.random.default_rng(1).uniform(-np.pi, np.pi, (count, 6))
-    for _ in range(60):
-        p, R, J = at(axes, steps, q)
-        E = R_goal @ R.swapaxes(1, 2)
-        turn = (
-            np.stack([E[:, 2, 1] - E[:, 1, 2], E[:, 0, 2] - E[:, 2, 0], E[:, 1, 0] - E[:, 0, 1]], axis=1) / 2
-        )
-        e = np.hstack([p_goal - p, turn])
-        damped = J.swapaxes(1, 2) @ J + np.minimum(1e-2, (e**2).sum(axis=1))[:, None, None] * np.eye(6)
-        step = np.linalg.solve(damped, J.swapaxes(1, 2) @ e[..., None])[..., 0]
-        q += step * np.minimum(1.0, 1.0 / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12))
-    p, R, _ = at(axes, steps, q)
-    there = (np.abs(p - p_goal).max(axis=1) < 1e-9) & (np.abs(R - R_goal).max(axis=(1, 2)) < 1e-9)
-    _, first, hits = np.unique(
-        np.exp(1j * q[there]).round(5) + 0, axis=0, return_index=True, return_counts=True
-    )
-    return q[there][first], hits
-
-
-@pytest.mark.parametrize("seed", [2, 3])
-def test_six_hinges_of_any_geometry_have_the_postures_that_another_search_finds(tmp_path, seed):
-    """The other search has its own kinematics and steps; no posture of these arms is rare."""
-    rng = np.random.default_rng(seed)
-    axes, steps = rng.standard_normal((6, 3)), rng.uniform(-0.5, 0.5, (7, 3))
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    reached_by = np.random.default_rng(100 + seed).uniform(-np.pi, np.pi, 6)
-    expected, hits = postures_by_newton(axes, steps, reached_by)
-    assert len(expected) == {2: 4, 3: 6}[seed] and hits.min() > 20  # a missed one has a chance of 1e-9
-    bodies = "".join(
-        f'<body pos="{" ".join(map(repr, step.tolist()))}"><joint axis="{" ".join(map(repr, axis.tolist()))}"/>'
-        '<geom size="0.1" contype="0" conaffinity="0"/>' for axis, step in zip(axes, steps, strict=False)
-    )  # fmt: skip
-    tip = f'<site name="tip" pos="{" ".join(map(repr, steps[6].tolist()))}"/>'
-    path = tmp_path / "arm.xml"
-    path.write_text(f"<mujoco><worldbody>{bodies}{tip}{'</body>' * 6}</worldbody></mujoco>")
-    task = choose(arms.load(path))
-    goal = task.arm.pose(reached_by)
-    found = find(task, goal, limits=False)
-    assert_postures(task, goal, found)
-    assert len(found.q) == len(expected) and not found.is_continuum
-    gaps = np.abs(np.exp(1j * found.q[:, None]) - np.exp(1j * expected[None])).max(axis=2)
-    assert gaps.min(axis=0).max() < 1e-7

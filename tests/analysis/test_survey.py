@@ -88,10 +88,7 @@ def test_singular_values_are_numpys_of_any_size_and_near_singularities():
     ("name", "axes"),
     [
         ("planar_2link", ("x", "y")),
-        ("planar_3link", ("x", "y", "rz")),
-        ("anthropomorphic", ("x", "y", "z")),
         ("spherical_wrist", ("rx", "ry", "rz")),
-        ("planar_rp", ("x", "y")),
         ("helical", ("x", "y", "z")),
         ("stanford", ("x", "y", "z", "rx", "ry", "rz")),
     ],

@@ -1,19 +1,13 @@
 """Questions about rows along the axes of the site or the base: they are those of the law."""
 
-import json
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import rmrc
 from project import ROOT
-from rmrc.analysis.survey import survey
 from rmrc.arm import load
 from rmrc.law.task import choose
-from rmrc.support.errors import QuestionError
-from rmrc.support.spatial import AXES
-from wording import says
 
 POINTING = ["x", "y", "z", "rx", "ry"]
 # of MuJoCo's J and LAPACK against sums along the chain, in another order
@@ -23,15 +17,6 @@ ROUNDING = 1e-12
 @pytest.fixture(scope="module")
 def puma():
     return load(ROOT / "models/puma560.xml")
-
-
-def by_scipy(arm, q, axes, length):
-    """Return σ of rows along the site's axes, by MuJoCo's J turned by scipy's rotation."""
-    w, x, y, z = arm.pose(q)[3:]
-    turn = Rotation.from_quat([x, y, z, w]).as_matrix().T
-    J = arm.jacobian(q)
-    rows = np.vstack([turn @ J[:3] / length, turn @ J[3:]])
-    return np.linalg.svd(rows[[AXES.index(one) for one in axes]], compute_uv=False)
 
 
 def test_a_scenario_is_asked_about_along_the_axes_of_its_task():
@@ -44,15 +29,6 @@ def test_a_scenario_is_asked_about_along_the_axes_of_its_task():
     assert world.task.frame == "world" and np.abs(world.sigma - found.sigma).max() > 0.1
 
 
-def test_many_configurations_have_the_singular_values_of_each(puma):
-    q = puma.sampled(50, seed=3)
-    found = survey(choose(puma, POINTING, 0.5, "site"), q).sigma
-    np.testing.assert_allclose(
-        found, [by_scipy(puma, one, POINTING, 0.5) for one in q], rtol=0, atol=ROUNDING
-    )
-    assert np.abs(found - survey(choose(puma, POINTING, 0.5), q).sigma).max() > 0.01
-
-
 def test_what_is_lost_is_told_along_the_axes_of_the_site_and_kept_along_the_worlds(puma):
     q = np.array([0.3, -0.9, 3.4, 0.4, 0.0, 0.2])  # the wrist in line
     found = rmrc.inspect(puma, q, task_frame="site", length=1.0)
@@ -62,33 +38,6 @@ def test_what_is_lost_is_told_along_the_axes_of_the_site_and_kept_along_the_worl
     assert abs(abs(lost.twist @ same.twist) - 1.0) < 1e-9  # all rows count: the same direction of the world
     R = Rotation.from_quat(np.roll(puma.pose(q)[3:], -1)).as_matrix()
     assert np.abs(np.kron(np.eye(2), R.T) @ lost.twist - lost.twist).max() > 0.1  # and another of the site
-
-
-def test_a_goal_of_whole_positions_and_rotations_is_the_same_in_every_frame(puma):
-    goal = [0.1, -0.9, 3.4, 0.2, 0.6, 0.3]
-    along = {
-        frame: rmrc.ik(puma, to_q=goal, axes=["x", "y", "z"], task_frame=frame) for frame in ("world", "site")
-    }
-    np.testing.assert_array_equal(along["site"].q, along["world"].q)
-    with pytest.raises(QuestionError) as caught:
-        rmrc.ik(puma, to_q=goal, axes=POINTING, task_frame="site")
-    assert str(caught.value) == says("rows rx, ry … site … rx, ry, rz … world")
-
-
-def test_verbs_take_the_frame_by_an_option(rmrc, puma):
-    q = "0.3,-0.9,3.4,0.4,0.8,0.2"
-    code, out, _ = rmrc(
-        "inspect", str(puma.path), "--q", q, "--axes", ",".join(POINTING), "--task-frame", "site", "--json",
-        "--length", "1",
-    )  # fmt: skip
-    facts = json.loads(out)
-    assert code == 0 and facts["task"]["frame"] == "site"
-    np.testing.assert_allclose(
-        facts["sigma"], by_scipy(puma, np.array([float(x) for x in q.split(",")]), POINTING, 1.0), atol=1e-9
-    )
-    for verb, more in (("inspect", ()), ("workspace", ("--cells", "10")), ("ik", ("--to-q", q))):
-        code, _, err = rmrc(verb, str(puma.path), *more, "--task-frame", "hand")
-        assert code == 2 and err.splitlines()[-1] == says('… task frame … "hand" … world base site')
 
 
 FACING = """<mujoco><worldbody><body euler="0 0 {turn}">

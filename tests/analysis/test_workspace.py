@@ -1,17 +1,14 @@
 """A workspace is what closed forms, MuJoCo and numpy say: areas, extents, boundaries, singular sets."""
 
-import json
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from spaces import arm_of, chain, found, gantry
+from spaces import found, gantry
 
 from project import examples
 from rmrc import arm as arms
-from rmrc.analysis.workspace.report import report
 from rmrc.analysis.workspace.workspace import workspace
 from rmrc.support.errors import QuestionError
 from rmrc.textbook.torus import torus_tube
@@ -36,7 +33,7 @@ def assert_area(reach, exact, share=4e-3):
     assert reach.reached.sum() * reach.steps.prod() > (1.0 + share) * exact  # negative control
 
 
-@pytest.mark.parametrize("cells", [50, 100, pytest.param(200, marks=pytest.mark.long)])
+@pytest.mark.parametrize("cells", [50, 100])
 def test_areas_of_two_links_are_those_of_the_annulus_and_of_the_jacobian(cells):
     space = found("planar_6_3", cells=cells)
     assert_area(space.free, two_link_free_area(SIX_THREE))
@@ -78,25 +75,6 @@ def test_areas_of_a_gantry_are_the_sides_of_its_box(tmp_path):
     for plane, area in (("xz", 1.0), ("xy", 2.0), ("yz", 0.5)):
         assert_area(slices[plane].limited, area, 2e-3)  # of a corner a quarter is reached, and not a half
     assert workspace(space.task.arm, "xy", cells=20, samples=1000).others == ()
-
-
-SCARA = ("hinge", "0 0 1", "-132 132", "0 0 0.4"), ("hinge", "0 0 1", "0 150", "0.3 0 0")
-
-
-def test_a_scara_is_seen_from_its_side_and_from_above(tmp_path):
-    arm = chain(tmp_path / "scara.xml", *SCARA, ("slide", "0 0 -1", "0 0.2", "0.25 0 0"))
-    side = workspace(arm, q=[0.3, 0.5, 0.1], cells=60, samples=100_000)
-    (above,) = side.others
-    assert (side.part.name, above.part.name, report(side).json["others"][0]["slice"]) == ("rz", "xy", "xy")
-    # beside the axis it turns between |0.3 − 0.25| or the elbow's end and 0.55, and slides 0.2 up and down
-    nearest = np.sqrt(0.3**2 + 0.25**2 + 2 * 0.3 * 0.25 * np.cos(np.radians(150)))
-    assert_area(side.free, 0.2 * 0.5)
-    assert_area(side.limited, 0.2 * (0.55 - nearest), 1e-2)  # its straight edge runs through cells
-    assert_area(above.free, np.pi * (0.55**2 - 0.05**2))
-    # each point has one posture: the area is ∫∫ |det J| = l₁ l₂ ∫∫ sin q2
-    assert_area(above.limited, 0.3 * 0.25 * (1 - np.cos(np.radians(150))) * np.radians(264), 1e-2)
-    # Negative control: all joints of an arm with a shoulder change each plane of the world.
-    assert found("anthropomorphic", cells=50).others == ()
 
 
 # Extents ----------------------------------------------------------------------------------------------
@@ -212,17 +190,10 @@ def test_singular_curves_are_of_the_family_whose_closed_form_is_zero():
     assert len(by["elbow"]) > 100 and np.abs(np.sin(by["elbow"][:, 2])).max() < INTERPOLATED
 
 
-EVERY = [
-    pytest.param("planar_rp", None, None, marks=pytest.mark.long),
-    ("anthropomorphic", None, None),
-    pytest.param("helical", None, None, marks=pytest.mark.long),
-    ("torus_3r", None, "xz"),
-    ("stanford", "wrist", None),
-    pytest.param("puma560", None, None, marks=pytest.mark.long),
-]
-
-
-@pytest.mark.parametrize(("name", "site", "plane"), EVERY)
+@pytest.mark.parametrize(
+    ("name", "site", "plane"),
+    [("planar_rp", None, None), ("torus_3r", None, "xz"), ("stanford", "wrist", None)],
+)
 def test_samples_are_in_their_cells_and_singular_where_mujoco_says(name, site, plane):
     space = found(name, site, plane, cells=30)
     arm, part, reach = space.task.arm, space.part, space.limited
@@ -247,8 +218,6 @@ def test_samples_are_in_their_cells_and_singular_where_mujoco_says(name, site, p
         linear = np.array([arm.jacobian(q)[part.rows] for q in some])
         least = np.linalg.svd(linear, compute_uv=False)[:, -1]
         assert least.max() < 1e-3 * np.abs(linear).max()
-        moved = np.array([arm.jacobian(q + 0.1 * np.cos(np.arange(arm.n)))[part.rows] for q in some])
-        assert np.linalg.svd(moved, compute_uv=False)[:, -1].max() > 1e-2  # negative control
     for curve in (*reach.singular, *reach.limits):
         assert (curve.q[:, part.joints] >= low - 1e-8).all() and (
             curve.q[:, part.joints] <= high + 1e-8
@@ -256,16 +225,6 @@ def test_samples_are_in_their_cells_and_singular_where_mujoco_says(name, site, p
 
 
 # Answers and messages -------------------------------------------------------------------------------
-
-
-def test_json_has_the_numbers_of_the_workspace():
-    space = found("torus_3r")
-    values = report(space).json
-    assert json.loads(json.dumps(values, allow_nan=False)) == values
-    assert values["without_limits"]["area"] == space.free.area
-    assert values["without_limits"]["singular_curves"] == {"elbow": 2}
-    assert values["with_limits"]["singular_curves"] == {"elbow": 1}
-    assert (values["slice"], values["cells"], values["others"]) == ("rz", [*space.free.reached.shape], [])
 
 
 SLIDES = (
@@ -289,14 +248,3 @@ def test_what_has_no_workspace_is_said_in_a_line(tmp_path, kind, more, plane, me
     with pytest.raises(QuestionError) as caught:
         workspace(arms.load(path), plane)
     assert str(caught.value) == f"{path}: {message}"
-
-
-def test_slices_that_an_arm_does_not_have_are_refused():
-    for arm, plane, message in (
-        (arm_of("spherical_wrist"), None, 'site "tool" moves on a curve or a curved surface, not in a plane or in space'),
-        (arm_of("helical"), "rz", 'site "tip" has no slice rz; choose from xz, xy, yz'),
-        (arm_of("stanford"), "zx", 'site "tool" has no slice zx; choose from rz, xz, xy, yz'),
-    ):  # fmt: skip
-        with pytest.raises(QuestionError) as caught:
-            workspace(arm, plane)
-        assert str(caught.value) == f"{arm.path}: {message}"

@@ -10,7 +10,7 @@ from project import ROOT
 from stl import tetrahedron
 
 MODELS = ROOT / "tests/models"
-FINGERS, STANFORD = str(MODELS / "gripper.xml"), str(ROOT / "models/stanford.xml")
+FINGERS = str(MODELS / "gripper.xml")
 
 SCENARIO = """\
 name: own
@@ -29,19 +29,6 @@ def test_what_was_assumed_is_said_once_and_is_in_the_json(rmrc):
         'body "palm" is controlled, chosen by its name; others: site "mark", site "hand_camera"'
     )
     assert err == f"rmrc: note: {note}\n"
-
-
-def test_what_nobody_would_doubt_is_in_the_json_alone(rmrc):
-    code, out, err = rmrc("inspect", STANFORD, "--json")
-    assert (code, err) == (0, "")
-    (note,) = json.loads(out)["assumed"]
-    assert (
-        note
-        == 'site "tool" is controlled, chosen by its name; others: site "wrist"; name one by site or body'
-    )
-    for arm in (["--site", "tool"], ["--body", "link_6"]):
-        code, out, err = rmrc("inspect", STANFORD, "--json", *arm)
-        assert (code, err, json.loads(out)["assumed"]) == (0, "", [])
 
 
 @pytest.mark.parametrize("verb", ["inspect", "ik", "statics"])

@@ -64,11 +64,7 @@ def test_options_override_the_section(rmrc, tmp_path):
     ("options", "line"),
     [
         ([], "quick.yaml:2:1: sweep: … 2 runs … 1; … --vary control.inverse.method=damped,pseudoinverse"),
-        (["--random", "x=1..2", "--sobol", "x=1..2"], "--sobol: … --random …"),
-        (["--vary", "control.feedback"], "--vary control.feedback: … KEY=V1,V2,... … control.feedback=5,10,20"),
         (["--random", "control.feedback=5"], "--random control.feedback=5: … KEY=LOW..HIGH … control.feedback=5..20"),
-        (["--random", "control.feedback=20..5"], "--random control.feedback: … lower … [20.0, 5.0]"),
-        (["--vary", "control.fedback=5,6"], '--vary control.fedback: … key … "feedback"…'),
         (["--vary", "control.feedback=5,-6"], "run 1 (control.feedback=-6): --vary control.feedback: … 0 … -6"),
         (["--vary", "control.feedback=5,6", "--cluster", ""],  # of a variable of the shell that is not set
          "--cluster: … tcp://HOST:PORT or tls://HOST:PORT … local:N … ''"),

@@ -54,14 +54,6 @@ def test_it_prints_the_front_a_block_to_paste_and_what_that_costs(rmrc, tmp_path
         assert rmrc("run", file, "--no-record", "--quiet")[0] == 0
 
 
-@pytest.mark.long
-@pytest.mark.usefixtures("undrawn")
-def test_threads_change_no_letter_of_it(rmrc):
-    asked = ["tune", "quick.yaml", "--runs", "30", "--perturbed", "1"]
-    one, two = (rmrc(*asked, "--threads", count) for count in "12")
-    assert one[0] == 0 and one == two
-
-
 def test_nothing_feasible_is_exit_1_and_says_what_is_missed(rmrc, tmp_path):
     limits = ["--set", "control.limits.rate=0.01", "--set", "control.limits.on_excess=none"]
     limits += ["--only", "control.at_singularity=damp"]
@@ -89,14 +81,10 @@ def test_an_answer_that_recommends_the_setting_as_written_has_a_page(rmrc, tmp_p
 @pytest.mark.parametrize(
     ("options", "line"),
     [
-        (["--start", "1 degree"], '--start: … "60 deg" … "1 degree"'),
         (["--payload", "1"], "--payload: … 0 … ideal … plant.kind"),
-        (["--perturbed", "-1"], "--perturbed: … 0 … -1"),
         (["--only", "control.inverse.method=dampd"], '--only control.inverse.method: … dampd … "damped"…'),
-        (["--set", "control.feedback=-1"], "--set control.feedback: … 0 … -1"),
         (["--delay", "12ms..6ms"], "--delay: … smallest first … 12ms..6ms"),
         (["--ideal", "--noise", "1e-5"], "--ideal: … --noise …"),
-        (["-o", "x.gif"], "--output x.gif: … .pdf … .png … .svg"),
     ],
 )
 def test_bad_input_is_one_line_exit_2_and_nothing_is_run(rmrc, tmp_path, options, line):

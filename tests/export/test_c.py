@@ -158,7 +158,7 @@ def test_the_example_builds_without_a_warning_and_moves_the_site(exported):
 
 def test_the_verb_writes_c_alone(rmrc):
     code, out, err = rmrc("export", "approach_singularity", "--to", "rust")
-    assert (code, out, err) == (2, "", 'rmrc: error: --to must be c, got "rust"\n')
+    assert (code, out, err) == (2, "", "rmrc: error: --to must be c, got 'rust'\n")
 
 
 INTEGRATED = """

@@ -23,36 +23,35 @@ def main(argv=None):
     replay.add_argument("name", metavar="CLASS", help=f"{', '.join(CLASSES)}, or file")
     replay.add_argument("index", metavar="INDEX", help="a number, or the path of a file of --failures")
     options = parser.parse_args(argv)
-    return _run(options) if options.verb == "run" else _replay(options)
-
-
-def _run(options):
+    if options.verb == "replay":
+        index = options.index if options.name == "file" else int(options.index)
+        (answer,) = answers([(options.name, index)])
+        print(
+            case(options.name, index).text(),
+            f"exit code {answer.code}",
+            repr(answer.out),
+            repr(answer.err),
+            sep="\n",
+        )
+        return told(answer)
     classes = list(CLASSES)
     names = [(classes[i % len(classes)], i // len(classes)) for i in range(options.count)]
-    codes, faults = Counter(), Counter()
-    for answer in answers(names, options.jobs):
-        codes[answer.name, answer.code] += 1
-        for fault, text in answer.faults:
-            faults[fault] += 1
-            print(f"{answer.name} {answer.index}: {fault}: {text}")
-        if answer.faults and options.failures:
+    collected = answers(names, options.jobs)
+    for answer in collected:
+        if told(answer) and options.failures:
             options.failures.mkdir(parents=True, exist_ok=True)
             path = options.failures / f"{answer.name}-{answer.index}.json"
             path.write_text(case(answer.name, answer.index).text(found=answer.faults), "utf-8")
-    for (name, code), count in sorted(codes.items()):
+    for (name, code), count in sorted(Counter((answer.name, answer.code) for answer in collected).items()):
         print(f"{name:10} exit code {code:4}{count:8}")
-    print(", ".join(f"{count} of {fault}" for fault, count in faults.items()) or "nothing is wrong")
-    return 1 if faults else 0
+    return int(any(answer.faults for answer in collected))
 
 
-def _replay(options):
-    index = options.index if options.name == "file" else int(options.index)
-    print(case(options.name, index).text())
-    (answer,) = answers([(options.name, index)])
-    print(f"exit code {answer.code}\nstdout: {answer.out!r}\nstderr: {answer.err!r}")
+def told(answer):
+    """Print the faults of an answer, and return whether there are any."""
     for fault, text in answer.faults:
-        print(f"{fault}: {text}")
-    return 1 if answer.faults else 0
+        print(f"{answer.name} {answer.index}: {fault}: {text}")
+    return bool(answer.faults)
 
 
 if __name__ == "__main__":

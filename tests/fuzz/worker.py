@@ -31,7 +31,6 @@ RENEWED = 2000
 SCREEN = ("DISPLAY", "WAYLAND_DISPLAY", "FORCE_COLOR", "TTY_COMPATIBLE")
 # Bytes of address space beside what a worker begins with.
 MEMORY = 8 * 2**30
-IGNORED = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)
 
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 NAN = re.compile(r"(?<![\w.-])[-+]?nan(?![\w.-])", re.IGNORECASE)
@@ -62,6 +61,11 @@ class Outcome(NamedTuple):
     files: set
 
 
+def around(match):
+    """Return a match with what stands beside it."""
+    return match.string[max(0, match.start() - 60) : match.end() + 60]
+
+
 def judge(case, outcome):
     """Yield (what is wrong in a word, what exactly)."""
     text = outcome.err + outcome.out
@@ -74,10 +78,7 @@ def judge(case, outcome):
     elif outcome.code and not text.strip():
         yield "silence", f"exit code {outcome.code}"
     for match in filter(None, (CONTROL.search(outcome.out), CONTROL.search(outcome.err))):
-        yield (
-            "control",
-            f"U+{ord(match[0]):04X}: {match.string[max(0, match.start() - 60) : match.end() + 60]!r}",
-        )
+        yield "control", f"U+{ord(match[0]):04X}: {around(match)!r}"
     for line in [*outcome.warned, *(match[0] for match in NUMPY.finditer(outcome.err))][:1]:
         yield "warning", line
     yield from _stray(case, outcome)
@@ -108,7 +109,7 @@ def _undefined(case, outcome):
             yield "nan", f"no strict JSON: {error}"
     elif not any(b"nan" in data.lower() for data in case.files.values()):
         for match in NAN.finditer(outcome.out):
-            yield "nan", outcome.out[max(0, match.start() - 60) : match.end() + 60]
+            yield "nan", around(match)
 
 
 class Sandbox:
@@ -130,10 +131,9 @@ class Sandbox:
 
     def _state(self):
         """Return the time of change of each file, and 0 for a folder."""
-        paths = [path for path in self.folder.rglob("*") if path != self.folder]
         return {
             str(path.relative_to(self.folder)): 0 if path.is_dir() else path.lstat().st_mtime_ns
-            for path in paths
+            for path in self.folder.rglob("*")
         }
 
     def run(self, case):
@@ -152,38 +152,42 @@ class Sandbox:
         sys.argv, sys.stdin = ["rmrc", *case.argv], io.StringIO()
         sys.stdout = io.TextIOWrapper(os.fdopen(1, "wb", closefd=False), case.encoding)
         sys.stderr = io.TextIOWrapper(os.fdopen(2, "wb", closefd=False), case.encoding, "backslashreplace")
-        code, error = self._call()
-        out, err = (Path(f"/proc/self/fd/{number}").read_bytes()[: 2**22] for number in (1, 2))
+        with warnings.catch_warnings(record=True) as seen:
+            warnings.simplefilter("always")
+            for category in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
+                warnings.simplefilter("ignore", category)
+            code, error = self._call()
+        texts = (
+            Path(f"/proc/self/fd/{number}").read_bytes()[: 2**22].decode(case.encoding, "replace")
+            for number in (1, 2)
+        )
         after = self._state()
         changed = {path for path in before.keys() | after.keys() if before.get(path) != after.get(path)}
-        texts = (data.decode(case.encoding, "replace") for data in (out, err))
+        outcome = Outcome(
+            code, error, *texts, [f"{each.category.__name__}: {each.message}" for each in seen], changed
+        )
         os.chdir(self.folder)
         self._make()
-        return Outcome(code, error, *texts, self.warned, changed)
+        return outcome
 
     def _call(self):
         """Return the exit code, and the traceback of what is none."""
         code, error = None, ""
-        with warnings.catch_warnings(record=True) as seen:
-            warnings.simplefilter("always")
-            for category in IGNORED:
-                warnings.simplefilter("ignore", category)
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        try:
+            self.main()
+        except SystemExit as end:
+            code = end.code or 0
+        except BaseException:  # whatever it is, a user would see it
+            error = traceback.format_exc()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for stream in (sys.stdout, sys.stderr):
             try:
-                self.main()
-            except SystemExit as end:
-                code = end.code or 0
-            except BaseException:  # whatever it is, a user would see it
-                error = traceback.format_exc()
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
-            for stream in (sys.stdout, sys.stderr):
-                try:
-                    stream.flush()
-                except Exception:
-                    error = error or traceback.format_exc()
-                with contextlib.suppress(Exception):
-                    stream.detach()
-        self.warned = [f"{warning.category.__name__}: {warning.message}" for warning in seen]
+                stream.flush()
+            except Exception:
+                error = error or traceback.format_exc()
+            with contextlib.suppress(Exception):
+                stream.detach()
         return code, error
 
 
@@ -206,39 +210,29 @@ def serve(pipe, folder):
             pipe.send((str(outcome.code), list(judge(case, outcome)), outcome.out, outcome.err))
 
 
-class Worker:
-    """A process that runs inputs."""
+def started(folder):
+    """Return a process that serves, and our end of its pipe."""
+    context = multiprocessing.get_context("spawn")
+    pipe, theirs = context.Pipe()
+    process = context.Process(target=serve, args=(theirs, tempfile.mkdtemp(dir=folder)), daemon=True)
+    process.start()
+    theirs.close()
+    return process, pipe
 
-    def __init__(self, folder):
-        context = multiprocessing.get_context("spawn")
-        self.pipe, theirs = context.Pipe()
-        self.count = 0
-        self.process = context.Process(target=serve, args=(theirs, tempfile.mkdtemp(dir=folder)), daemon=True)
-        self.process.start()
-        theirs.close()
 
-    def ask(self, name, index):
-        """Return what came of an input; afterwards the worker is closed if it hangs or died."""
-        self.count += 1
-        with contextlib.suppress(OSError):  # a process that is dead is seen below
-            self.pipe.send((name, index))
-        if not self.pipe.poll(SECONDS):
-            os.kill(self.process.pid, signal.SIGINT)
-            if not self.pipe.poll(GRACE):
-                self.close()
-                return Answer(name, index, "", [("hang", f"{SECONDS:g} s, and not ended by Ctrl-C")])
-        try:
-            return Answer(name, index, *self.pipe.recv())
-        except (EOFError, OSError):
-            self.close()
-            return Answer(name, index, "", [("death", str(self.process.exitcode))])
-
-    def close(self):
-        """End the process."""
-        self.count = RENEWED
-        self.process.kill()
-        self.process.join()
-        self.pipe.close()
+def ask(process, pipe, name, index):
+    """Return what came of an input; a process that hangs is ended by Ctrl-C, or killed."""
+    fault = "death"
+    with contextlib.suppress(EOFError, OSError):
+        pipe.send((name, index))
+        if not pipe.poll(SECONDS):
+            os.kill(process.pid, signal.SIGINT)
+            fault = "death" if pipe.poll(GRACE) else "hang"
+        if fault == "death":
+            return Answer(name, index, *pipe.recv())
+    process.kill()
+    process.join()
+    return Answer(name, index, "", [(fault, f"within {SECONDS:g} s; exit code {process.exitcode}")])
 
 
 def answers(names, jobs=1):
@@ -246,17 +240,19 @@ def answers(names, jobs=1):
     collected, names, lock = [], iter(names), threading.Lock()
 
     def work(folder):
-        worker = None
+        process, count = None, 0
         while True:
             with lock:
                 name = next(names, None)
-            if worker and (name is None or worker.count >= RENEWED):
-                worker.close()
-                worker = None
+            if process and (name is None or count % RENEWED == 0 or not process.is_alive()):
+                process.kill()
+                process = None
             if name is None:
                 return
-            worker = worker or Worker(folder)
-            collected.append(worker.ask(*name))
+            if process is None:
+                process, pipe = started(folder)
+            collected.append(ask(process, pipe, *name))
+            count += 1
 
     with tempfile.TemporaryDirectory(prefix="rmrc-fuzz-") as folder:
         threads = [threading.Thread(target=work, args=(folder,)) for _ in range(jobs)]

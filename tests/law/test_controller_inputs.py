@@ -10,7 +10,6 @@ import rmrc
 from project import ROOT
 from rmrc.arm import load as load_arm
 from rmrc.law.controller import Controller
-from rmrc.scenario import ControlSection, TaskSection, load
 from rmrc.scenario.choices import Status
 from rmrc.support.errors import ModelError, QuestionError, ScenarioError
 
@@ -45,14 +44,9 @@ def test_an_arm_is_the_same_from_a_file_a_name_a_model_and_a_specification():
     [
         ({"model": "pume560"}, ModelError, "no such model file"),
         ({"model": 3}, QuestionError, "model must be a file, an Arm, an MjModel or an MjSpec, got int"),
-        ({"site": "no such"}, ModelError, 'has no site "no such"'),
-        ({"site": "tool", "body": "link6"}, QuestionError, "give site or body, not both"),
-        ({"model": ARM, "site": "tool"}, QuestionError, "an Arm has its site and joints"),
         ({"period": 0.0}, QuestionError, "period must be > 0 and finite"),
         ({"control": {"feedbak": 3}}, ScenarioError, 'control.feedbak: unknown key; did you mean "feedback"'),
         ({"control": {"limits": {"rate": [1.0, 2.0]}}}, ScenarioError, "control.limits.rate: must have 6 values"),
-        ({"control": {"inverse": {"method": "inverse"}}, "task": {"axes": ["x"]}}, ScenarioError, "6 joints"),
-        ({"task": {"axes": ["w"]}}, ScenarioError, "task.axes[0]: must be one of"),
     ],
 )  # fmt: skip
 def test_what_no_controller_can_be_made_of_is_told(about, error, says):
@@ -65,27 +59,6 @@ def test_what_no_controller_can_be_made_of_is_told(about, error, says):
 # Laws -------------------------------------------------------------------------------------------
 
 DAMPING = {"maximum": 0.1, "below": 0.3}  # of a law without an arm
-KEYS = {"period": 0.002, "feedback": 7.0, "inverse": {"method": "jparse", "damping": DAMPING}}
-
-
-def test_a_law_is_the_same_from_a_mapping_a_section_and_a_file(tmp_path):
-    text = "control:\n  period: 0.002\n  feedback: 7\n  inverse: {method: jparse, damping: {maximum: 0.1, below: 0.3}}\n"
-    (tmp_path / "block.yaml").write_text(text, "utf-8")
-    for source in (KEYS, {"control": KEYS}, ControlSection(**KEYS), str(tmp_path / "block.yaml")):
-        assert Controller(ARM, control=source).control == ControlSection(**KEYS)
-    (tmp_path / "wrong.yaml").write_text("feedback: 7\nperiod: fast\n", "utf-8")
-    with pytest.raises(ScenarioError, match=r"wrong\.yaml:2:9: control\.period: must be a number"):
-        Controller(ARM, control=tmp_path / "wrong.yaml")
-
-
-def test_a_scenario_gives_its_law_task_and_frame_and_what_is_given_is_first():
-    scenario = load(ROOT / "scenarios/stanford_wrist.yaml")
-    for source in (scenario, ROOT / "scenarios/stanford_wrist.yaml", "stanford_wrist"):
-        one = Controller(scenario.arm.model, control=source)
-        assert one.control == scenario.control and one.arm.site == scenario.arm.site
-        assert one.task.axes == scenario.task.axes and one.task.length == scenario.task.length
-    one = Controller(scenario.arm.model, control=scenario, task=TaskSection(axes=("x", "y")), period=0.004)
-    assert one.task.axes == ("x", "y") and one.period == one.control.period == 0.004
 
 
 # Poses, twists, frames --------------------------------------------------------------------------
@@ -297,17 +270,3 @@ def test_what_is_missing_or_wrong_beside_a_jacobian_brakes_and_is_told():
     assert law.step(J, twist, M=np.eye(3)).problem == ""
     out = law.step(J, twist, M=np.diag([1.0, -1.0, 1.0]))
     assert out.problem.startswith("M is not positive definite") and out.status & Status.INVALID_INPUT
-
-
-@pytest.mark.parametrize(
-    ("control", "says"),
-    [
-        ({"nullspace": {"objective": "secondary"}}, 'use rmrc.Controller, or "rates", and give qdot0'),
-        ({"at_singularity": "stop"}, "use rmrc.Controller"),
-        ({"nullspace": {"objective": "joint_limits"}}, "needs position_limit"),
-    ],
-)
-def test_what_a_jacobian_alone_cannot_do_is_refused_in_a_line(control, says):
-    with pytest.raises((QuestionError, ScenarioError)) as caught:
-        rmrc.Law(7, 6, control)
-    assert says in str(caught.value) and "\n" not in str(caught.value)

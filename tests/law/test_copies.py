@@ -1,9 +1,7 @@
-"""Copies of a controller, in this process and in others: they go on as it would, and on their own."""
+"""Copies of a controller, pickled ones among them: they go on as it would, and on their own."""
 
 import copy
-import multiprocessing
 import pickle
-from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
@@ -52,10 +50,3 @@ def test_a_copy_goes_on_as_the_original_and_on_its_own(way):
     assert_array_equal(onwards(second, q)[0], wanted)
     fresh = rmrc.Controller(ARM, control=LAW, period=0.004, task={"axes": ["x", "y"]})
     assert (onwards(fresh, q)[0] != wanted).any()  # memory matters
-
-
-def test_a_new_process_takes_a_controller():
-    one, q = moving()
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        sent = pool.submit(onwards, one, q).result(300)[0]
-    assert_array_equal(sent, onwards(one, q)[0])

@@ -98,41 +98,6 @@ def test_pseudoinverse_satisfies_the_penrose_conditions_and_a_damped_inverse_doe
         assert_penrose(J, matrix(VARIANT["damped-constant"]))
 
 
-@given(seeds, st.sampled_from([(1, 2), (3, 7), (6, 8), (2, 1), (6, 3)]))
-def test_pseudoinverse_rates_are_the_smallest_or_leave_the_least_undone_in_the_metric_of_the_weights(
-    seed, shape
-):
-    rng = np.random.default_rng(seed)
-    (m, n), J, t = shape, rng.normal(size=shape), rng.normal(size=shape[0])
-    assume(np.linalg.cond(J) < 1e4)
-    wx, wq = rng.uniform(0.2, 5, m), rng.uniform(0.2, 5, n)
-    rates = one_world(J, t, wx, wq, PSEUDOINVERSE)[1]["qdot_cmd"][:n]
-    undone = lambda q: (t - J @ q) @ (wx * (t - J @ q))  # noqa: E731
-    free = np.linalg.svd(J)[2][m:]
-    for size in (1.0, 1e-3):  # far, and near enough to feel the slope
-        others = rates + size * (
-            rng.normal(size=(20, len(free))) @ free if m < n else rng.normal(size=(20, n))
-        )
-        for other in others:
-            if m < n:
-                assert rates @ (wq * rates) <= other @ (wq * other) * (1 + 1e-12)
-            else:
-                assert undone(rates) <= undone(other) * (1 + 1e-12)
-    assert m > n or undone(rates) < 1e-18 * max(1, rates @ rates)
-
-
-@given(seeds, st.sampled_from(SHAPES))
-def test_no_other_multiple_of_the_transpose_leaves_less_undone(seed, shape):
-    rng = np.random.default_rng(seed)
-    J, t = with_sigma(rng, *shape, rng.uniform(0.1, 2, min(shape))), rng.normal(size=shape[0])
-    rates, direction = rates_of(J, t, VARIANT["transpose"]), J.T @ t
-    alpha = rates @ direction / (direction @ direction)
-    assert_allclose(rates, alpha * direction, rtol=0, atol=1e-12 * max(1e-3, np.linalg.norm(rates)))
-    undone = lambda a: np.linalg.norm(t - a * J @ direction)  # noqa: E731
-    for factor in (0, 0.5, 0.999, 1.001, 2, -1):
-        assert undone(alpha) <= undone(factor * alpha) + 1e-14 * np.linalg.norm(t)
-
-
 def test_selectively_damped_damps_only_the_direction_that_asks_for_too_much():
     # Of two directions one dies; the healthy one keeps its inverse. One λ for all would take from both.
     _, tick = one_world(np.diag([1.0, 1e-3]), np.array([0.3, 0.3]), variant=SELECTIVE, rate_bound=1.0)

@@ -22,7 +22,6 @@ from wording import says
 
 INERTIA = "control.inverse.metric=inertia"
 STILL = "target.path=[{hold: {for: 0.002}}]"
-XARM = "arm={model: models/xarm7.xml, site: tool, start: [0.1, -0.3, 0.2, 1.2, 0.5, 0.4, 0.3]}"
 SIX = "task.axes=[x, y, z, rx, ry, rz]"
 
 

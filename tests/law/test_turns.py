@@ -79,13 +79,3 @@ def test_a_target_is_approached_the_shorter_way_round():
     way[3] -= TURN  # 5.7 rad are 0.58 rad the other way round
     assert_allclose(to_target(Q), 0.5 * way, rtol=1e-12)
     assert_allclose(to_target(turned(free=-7, roll=3)), 0.5 * way, rtol=1e-12)
-
-
-def test_the_posture_is_that_of_the_shortest_way_in_the_null_space():
-    c = controller(nullspace={"objective": "posture", "gain": 1.5, "posture": POSTURE.tolist()})
-    got = c.step(turned(free=4), twist=[0.05, -0.02, 0.03, 0, 0, 0]).qdot_cmd
-    J = c.arm.jacobian(Q)[:3]
-    way = POSTURE - Q
-    way[3] -= TURN
-    wanted = np.linalg.pinv(J) @ [0.05, -0.02, 0.03] + (np.eye(5) - np.linalg.pinv(J) @ J) @ (1.5 * way)
-    assert_allclose(got, wanted, rtol=0, atol=1e-12)

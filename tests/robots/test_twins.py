@@ -16,28 +16,6 @@ from project import ROOT
 from test_models import fresh, moving, site_jacobian
 from twins import TWINS
 
-
-# Products of seven transforms with lengths of about 1 m.
-def check_centers_of_mass(model):
-    """Each lies within the arm's reach, and within the box around what is drawn of its body."""
-    links = np.linalg.norm(model.body_pos, axis=1)[moving(model)]
-    slides = model.jnt_range[model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE, 1]
-    reach = links.sum() + slides.sum() + np.linalg.norm(model.site_pos, axis=1).max()
-    for body in moving(model):
-        com = model.body_ipos[body]
-        assert np.linalg.norm(com) <= reach
-        corners = []
-        for geom in np.flatnonzero(model.geom_bodyid == body):
-            R = np.zeros(9)
-            mujoco.mju_quat2Mat(R, model.geom_quat[geom])
-            center, half = np.split(model.geom_aabb[geom], 2)
-            spread = np.abs(R.reshape(3, 3)) @ half
-            middle = model.geom_pos[geom] + R.reshape(3, 3) @ center
-            corners += [middle - spread, middle + spread]
-        assert np.all(np.min(corners, axis=0) <= com), model.body(body).name
-        assert np.all(com <= np.max(corners, axis=0)), model.body(body).name
-
-
 ROUNDING = 1e-12
 
 every_twin = pytest.mark.parametrize("name", TWINS)
@@ -150,11 +128,6 @@ def test_a_misplaced_link_is_seen(name, body, off):
     spec.body(body).pos = np.add(spec.body(body).pos, off)
     with pytest.raises(AssertionError):
         check_tool(spec.compile(), name, within(name, [0.6] * 7))
-
-
-@every_twin
-def test_centers_of_mass_lie_within_the_links(name):
-    check_centers_of_mass(loaded(name))
 
 
 @every_twin

@@ -61,7 +61,7 @@ def outcome(make):
 
 
 @examples(5, 100)
-@given(st.fixed_dictionaries({}, optional=VALUES))
+@given(st.fixed_dictionaries({}, optional=VALUES).map(lambda values: dict(sorted(values.items()))))
 def test_typed_changes_are_what_texts_are(values):
     texts = [f"{key}={inline(value)}" for key, value in values.items()]
     by_text = outcome(lambda: loads(FULL, overrides=texts))
@@ -124,7 +124,6 @@ def test_several_keys_give_every_combination_and_the_last_changes_fastest():
     ("text", "expected"),
     [
         (f"{MAXIMUM}=0.05,1.0e-1", ["maximum=0.05", "maximum=0.1"]),
-        ("control.limits={rate: 1, on_excess: clamp},{rate: 2}", ["limits={rate: 1, on_excess: clamp}", "limits={rate: 2}"]),
         ("arm.start[1]=60 deg,-0.5", ["start[1]=60 deg", "start[1]=-0.5"]),
         ("arm.start=home,[0, 1]", ["home", "start=[0, 1]"]),
         ("""arm.site="a, b",'c'""", ["a, b", "c"]),
@@ -157,9 +156,7 @@ def test_a_variant_is_the_scenario_with_its_changes_on_top(folder):
         (["a=1"], "--vary: … 2 variants to 50, got 1; … --vary control.inverse.method=inverse,damped"),
         (["a=0,1,2,3,4,5,6", "b=0,1,2,3,4,5,6,7"], "--vary: … 2 variants to 50, got 56; …"),
         (["a=1,2", "a=3,4"], "--vary a: … twice"),
-        (["a=1,2,1"], "--vary: … a=1"),
         (["foo"], "--vary foo: … KEY=V1,V2,... … control.inverse.method=inverse,damped"),
-        (["a=1],[2"], "--vary a: … YAML: … ','"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_varied_is_said_at_once(texts, line):

@@ -11,8 +11,6 @@ from hypothesis import strategies as st
 from scenario_texts import FULL, MINIMAL, full_number_keys, problems
 
 from rmrc.scenario import Scenario, inline, load, loads, reading
-from rmrc.scenario.choices import CHOICES, PLANTS
-from rmrc.scenario.messages import ALIASES
 from rmrc.scenario.reading import parse
 from rmrc.support.errors import ScenarioError
 from wording import says
@@ -39,10 +37,8 @@ def file_problem(path):
         (b"", ": … empty"),
         (b"\xff\xfe\x00\x01", ": … UTF-8 … 0xff"),
         (b"name: a\n\x00\x01", ":2:1: … U+0000"),
-        (b"- a\n- b\n", ":1:1: … mapping … [\"a\", \"b\"]"),
         (b"a: *b", ":1:4: … YAML: … alias 'b'"),
         (b"a: 1\n---\nb: 1\n", ":2:1: … second scenario …"),
-        (b"[" * 100_000, ": … 50 …"),
         (b"a: &a [*a]", ":1:4: … 50 …"),
         (b"#" * (2**18 + 1), ": … 256 KiB …"),
         (b"[" + b"1," * 130_000 + b"]", ": … 10000 values …"),
@@ -58,9 +54,7 @@ def test_a_broken_or_hostile_file_gets_one_line(content, problem):
     ("text", "line"),
     [
         ("? {a: b}\n: c", "x.yaml:6:3: … key … text … mapping"),
-        ("name: x", "x.yaml:6:1: name: … twice … line 1"),
         ("plant: {<<: {kv: 1}}", "x.yaml:6:9: plant: … key … text … <<"),
-        ("plant: {kv: 0x_}", "x.yaml:6:13: plant.kv: … !!int … 0x_"),
         ("plant: {kv: !!python/object/apply:os.system [ls]}", "x.yaml:6:13: plant.kv: … !!python/object/apply:os.system …"),
     ],
 )  # fmt: skip
@@ -179,36 +173,21 @@ def test_locate_says_where_a_value_is(key, place):
         ("control.inverse.method=dampd", '… one of "inverse", … "damped"?'),
         ("control.inverse.method=dls", "… write damped"),
         ("arm.site=2024", "… text, … quotes … got 2024"),
-        ("plant=servo", '… mapping, got "servo"; … keys … kind, …'),
-        ("task.axes=x", '… list … "x"'),
-        ("target.path=[]", "… 1 … items, got []"),
         ("target.path=[{go: {to: [1, 0]}}]", "… key; the keys are line, arc, …"),
         ("target.path=[{}]", "… target.path[0]: must have exactly one of line, arc, … got none"),
         ("target.limits.velocity=250 mm/s", '… number, got "250 mm/s"; write … in m/s'),
         ("control.feedback=1e1", '… "1e1"; write 10, in 1/s'),
-        ("control.slow.longest=0", "… >= 1, got 0"),
-        ("plant.seed=1.5", "… whole number … 1.5"),
-        ("expect={sigma.min: < 3.3}", '… mapping, such as {below: 1}, got "< 3.3"'),
         ("control.inverse={feedback: 20}", "… key; … key of control: indent it less"),
-        ("plant={kind ideal}", "… key; write a colon: kind: ideal"),
-        ("control.method=damped", "… key; … key of control.inverse: put it there"),
-        ("control={inverse.method: damped}", "… write inverse: {method: ...}"),
         ("target.path={line: {by: [1, 0]}}", "… begin each item with a dash"),
-        ("control.period=1 ms", '… got "1 ms"; write 0.001, in s'),
         ("target.limits.velocity=0,25", '… got "0,25"; write 0.25, in m/s'),
-        ("expect.joint_rate.peak={}", "… must have at least one of below, above, equals, got none"),
         ("expect.joint_rate.peak={equals: 1}", "… equals needs within"),
         ("sweep.draw.plant.seed=[0, 9]", "… cannot be changed here… sweep.repeat and sweep.seed…"),
-        ("sweep={vary: {plant.kv: [1, 2]}, draw: {plant.kv: [1, 2]}}", "… in vary or in draw, got both"),
         ("control.nullspace.objective=rates", "… control.nullspace.rates: must be given …"),
         ("task={axes: [x], weights: [1, 2]}", "--set task: task.weights: … one value for each of axes, got 2 … x"),
         ("arm.body=b", "… must have at most one of site, body, tool, got site and body"),
-        ("arm={model: arm.xml, tool: {center: [0, 0, 1]}}", "… center needs mass"),
         ("\x1b[0m=1", r"--set \x1b[0m=1: … KEY=VALUE … control.feedback=10"),
         ("arm.site[0]=1", '--set arm.site[0]: arm.site … "tip" … list'),
-        ("target.offset[3]=1", "--set target.offset[3]: target.offset … 3 … 0"),
         ("arm.start=[1", "--set arm.start: … YAML: … bracket … not closed …"),
-        ("arm.site=!!python/name:os.system x", "--set arm.site: … !!python/name:os.system …"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_line_with_the_way_out(override, line):
@@ -230,23 +209,3 @@ def test_a_mistake_is_one_line_with_the_way_out(override, line):
 def test_a_mistake_in_the_layout_is_told_where_it_is_and_not_where_yaml_notices_it(lines, where, why):
     (problem,) = problems(lines)
     assert problem.startswith(f"x.yaml:{where}: is not valid YAML: ") and why in problem
-
-
-def test_other_names_of_choices_are_no_names_of_ours():
-    names = {name for choices in (PLANTS, *CHOICES) for name in choices.names}
-    assert names.issuperset(ALIASES.values()) and not names & ALIASES.keys()
-
-
-def test_no_control_character_of_a_file_stands_in_an_error():
-    evil = "\x1b]0;evil\x07\x9b31m\u202e"
-    escaped = evil.encode("unicode_escape").decode()
-    text = (
-        MINIMAL.replace("arm.xml", f'"{escaped}"') + f'"{escaped}": {{damping: "\\e]0;evil\\a\\e[31mred"}}\n'
-    )
-    for overrides in ((), (f"plant.{evil}=1",), (evil,)):
-        with pytest.raises(ScenarioError) as caught:
-            loads(text, f"{evil}.yaml", overrides)
-        assert str(caught.value).replace("\n", "").isprintable()
-    with pytest.raises(ScenarioError) as caught:
-        load(f"{evil}.yaml")
-    assert str(caught.value).isprintable()

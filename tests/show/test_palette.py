@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rmrc.analysis.workspace.report import FAMILIES
-from rmrc.scenario.choices import IN_RUNS, Status
 from rmrc.show import palette
 
 # Linear sRGB as those see it who lack the long or the middle cones (Machado, Oliveira, Fernandes 2009, severity 1).
@@ -62,14 +61,6 @@ def test_colors_of_a_panel_are_told_apart(panel, sight):
             assert distance(first, second, sight) >= 20.0, (f"{first:08x}", f"{second:08x}")
 
 
-def test_six_joints_have_six_clearly_different_colors():
-    """Colors that differ by a ΔE of 27, such as two blues, are taken for each other in thin lines."""
-    for first, second in combinations(palette.HUES[:6], 2):
-        assert distance(first, second, "normal") >= 35.0, (f"{first:08x}", f"{second:08x}")
-        assert min(distance(first, second, sight) for sight in SIGHTS) >= 23.0
-    assert distance(0x2F7FE8FF, 0x4B96D2FF, "normal") < 30.0  # negative control: two blues
-
-
 @pytest.mark.parametrize("sight", SIGHTS)
 def test_families_of_singularities_are_told_apart_on_paper(sight):
     """A pivot stands alone in its map, and shares the color of an elbow."""
@@ -94,19 +85,3 @@ def test_all_are_seen_on_the_backgrounds_of_both_themes():
             for background in BACKGROUNDS:
                 assert contrast(one, background) >= 3.0, (f"{one:08x}", f"{background:08x}")
     assert contrast(palette.WHITE, 0x0D1011FF) > 15.0  # the path, whose background is ours in both themes
-
-
-def test_the_words_of_the_strip_are_read_in_the_light_theme():
-    """They are white there too, and the viewer mixes white into what is below: teal 0x00A0A8 shows as 0x37B4BB."""
-    assert contrast(palette.WHITE, 0x37B4BBFF) < 3.0
-    for one in PANELS["strip"]:
-        assert contrast(palette.WHITE, palette.mix(one, palette.WHITE, 55 / 255)) >= 3.0, f"{one:08x}"
-
-
-def test_a_joint_a_singular_value_a_damping_and_a_status_never_share_a_color():
-    statuses = {palette.of_status(int(one)) for one in (Status.OK, *IN_RUNS)}
-    assert statuses == {palette.RED, palette.TEAL, palette.SLATE}
-    kinds = [set(palette.HUES), {palette.GREEN}, {palette.MAGENTA}, statuses]
-    for i, some in enumerate(kinds):
-        for others in kinds[:i]:
-            assert min(distance(a, b, "normal") for a in some for b in others) > 15.0

@@ -6,22 +6,18 @@ import json
 import re
 import shutil
 from html.parser import HTMLParser
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
-from test_palette import SIGHTS, contrast, distance
 
 import rmrc
 from browsers import chromium
 from project import ROOT, undrawn
 from rmrc.results.run import Run, save_runs
 from rmrc.scenario import load, loads
-from rmrc.show import page as pages_of
-from rmrc.show.page import Page, Section, table
 from rmrc.show.panels import lanes, panels
-from rmrc.show.sheets import Sheet, number
+from rmrc.show.sheets import number
 from rmrc.simulation.prepare import prepare
 from rmrc.support.errors import QuestionError
 from rmrc.tuning.page import page, report
@@ -145,25 +141,6 @@ def test_a_page_says_what_the_files_say(pages, left, compared, beside, tmp_path)
         assert number(run.scorecard["chatter"].value) in pages["compare"].texts[""]
 
 
-@pytest.mark.parametrize("sight", SIGHTS)
-def test_curves_of_a_page_are_told_apart_and_no_joint_shares_its_color(beside, sight):
-    """On both papers of the page, for all color vision: ΔE of 20, contrast of 3; with a baseline."""
-    css = (Path(pages_of.__file__).parent / "assets/page.css").read_text()
-    papers = re.findall(r"--paper: #(\w{6})", css)
-    (text,) = re.findall(r'id="data">(.*?)</script>', pages_of.plots(beside))
-    colors = {
-        plot["title"].split(" ")[0]: {int(curve["color"][1:] + "ff", 16) for curve in plot["curves"]}
-        for plot in json.loads(text)
-    }
-    assert {"Joint", "Singular", "Position"} <= set(colors) and len(papers) == 2
-    for some in colors.values():
-        for first, second in combinations(some, 2):
-            assert distance(first, second, sight) >= 20.0, (f"{first:08x}", f"{second:08x}")
-        for color in some:
-            assert min(contrast(color, int(paper + "ff", 16)) for paper in papers) >= 3.0
-    assert not colors["Joint"] & colors["Singular"]
-
-
 def test_names_of_a_file_are_text_and_nothing_else(left, tmp_path):
     hostile = ("<img src=x onerror=alert(1)>", '</script><script>alert("&")</script>')
     run = dataclasses.replace(Run.read(left / "blow_up.npz"), joints=hostile)
@@ -174,39 +151,6 @@ def test_names_of_a_file_are_text_and_nothing_else(left, tmp_path):
     assert len(page.all("script")) == 2 and not page.all("img")
     assert hostile[0] in page.texts[""]
     assert hostile[1] in [curve["label"] for curve in json.loads(page.texts["data"])[0]["curves"]]
-
-
-@pytest.mark.usefixtures("pages")
-def test_equal_results_give_equal_pages(left, tmp_path):
-    again = report(left / "blow_up.npz", tmp_path / "again.html")
-    assert again.read_bytes() == (left / "run.html").read_bytes()
-
-
-def test_runs_of_different_periods_share_their_times_and_a_long_one_keeps_its_peaks(left):
-    fast = Run.read(left / "blow_up.npz")
-    slow = dataclasses.replace(
-        fast, period=2 * fast.period, columns={name: values[:2000:2] for name, values in fast.columns.items()}
-    )
-    time, first, second = drawn({"fast": fast, "slow": slow})
-    np.testing.assert_array_equal(time, fast["time"].astype("<f4"))
-    values = np.abs(slow["qdot_cmd"]).max(axis=1)
-    values = np.where(values > 0.0, values, np.nan).astype("<f4")  # on a logarithmic axis
-    np.testing.assert_array_equal(second[:1999], np.repeat(values, 2)[:1999])  # held until the next tick
-    assert np.isnan(second[1999:]).all() and not np.isnan(first[1:-1]).any()
-    long = {name: np.tile(values, (50, *[1] * (values.ndim - 1))) for name, values in fast.columns.items()}
-    long["time"] = np.arange(len(long["time"])) * fast.period
-    time, *curves = drawn(dataclasses.replace(fast, columns=long))
-    assert len(time) * (len(curves) + 1) <= 1.1 * pages_of.ROOM
-    assert (
-        np.float32(fast["qdot"][:, 0].max()) in curves[0] or np.float32(fast["qdot"][:, 0].max()) in curves[1]
-    )
-
-
-def drawn(runs):
-    """Return the times and the curves of the first plot of a page."""
-    (text,) = re.findall(r'id="data">(.*?)</script>', pages_of.plots(runs))
-    plot, *_ = json.loads(text)
-    return [unpacked(plot["time"]), *(unpacked(curve["values"]) for curve in plot["curves"])]
 
 
 def test_what_is_no_result_is_refused_in_one_line(rmrc, left, tmp_path):
@@ -227,13 +171,6 @@ def test_what_is_no_result_is_refused_in_one_line(rmrc, left, tmp_path):
     save_runs(tmp_path / "blow_up.npz", {"blow_up": empty})
     with pytest.raises(QuestionError, match="no tick"):
         page(tmp_path / "blow_up.npz")
-
-
-def test_a_table_has_headings_for_rows_and_columns():
-    sheet = Sheet("title", ("", "a\nb"), [("row", "1"), ("MISSED", "2")], frozenset({0}))
-    parsed = Parsed(Page("p", "", [Section("s", [table(sheet)]), Section("empty", [""])]).html())
-    assert [heading["scope"] for heading in parsed.all("th")] == ["col", "row", "row"]
-    assert parsed.all("caption") and len(parsed.all("section")) == 1
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from rmrc.results.scorecard import Figure, Scorecard, scorecard
 from rmrc.scenario import Check
 from rmrc.scenario.choices import Status
 from rmrc.show import tables
-from rmrc.show.sheets import Sheet, as_markdown, number
+from rmrc.show.sheets import Sheet, number
 from rmrc.show.terminal import render
 from shipped import shipped
 
@@ -115,14 +115,6 @@ def test_without_colors_the_text_is_the_same_and_names_are_no_markup():
     assert all(name in text for name in (r"\[red\]", r"a\|b", r"\*x\*"))
 
 
-def test_notes_stand_below_the_table_and_an_empty_line_is_between_sheets():
-    table = Sheet("Title", ("a", "b"), [("x", "1")], notes=("first", "second"))
-    lines = [line.rstrip() for line in printed([table, Sheet("", notes=("alone",))]).splitlines()]
-    assert lines[0] == "Title" and lines[-4:] == ["first", "second", "", "alone"]
-    assert as_markdown(table) == "## Title\n\n| a | b |\n| --- | ---: |\n| x | 1 |\n\nfirst\n\nsecond"
-    assert as_markdown(Sheet("", notes=("alone",))) == "alone"
-
-
 @pytest.mark.parametrize(
     ("value", "text"),
     [
@@ -133,22 +125,3 @@ def test_notes_stand_below_the_table_and_an_empty_line_is_between_sheets():
 )  # fmt: skip
 def test_numbers_have_three_to_six_digits(value, text):
     assert number(value) == text
-
-
-def test_metrics_that_say_nothing_are_left_out_unless_they_are_expected():
-    card = random_card(("a", "b"))
-    none = {name: 0.0 for name in card if name.startswith("tau") and "joint" not in name}
-    none |= {f"secondary_error.{name}": math.nan for name in ("rms", "max", "max_time", "end")}
-    none |= {f"status_time.{name}": 0.0 for name in ("JERK_LIMITED", "JERK_EXCEEDED")}
-    none |= {"damping.max": 0.0, "path_rate.min": 1.0, "stuck.longest": 0.0}
-    quiet = with_values(card, **none)
-    groups = ("| tau", "secondary_error", "JERK", "joint_jerk_cmd", "damping", "path_rate", "stuck")
-    assert not [one for one in groups if one in tables.markdown(quiet)]
-    assert not [one for one in groups if one not in tables.markdown(card)]
-    assert not [one for one in groups if one not in tables.markdown(quiet, (), card)]  # the baseline has them
-    assert "joint_jerk_cmd" in tables.markdown(quiet, check(quiet, {"joint_jerk_cmd.peak": Check(above=0)}))
-
-
-def test_a_time_late_in_a_run_still_names_its_tick():
-    text = tables.markdown(with_values(random_card(("a",)), **{"sigma.min_time": 123.4567}))
-    assert "| sigma.min_time | 123.457 | s |" in text

@@ -9,17 +9,13 @@ from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.results.expectations import check
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, scorecard
-from rmrc.scenario import Check
-from rmrc.scenario.choices import IN_RUNS
 from rmrc.show.sheets import as_markdown
 from rmrc.study import compare_table
 from rmrc.study.compare_table import flipped
 from rmrc.study.study import Result
 
-PLANE, SPACE = ("x", "y"), ("x", "y", "z", "rx", "ry", "rz")
 
-
-def run_of(ticks=3, joints=("shoulder", "elbow"), axes=PLANE, moved=(0.0, 0.0), **fields):
+def run_of(ticks=3, joints=("shoulder", "elbow"), axes=("x", "y"), moved=(0.0, 0.0), **fields):
     """Return a run that stands still, but for how far the joints are from the start in the end."""
     width = {"n": len(joints), "k": min(len(joints), len(axes)), "nq": len(joints), "6": 6, "7": 7}
     columns = {
@@ -95,32 +91,6 @@ def test_each_number_stands_below_its_metric_and_unit():
     assert errors.headings[1] == "position_error\n_along\nmax\nm"
     assert [cell for sheet in (rates, errors, times) for cell in sheet.rows[0][1:]] == NUMBERS
     assert (ends.headings, ends.rows[0]) == (("variant", "flipped", "expect"), ("damped", "elbow", "-"))
-
-
-def test_the_tables_have_each_metric_that_a_variant_has_and_each_status_that_occurs():
-    text = markdown([row("a", **{"status_time.SINGULAR": 0.5}), row("b", **{"status_time.STOPPED": 0.25})])
-    assert "| variant | status_time SINGULAR s | status_time STOPPED s |" in text
-    assert "| a | 0.5000 | 0 |" in text and "| b | 0 | 0.2500 |" in text
-    assert "time" not in markdown([row("a"), row("b")])
-    every = {f"status_time.{one.name}": 1.0 for one in IN_RUNS}
-    assert all(f"status_time {one.name} s |" in markdown([row("a", **every)]) for one in IN_RUNS)
-    six = run_of(joints=tuple("abcdef"), axes=SPACE, moved=(0.0,) * 6)
-    both = row("both", six, **{"position_error.end": 0.125, "orientation_error.end": 0.25})
-    mixed = markdown([both, row("flat", **{"position_error.end": 0.5})])
-    assert "| position_error end m | orientation_error end rad |" in mixed
-    assert "| both | 0 | 0 | 0 | 0 | 0.1250 | 0.2500 |" in mixed
-    assert "| flat | 0 | 0 | - | - | 0.5000 | - |" in mixed
-    assert "position_error" not in markdown([row("one", run_of(axes=("rx", "ry")))])
-
-
-def test_missed_expectations_are_counted():
-    expect = {"ticks": Check(above=5), "duration": Check(above=5), "completed": Check(above=0)}
-    rows = [row("a", expect=expect), row("b", expect={"ticks": Check(above=0)}), row("c")]
-    assert [line.split(" | ")[-1] for line in markdown(rows).splitlines()[-3:]] == [
-        "missed 2 |",
-        "met |",
-        "- |",
-    ]
 
 
 def test_what_ended_early_says_so_and_has_no_posture_to_come_back_to():

@@ -86,9 +86,3 @@ def test_the_plan_of_a_scenario(scenario):
         scenario("arm.encoder.seed=4", "plant.seed=7", "sweep={vary: {control.feedback: [5, 6]}, repeat: 2}")
     )
     assert [str(change) for change in repeated.changes(1)[-2:]] == ["plant.seed=8", "arm.encoder.seed=5"]
-
-
-def test_what_is_deeper_is_set_later():
-    plan = Plan({"arm.start[0]": (0.25,), "arm.start": ("home",)})
-    assert [*map(str, plan.changes(0))][:2] == ["arm.start=home", "arm.start[0]=0.25"]
-    assert plan.label(0) == "run 0 (arm.start[0]=0.25, arm.start=home)"

@@ -1,11 +1,9 @@
 """A sweep: each row is what its run gives alone, whatever the threads and the interrupts; it resumes from its rows."""
 
 import json
-import math
 import shutil
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -15,10 +13,9 @@ from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study import pictures
 from rmrc.study.sweep import Sweep
 from rmrc.study.swept import Swept
-from rmrc.support.errors import QuestionError, RmrcError, ScenarioError
+from rmrc.support.errors import RmrcError, ScenarioError
 from wording import says
 
 TEXT = """
@@ -174,55 +171,3 @@ def test_what_is_wrong_with_any_run_is_told_at_once_and_nothing_starts(path, tmp
     )
     assert str(caught.value).splitlines() == list(map(says, wanted))
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("override", "line"),
-    [
-        ("sweep={}", "--set sweep: … 2 runs … 1; … --vary control.inverse.method=damped,pseudoinverse"),
-        ("sweep.seed=9223372036854775805", "… 9223372036854775804 … 9223372036854775805; … sweep.seed"),
-        ("sweep={draw: {control.feedback: [1, 2]}, samples: 99999999999}", "… 10000000 runs … sweep.samples or .repeat"),
-    ],
-)  # fmt: skip
-def test_a_plan_that_makes_no_sense_is_refused(path, tmp_path, override, line):
-    with pytest.raises(ScenarioError) as caught:
-        Sweep(path, [override], tmp_path / "out")
-    assert str(caught.value) == says(line)
-
-
-def test_models_are_varied_too_and_a_joint_that_one_lacks_is_nan(path, tmp_path):
-    models = f"[{ROOT}/models/planar_2link.xml, {ROOT}/models/planar_3link.xml, {ROOT}/models/none.xml]"
-    sweep = f"sweep={{vary: {{arm.model: {models}}}}}"
-    more = ["arm.start=home", "target.path=[{line: {by: [-0.004, 0.004]}}]"]
-    with pytest.raises(ScenarioError, match=r'run 2 .* ".*/models/none.xml"'):
-        Sweep(path, [*more, sweep], tmp_path / "out").check()
-    work = Sweep(path, [*more, sweep.replace(f", {ROOT}/models/none.xml", "")], tmp_path / "out")
-    work.run()
-    two, three = pq.read_table(work.dataset.file).to_pylist()
-    names = {name for name in two if name.startswith("joint_rate.") and name.count(".") == 2}
-    lacking = {name for name in names if math.isnan(two[name])}
-    assert lacking and lacking < names
-    assert not any(math.isnan(three[name]) for name in names)
-    assert (two["status"], three["status"]) == ("complete", "complete")
-
-
-def test_bars_count_the_runs_that_have_a_figure_and_dots_are_at_their_values(tmp_path):
-    rng = np.random.default_rng(3)
-    rows = {
-        "control.feedback": list(rng.uniform(5, 40, 36)),
-        "position_error.max": 10.0 ** rng.uniform(-6, -1, 36),
-        "sigma.min": np.r_[np.nan, rng.uniform(0.1, 0.2, 35)],
-    }
-    figures = {name: rows[name] for name in list(rows)[1:]}
-    swept = Swept(
-        "hand", rows, dict(zip(rows, ("1/s", "m", "1"), strict=True)), ["control.feedback"], figures
-    )
-    bars, others, dots, *_ = pictures.sweep_figure(swept, None).get_axes()
-    for axes, values in zip((bars, others), figures.values(), strict=True):
-        assert sum(bar.get_height() for bar in axes.patches) == np.isfinite(values).sum()
-        assert axes.get_xscale() == ("log" if "position" in axes.get_xlabel() else "linear")
-    wanted = np.transpose([rows["control.feedback"], rows["position_error.max"]])
-    np.testing.assert_array_equal(dots.collections[0].get_offsets(), wanted)
-    assert (dots.get_xlabel(), dots.get_yscale()) == ("control.feedback [1/s]", "log")
-    with pytest.raises(QuestionError, match="not of a sweep"):
-        Swept.of(tmp_path / "x.parquet", pa.table({"on_front": [True]}))

@@ -12,7 +12,6 @@ from differences import DIFFERENCE, slopes
 from rmrc.textbook import anthropomorphic, helical, planar, planar_rp, puma, spherical_wrist, stanford, torus
 from rmrc.textbook import two_link as two
 from rmrc.textbook.dh import DHChain
-from rmrc.textbook.screws import geometric_from_screws, joint_screw, space_jacobian
 
 # Products of six rotations and lengths of order one.
 ROUNDING = 1e-12
@@ -108,14 +107,6 @@ def test_position_and_jacobian_are_those_of_the_table(name):
     check_table(ARMS[name], ARMS[name].jacobian)
 
 
-@every_arm
-def test_linear_rows_are_the_derivative_of_the_position(name):
-    arm = ARMS[name]
-    for lengths, q in drawn(arm):
-        expected = slopes(lambda q: arm.position(lengths, q), q)  # noqa: B023
-        assert_allclose(arm.jacobian(lengths, q)[: len(expected)], expected, atol=10 * DIFFERENCE)
-
-
 @pytest.mark.parametrize("name", [name for name, arm in ARMS.items() if arm.determinant])
 def test_determinant_is_its_closed_form(name):
     arm = ARMS[name]
@@ -140,29 +131,6 @@ def test_another_jacobian_is_seen(name, wrong):
     """Negative control."""
     with pytest.raises(AssertionError):
         check_table(ARMS[name], wrong)
-
-
-@every_arm
-def test_leading_axes_are_configurations(name):
-    arm, q = ARMS[name], np.random.default_rng(3).uniform(0.3, 1.0, (2, 3, ARMS[name].joints))
-    lengths = np.array([0.2, 0.7, 0.5, 0.4, 0.6][: len(arm.sizes)])
-    for f in filter(None, (arm.jacobian, arm.determinant, *([arm.position] if name != "stanford" else []))):
-        assert_allclose(f(lengths, q)[1, 2], f(lengths, q[1, 2]), atol=1e-15)
-
-
-def test_centers_of_rotation_give_the_planar_jacobian():
-    for lengths, q in drawn(ARMS["5 links"]):
-        origins, tip = chain_of_links(lengths)[0].frames(q)[1:, :2, 3], planar.planar_position(lengths, q)[:2]
-        # Wherever the drawing lies: where the joints are relative to the point decides.
-        J = planar.planar_jacobian_from_centers(origins + 1.0, tip + 1.0)
-        assert_allclose(J, planar.planar_jacobian(lengths, q), atol=ROUNDING)
-
-
-def test_the_helical_arm_is_that_of_its_joint_screws():
-    for (pitch, crank), q in drawn(ARMS["helical"]):
-        screws = joint_screw([[0, 0, 1], [1, 0, 0], [1, 0, 0]], np.zeros((3, 3)), [pitch, np.inf, 0.0])
-        J = geometric_from_screws(space_jacobian(screws, q), helical.helical_position(pitch, crank, q))
-        assert_allclose(helical.helical_jacobian(pitch, crank, q), J, atol=ROUNDING)
 
 
 # Singular families -------------------------------------------------------------------------------
@@ -216,19 +184,6 @@ def test_each_factor_of_a_determinant_is_a_family_of_singularities(name, lengths
     arm, q = ARMS[name], np.array(q)
     assert np.linalg.matrix_rank(arm.jacobian(np.array(lengths), q)[: arm.joints], tol=1e-9) == rank
     assert (abs(arm.determinant(np.array(lengths), q)) > 1e-9) == (rank == arm.joints)
-
-
-@pytest.mark.parametrize(
-    ("q", "factor"), [(puma_at(elbow=SHOULDER), 0), (puma_at(elbow=STRETCHED), 1), (puma_at(wrist=0.0), 2)]
-)
-def test_factors_of_the_puma_are_shoulder_elbow_and_wrist(q, factor):
-    factors = puma.puma_factors(q)
-    assert_allclose(factors[factor], 0.0, atol=ROUNDING)
-    assert np.all(np.abs(np.delete(factors, factor)) > 1e-2)
-    reach = {0: 0.1501, 1: np.hypot(puma.UPPER_ARM + ELBOW, 0.1501)}
-    if factor in reach:  # as near to the waist's axis as the offset allows, or in one line across the offset
-        place = puma.puma_wrist_position(q)[: 2 + factor]
-        assert np.linalg.norm(place) == pytest.approx(reach[factor], abs=ROUNDING)
 
 
 def test_gravity_torques_of_the_puma_are_the_slope_of_a_potential():

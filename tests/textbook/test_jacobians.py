@@ -8,12 +8,10 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
 from rmrc.textbook.ellipsoid import (
-    ellipsoid_points,
     force_ellipsoid,
     manipulability,
     velocity_ellipsoid,
 )
-from rmrc.textbook.parallel import platform_inverse_jacobian, platform_leg_lengths
 from rmrc.textbook.planar import planar_jacobian
 from rmrc.textbook.redundancy import (
     null_space_projector,
@@ -27,8 +25,7 @@ from rmrc.textbook.singularity import (
     rank_by_minors,
     rank_by_singular_values,
 )
-from rmrc.textbook.stanford import stanford_jacobian
-from rmrc.textbook.statics import equilibrium_torques, joint_torques
+from rmrc.textbook.statics import joint_torques
 from rmrc.textbook.two_link import two_link_jacobian, two_link_position
 
 # Conditions are at most 1e2: J Jᵀ squares it, 1e4 · 1e-16, some dozen terms.
@@ -72,13 +69,6 @@ def test_unit_rates_give_velocities_on_it_or_in_it_and_the_printed_form_is_its_o
 
 
 @given(regular())
-def test_unit_torques_hold_forces_on_the_force_ellipsoid(J):
-    forces = directions(len(J))
-    forces /= np.linalg.norm(forces @ J, axis=1, keepdims=True)  # so that ‖Jᵀ F‖ = 1
-    assert_allclose(form(force_ellipsoid(J), forces), 1.0, atol=ROUNDING)
-
-
-@given(regular())
 def test_the_two_are_reciprocal_along_the_same_axes(J):
     velocity, force = velocity_ellipsoid(J), force_ellipsoid(J)
     assert_allclose(velocity.half_axes * force.half_axes, 1.0, atol=ROUNDING)
@@ -87,34 +77,6 @@ def test_the_two_are_reciprocal_along_the_same_axes(J):
     assert np.all(np.diff(velocity.half_axes) <= 0)
     # as it is printed; the determinant of a square of condition 1e4 in three rows: 1e-16 · 1e8
     assert_allclose(manipulability(J), np.sqrt(np.linalg.det(J @ J.T)), rtol=1e-7)
-
-
-@pytest.mark.parametrize("elbow", [0.0, np.pi])
-def test_a_lost_direction_is_flat_for_velocities_and_endless_for_forces(elbow):
-    """Also where sin π is not exactly 0."""
-    J = two_link_jacobian([1.0, 0.7], [0.3, elbow])
-    velocity, force = velocity_ellipsoid(J), force_ellipsoid(J)
-    assert velocity.half_axes[1] == 0.0
-    assert force.half_axes[1] == np.inf
-    along_the_arm = np.array([np.cos(0.3), np.sin(0.3)])
-    assert_allclose(np.abs(velocity.axes[:, 1] @ along_the_arm), 1.0, atol=1e-12)
-    assert manipulability(J) == pytest.approx(0.0, abs=1e-15)
-
-
-def test_points_lie_on_the_ellipse_and_on_the_ellipsoid_all_around():
-    flat = velocity_ellipsoid(two_link_jacobian([1.0, 0.7], [0.3, 0.9]))
-    points = ellipsoid_points(flat, 40)
-    assert points.shape == (40, 2)
-    assert_allclose(points[0], points[-1], atol=1e-12)
-    assert_allclose(form(flat, points), 1.0, atol=ROUNDING)
-    solid = velocity_ellipsoid(stanford_jacobian([0.3, 1.0, 0.6, 0.7, 0.9, 0.2])[:3])
-    points = ellipsoid_points(solid, 20)
-    assert points.shape == (20, 20, 3)
-    assert_allclose(form(solid, points), 1.0, atol=ROUNDING)
-    # It reaches its ends: the pole is the third half axis, and the first is met around the equator.
-    assert_allclose(points[0, 0], solid.axes[:, 2] * solid.half_axes[2], atol=1e-12)
-    equator = ellipsoid_points(solid, 21)[0, 10]
-    assert_allclose(equator, solid.axes[:, 0] * solid.half_axes[0], atol=1e-12)
 
 
 BOTH = [rank_by_minors, rank_by_singular_values]
@@ -173,13 +135,6 @@ def test_an_absolute_tolerance_would_confuse_units():
     assert rank_by_minors(singular) == 1
 
 
-def test_several_small_singular_values_do_not_add_up_to_none():
-    """1e-3 five times: their product with the largest is 1e-15, and yet no direction is lost."""
-    u, v = (np.linalg.qr(np.random.default_rng(seed).normal(size=(6, 6)))[0] for seed in (1, 2))
-    J = (u * [1, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]) @ v.T
-    assert rank_by_minors(J) == rank_by_singular_values(J) == 6
-
-
 entries = st.floats(-2.0, 2.0)
 
 
@@ -200,24 +155,19 @@ SQUARED = 1e-7
 
 
 @given(wide(), st.integers(0, 1000))
-def test_the_right_inverse_meets_lagrange_s_conditions_and_no_feasible_rates_cost_less(case, seed):
+def test_the_right_inverse_meets_lagrange_s_conditions(case, seed):
     J, W = case
-    rng = np.random.default_rng(seed)
-    twist = rng.normal(size=len(J))
+    twist = np.random.default_rng(seed).normal(size=len(J))
     rates = weighted_right_inverse(J, W) @ twist
     size = 1 + np.abs(rates).max()
     assert_allclose(J @ rates, twist, atol=SQUARED * size)
     # W q̇ is in the range of Jᵀ: least squares by singular values finds the λ.
     multipliers = np.linalg.lstsq(J.T, W @ rates, rcond=None)[0]
     assert_allclose(J.T @ multipliers, W @ rates, atol=SQUARED * size * np.abs(W).max())
-    null = np.linalg.svd(J)[2][len(J) :]
-    for _ in range(5):
-        other = rates + rng.normal(size=len(null)) @ null
-        assert other @ W @ other >= rates @ W @ rates * (1 - SQUARED)
 
 
 @given(wide(), st.integers(0, 1000))
-def test_the_left_inverse_meets_the_normal_equations_and_no_rates_come_nearer(case, seed):
+def test_the_left_inverse_meets_the_normal_equations(case, seed):
     J = case[0].T
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(len(J), len(J)))
@@ -228,9 +178,6 @@ def test_the_left_inverse_meets_the_normal_equations_and_no_rates_come_nearer(ca
     rates = inverse @ twist
     missed = twist - J @ rates
     assert_allclose(J.T @ W @ missed, 0.0, atol=SQUARED * (1 + np.abs(W).max() * np.abs(twist).max()))
-    for _ in range(5):
-        other = twist - J @ (rates + 0.1 * rng.normal(size=len(rates)))
-        assert other @ W @ other >= missed @ W @ missed * (1 - SQUARED)
 
 
 @given(wide(), st.integers(0, 1000))
@@ -251,15 +198,6 @@ def test_the_null_space_keeps_wishes_out_of_the_task_and_grants_what_it_can(case
     assert_allclose(null @ W @ (rates - wish), 0.0, atol=SQUARED * size)
 
 
-@given(wide())
-def test_without_weights_both_are_the_pseudo_inverse(case):
-    J, _ = case
-    reference = np.linalg.pinv(J)  # by singular values
-    atol = SQUARED * np.abs(reference).max()
-    assert_allclose(weighted_right_inverse(J), reference, atol=atol)
-    assert_allclose(weighted_left_inverse(J.T), reference.T, atol=atol)
-
-
 @pytest.mark.parametrize(("angle", "is_refused"), [(1e-5, False), (2e-6, False), (5e-7, True), (1e-8, True)])
 def test_rows_count_as_dependent_within_a_millionth_of_a_radian(angle, is_refused):
     J = np.array([[1.0, 0.0, 0.0], [np.cos(angle), np.sin(angle), 0.0]])
@@ -271,17 +209,7 @@ def test_rows_count_as_dependent_within_a_millionth_of_a_radian(angle, is_refuse
         assert_allclose(angle * (J @ weighted_right_inverse(J) - np.eye(2)), 0.0, atol=1e-15 * 4 / angle**2)
 
 
-shapes = st.tuples(st.integers(1, 6), st.integers(1, 7))
 small = st.floats(-3.0, 3.0)
-
-
-@given(shapes.flatmap(lambda s: st.tuples(*(arrays(float, k, elements=small) for k in (s, *s)))))
-def test_equivalent_torques_do_the_work_of_the_wrench_and_balancing_ones_undo_it(case):
-    J, wrench, rates = case
-    power = wrench @ (J @ rates)
-    # Up to 42 products of size 27.
-    assert_allclose(joint_torques(J, wrench) @ rates, power, atol=1e-10)
-    assert_allclose(equilibrium_torques(J, wrench) @ rates, -power, atol=1e-10)
 
 
 @given(*[arrays(float, 2, elements=small)] * 2)
@@ -303,44 +231,3 @@ def test_force_along_a_lost_direction_costs_no_torque_and_any_other_does(n, q1, 
     # 1000 N times a reach of 9 m, in rounding.
     assert_allclose(joint_torques(J, 1000 * along), 0.0, atol=1e-11)
     assert np.abs(joint_torques(J, across)).max() >= 0.5  # the last joint's lever is its own link
-
-
-BASE = np.array([[0.0, 0.0], [6.0, 0.0], [3.0, 5.0]])
-PLATFORM = np.array([[-1.0, -0.6], [1.0, -0.6], [0.0, 1.2]])
-
-points = arrays(float, (3, 2), elements=st.floats(-3.0, 3.0))
-poses = arrays(float, 3, elements=st.floats(-3.0, 3.0))
-
-
-def differences(base, platform, pose):
-    h = 1e-5
-    steps = h * np.eye(3)
-    ahead, behind = (platform_leg_lengths(base, platform, pose + sign * steps) for sign in (1, -1))
-    return ((ahead - behind) / (2 * h)).T
-
-
-@given(points, points, poses)
-def test_the_leg_lines_are_the_derivative_of_the_leg_lengths(base, platform, pose):
-    # The third derivative of a length is some (5 m)²/d²: with d > 0.5 m, (1e-5)²/6 · 1e3 = 2e-8.
-    assume(platform_leg_lengths(base, platform, pose).min() > 0.5)
-    K = platform_inverse_jacobian(base, platform, pose)
-    assert_allclose(K, differences(base, platform, pose), atol=1e-7)
-
-
-@given(poses, st.floats(0.3, 3.0))
-def test_rank_is_lost_where_the_lines_meet_in_a_point(pose, stretch):
-    """The hinges on the ground are put on the lines from one point through those of the platform."""
-    meeting = pose[:2] + np.array([0.4, 0.3])
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    hinges = PLATFORM @ np.array([[c, s], [-s, c]]) + pose[:2]
-    base = hinges + stretch * np.array([1.0, 1.5, 2.0])[:, None] * (hinges - meeting)
-    K = platform_inverse_jacobian(base, PLATFORM, pose)
-    assert np.linalg.svd(K, compute_uv=False)[2] < 1e-12
-    # The motion that no leg feels is the turn about that point: v = −ω × (meeting − p).
-    turn = np.array([0.3, -0.4, 1.0])
-    assert_allclose(K @ turn, 0.0, atol=1e-12)
-    # If one line misses that point, where the other two meet alone, the platform is held.
-    across = 0.3 * np.array([hinges[0, 1] - meeting[1], meeting[0] - hinges[0, 0]])
-    base[0] += across
-    moved = platform_inverse_jacobian(base, PLATFORM, pose)
-    assert np.linalg.svd(moved, compute_uv=False)[2] > 1e-3

@@ -7,23 +7,21 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rmrc.textbook.dh import DHChain
 from rmrc.textbook.euler import (
     analytic_jacobian,
     zyz_angles,
     zyz_determinant,
-    zyz_is_singular,
     zyz_matrix,
     zyz_rate_matrix,
 )
 from rmrc.textbook.motion import (
     angular_velocity,
     angular_velocity_matrix,
-    instantaneous_axis,
     point_velocity,
     rotation_rate,
     vee,
 )
+from rmrc.textbook.stanford import stanford_chain
 
 # A few dozen products of order ten.
 ROUNDING = 1e-12
@@ -94,27 +92,6 @@ def test_angular_velocity_matrix_is_skew_and_holds_the_angular_velocity(seed, t)
     assert_allclose(angular_velocity(R, quotient), omega, atol=DIFFERENCE)
 
 
-@given(seeds, st.floats(-2, 2))
-def test_instantaneous_axis_is_that_of_the_turn_from_one_instant_to_the_next(seed, t):
-    motion = Motion(seed)
-    axis, speed = instantaneous_axis(motion.omega(t))
-    turn = Rotation.from_matrix(motion.rotation(t + STEP) @ motion.rotation(t - STEP).T).as_rotvec()
-    # The turn's vector is a central difference of 2 · 1e-5 in length.
-    assert_allclose(speed * axis, turn / (2 * STEP), atol=DIFFERENCE)
-    assert_allclose(np.linalg.norm(axis), 1.0, atol=ROUNDING)
-
-
-def test_a_matrix_that_is_not_skew_holds_no_angular_velocity():
-    S = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0.0]])
-    # The tolerance is what it says: half of it passes, twice of it does not.
-    assert_allclose(vee(S + np.diag([0.5e-9, 0, 0])), [0, 0, 1], atol=0)
-    for wrong in (S + np.diag([2e-9, 0, 0]), np.full((3, 3), np.nan)):
-        with pytest.raises(ValueError, match="symmetric part"):
-            vee(wrong)
-    # A difference quotient is skew as far as its step allows, which its caller must say; entries are averaged.
-    assert_allclose(vee([[0, -5, 4], [1, 0, -2], [-2, 0, 0]], tolerance=1.0), [1, 3, 3], atol=0)
-
-
 angle = st.floats(-3.1, 3.1)
 triples = st.tuples(angle, angle, angle).map(np.array)
 
@@ -167,33 +144,12 @@ def test_rate_matrix_makes_the_angular_velocity_of_the_rates(angles, rates):
     assert_allclose(zyz_determinant(angles), np.linalg.det(E), atol=ROUNDING)
 
 
-@pytest.mark.parametrize("beta", [0.0, np.pi, -np.pi])
-def test_at_beta_zero_and_pi_no_rates_turn_about_the_axis_across(beta):
-    angles = np.array([0.4, beta, 0.3])
-    assert zyz_is_singular(angles)
-    assert np.linalg.matrix_rank(zyz_rate_matrix(angles), tol=1e-12) == 2
-    across = np.array([np.cos(0.4), np.sin(0.4), 0.0])  # normal to z and to the turned y axis
-    assert_allclose(across @ zyz_rate_matrix(angles), 0.0, atol=1e-15)
-    assert not zyz_is_singular(angles + np.array([0, 1e-6, 0]))
-
-
-ARM = DHChain(
-    (
-        (0, 0, 0.2, 0),
-        (-1.3, 0.1, 0.1, 0.3),
-        (0.4, 0.5, 0, 0),
-        (1.2, 0, 0.4, 0),
-        (-1.1, 0, 0, 0),
-        (0.9, 0, 0, 0),
-    ),
-    ("revolute", "revolute", "prismatic", "revolute", "revolute", "revolute"),
-)
-TOOL = np.array([0.1, -0.2, 0.3])
+ARM = stanford_chain()
 
 
 def posture(q):
     pose = ARM.frames(q)[-1]
-    return np.concatenate([pose[:3, :3] @ TOOL + pose[:3, 3], zyz_angles(pose[:3, :3])])
+    return np.concatenate([pose[:3, 3], zyz_angles(pose[:3, :3])])
 
 
 @given(st.tuples(*[st.floats(-2, 2)] * 6).map(np.array))
@@ -205,6 +161,6 @@ def test_analytic_jacobian_is_the_derivative_of_position_and_angles(q):
         change = posture(q + step) - posture(q - step)
         change[3:] = (change[3:] + np.pi) % (2 * np.pi) - np.pi  # a full turn is no change
         columns.append(change / (2 * STEP))
-    J_a = analytic_jacobian(ARM.jacobian(q, point=TOOL), angles)
+    J_a = analytic_jacobian(ARM.jacobian(q), angles)
     # Near the singularity third derivatives grow like 2 sin⁻³ β = 250: (1e-5)²/6 · 250, and as much for the rest.
     assert_allclose(J_a, np.transpose(columns), atol=5e-8)

@@ -30,7 +30,6 @@ target: {{path: [{{line: {{to: [1.97, 0.0]}}}}], limits: {{velocity: 0.5}}}}
 plant: {{kind: servo, timestep: 0.004}}
 """
 ONLY = [f"{key}={value}" for key, value in {**DAMPED, "control.at_singularity": "damp"}.items()]
-ENDS = ("position_error.end", "orientation_error.end")
 
 
 def grid(count):
@@ -108,21 +107,8 @@ def test_loads_are_scaled_to_the_arm_and_none_of_the_feasible_errs_less_by_more_
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", range(3))
-def test_a_restricted_search_comes_near_a_coarse_grid(seed):
+def test_a_restricted_search_comes_near_a_coarse_grid():
     """The setting as written errs by 43 mm, and a coarse grid of λ and K reaches 14.5 mm."""
     only = {"control.at_singularity": ["damp"]}
-    tuned = rmrc.tune("approach_singularity", only, delay=("6ms", "12ms"), runs=700, seed=seed)
+    tuned = rmrc.tune("approach_singularity", only, delay=("6ms", "12ms"), runs=700)
     assert tuned.verdict.recommended.worst.error <= 0.016
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(3))
-def test_an_unknown_payload_costs_no_more_than_as_written(seed, tmp_path):
-    rmrc.tune("ur5e_elbow", delay="8ms", seed=seed, out=tmp_path)
-    late = {"plant.delay": 0.008, "plant.payload": 2.0}
-    before, loaded = (
-        rmrc.run(rmrc.load(each).set(late), record=False).scorecard
-        for each in ("ur5e_elbow", tmp_path / "ur5e_elbow.tune.yaml")
-    )
-    assert all(loaded[name].value <= before[name].value for name in ENDS)

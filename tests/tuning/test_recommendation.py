@@ -11,7 +11,7 @@ from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Figure
 from rmrc.tuning.front import Point, dominates, front
 from rmrc.tuning.space import Setting, Structure, all_structures
-from rmrc.tuning.trials import CHATTER, Limits, Outcome, worst
+from rmrc.tuning.trials import Limits, Outcome, worst
 from rmrc.tuning.verdict import Trial, best, judge
 
 # few values, so that ties are frequent
@@ -49,13 +49,10 @@ GOOD = {"position_error.max": 0.1, "orientation_error.max": 0.3, "joint_rate.arm
     [
         ({}, None, 3.0 / 3.3 - 1, "duration is 3 s, and 3.3 is allowed"),
         ({"joint_rate.arm.peak": 2.019}, None, 2.019 / 2.02 - 1, "joint_rate.arm.peak is 2.019 s, and 2 is allowed"),
-        ({"joint_rate.rail.peak": 1.011}, None, 1.011 / 1.01 - 1, "joint_rate.rail.peak is 1.011 s, and 1 is allowed"),
         ({"joint_acceleration.rail.peak": 8.08}, None, 1.0,
          "joint_acceleration.rail.peak is 8.08 s, and 4 is allowed"),
-        ({"duration": 6.6}, None, 1.0, "duration is 6.6 s, and 3.3 is allowed"),
         ({"completed": 0.8}, None, 0.25, "80% of the path is completed in 3 s"),
         ({"joint_jerk_cmd.peak": 202.0}, None, 1.0, "joint_jerk_cmd.peak is 202 s, and 100 is allowed"),
-        ({"chatter": 15.0}, None, 2.0, f"chatter is 15 s, and {CHATTER:g} is allowed"),
         ({"torque_limited.time": 0.06}, None, 1.0, "torque_limited.time is 0.06 s, and 0.03 is allowed"),
         ({"profile.refused": 2.0}, None, 2.0, "the profile refuses 2 commands"),
         ({}, Divergence(1, 0.1, "rail", "not finite"), math.inf, "it diverged"),
@@ -120,16 +117,6 @@ def test_of_equal_largest_errors_the_end_decides_and_then_the_scenario_itself():
         trial.outcomes[1] = trial.outcomes[0]
         trial.outcomes[0] = trial.outcomes[0]._replace(error=error)
     assert best([far, near]) is near
-
-
-def test_what_exceeds_a_limit_by_a_hair_and_errs_a_tenth_is_shown():
-    good = tried(own("jparse"), 1.0, 1.0)
-    near, far, poor = (
-        tried(own("filtered"), error, 1.0, excess)
-        for error, excess in ((0.1, 0.04), (0.01, 0.2), (0.2, 0.01))
-    )
-    assert judge([good], [good, far, poor, near], good).close is near
-    assert judge([good], [good, far, poor], good).close is None
 
 
 def test_a_plain_inverse_is_recommended_near_a_singularity_only_where_nothing_else_is_left():

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from project import ROOT
-from rmrc.support.errors import ScenarioError
 from rmrc.textbook.stability import edge_gain
 from rmrc.tuning.options import GAIN_MARGIN
 from rmrc.tuning.robot import DELAY, LAG, NOISE, read_range
 from rmrc.tuning.trials import Trials
 from rmrc.tuning.tune import Tuning
 from rmrc.tuning.worlds import LOOPS
-from wording import says
 
 TEXT = f"""
 name: quick
@@ -139,20 +137,3 @@ def test_what_breaks_a_limit_on_a_loop_between_is_not_recommended(path, monkeypa
     best = tuned.verdict.recommended
     assert best.setting != first.setting and best.worst.error >= first.worst.error
     assert len(best.outcomes) == 2 + LOOPS and best.worst.excess <= 0.0
-
-
-def test_perturbed_scenarios_carry_a_share_of_the_mass_and_rub(path):
-    work = Tuning(path, delay="8ms", perturbed=4)
-    worlds, mass, inertia = changed(work.scenarios), 2 * 1.450473, work.nominal.arm.inertia
-    assert "plant.payload" not in worlds[0] and "plant.friction.coulomb" not in worlds[0]
-    payloads = [world["plant.payload"] for world in worlds[1:]]
-    assert 0.5 * 0.05 * mass < max(payloads) <= 0.05 * mass
-    rubs = np.array([world["plant.friction.coulomb"] for world in worlds[1:]])
-    assert (rubs <= inertia).all() and (rubs.max(axis=0) > 0.5 * inertia).all()
-    off = changed(Tuning(path, delay="8ms", payload=0.0, friction=0.0, perturbed=4).scenarios)
-    assert not any("plant.payload" in world or "plant.friction.coulomb" in world for world in off)
-    for without in (Tuning(path, ["plant.kind=ideal"]), Tuning(path, ideal=True)):
-        assert without.robot.burdens == {}
-    with pytest.raises(ScenarioError) as caught:
-        Tuning(path, ["plant.kind=ideal"], friction=1.0)
-    assert str(caught.value) == says("--friction: … 0 … ideal … plant.kind")

@@ -1,7 +1,6 @@
 """A search: what it promises is what a run gives, the optimum is found, and mistakes are a line each."""
 
 import functools
-import math
 
 import numpy as np
 import pytest
@@ -10,10 +9,9 @@ from project import ROOT
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import changes_of, draft_of, load
 from rmrc.simulation.prepare import prepare
-from rmrc.simulation.simulation import ASKED, Simulation
+from rmrc.simulation.simulation import Simulation
 from rmrc.study.study import Study
 from rmrc.tuning.space import Structure
-from rmrc.tuning.trials import Limits
 from rmrc.tuning.tune import Tuning as AnyTuning
 
 # From 60 deg of the elbow to 30 deg, in 40 ticks without physics.
@@ -160,15 +158,6 @@ plant: {{kind: ideal}}
     assert all(not any("target.offset" in text for text in texts(world)) for world in tuned.scenarios)
 
 
-def test_perturbed_scenarios_start_within_the_limits_of_the_joints(tmp_path):
-    path = tmp_path / "quick.yaml"
-    # the elbow of this arm ends at -160 deg
-    path.write_text(TEXT.replace("-60 deg", "-159.9 deg").replace("to: [1.93, 0.0]", "by: [0.01, 0.0]"))
-    elbows = [load(path, texts(world)).arm.start[1] for world in Tuning(path, perturbed=8).scenarios]
-    assert min(elbows) == pytest.approx(math.radians(-160), abs=1e-6)
-    assert len(set(elbows)) > 4
-
-
 def test_what_is_drawn_is_within_its_bounds_and_moves_the_target(path):
     sizes = {"start": 0.0, "offset": 0.01}
     worlds = Tuning(path, perturbed=4, **sizes).scenarios
@@ -187,48 +176,7 @@ def test_what_is_drawn_is_within_its_bounds_and_moves_the_target(path):
     assert (np.abs(np.array(offsets) - [0.5, 0.25, 0.0]).max(axis=0) <= [0.01, 0.01, 0.0]).all()
 
 
-def test_progress_is_what_is_measured_so_far(path):
-    prepared = prepare(load(path, ["control.limits.acceleration=1.5"]))
-    (run,) = Simulation([prepared]).run()
-    point, excess = Limits.of(prepared).progress(run)
-    error, rate, time = measured(run)
-    assert point == pytest.approx((rate, error, time), rel=1e-12)
-    peak = np.abs(np.diff(run["qdot"], axis=0)).max() / run.period
-    assert excess == pytest.approx(max(rate / 2.0, peak / 1.5) / 1.01 - 1.0) and peak / 1.5 > rate / 2.0
-
-
 THERE_AND_BACK = ["control.period=0.002", "target.path=[{line: {to: [1.93, 0.0]}}, {line: {to: [1.8, 0.0]}}]"]
-
-
-def slow(index, run):
-    """End every second world once its position error is above 1 mm."""
-    return index % 2 == 0 and np.linalg.norm(run["pose_error"][:, :2], axis=1).max() > 1e-3
-
-
-def test_where_a_rule_ends_a_run_depends_on_nothing_beside_it(path):
-    study = Study(draft_of(path, THERE_AND_BACK))
-    worlds = [
-        study.prepare(changes_of({"control.feedback": gain})) for gain in (1.0, 2.0, 3.0, 5.0, 8.0, 9.0)
-    ]
-    whole = Simulation(worlds).run()
-    runs, ended = [], []
-    for threads, keeps in ((1, True), (3, True), (2, False)):
-        simulation = Simulation(worlds, threads, keep_columns=keeps)
-        simulation.step(rule=slow)
-        ended.append(simulation.ended())
-        runs.append([card["duration"].value for card in simulation.scorecards()])
-        if keeps:
-            for run, all_of_it in zip(simulation.runs(), whole, strict=True):  # up to there, to the bit
-                assert np.array_equal(run["q"], all_of_it["q"][: len(run)])
-    assert runs[0] == runs[1] == runs[2]
-    assert ended[0] == ended[1] == ended[2]
-    for index, (run, is_ended) in enumerate(zip(whole, ended[0], strict=True)):
-        late = np.flatnonzero(np.linalg.norm(run["pose_error"][:, :2], axis=1) > 1e-3)
-        should = index % 2 == 0 and late.size > 0 and late[0] < len(run) - ASKED
-        assert is_ended == should
-        if should:  # at the next time that the rule is asked
-            assert runs[0][index] == pytest.approx(ASKED * (late[0] // ASKED + 1) * 0.002)
-    assert 0 < sum(ended[0]) < 6
 
 
 def test_what_was_ended_could_not_count(path):

@@ -46,6 +46,8 @@ OTHERS: dict[str, Verbs] = {
     "files": (export.export, catalog.examples, catalog.schema),
 }
 MORE = "\n".join(f"  {about:7}{', '.join(verb.__name__ for verb in some)}" for about, some in OTHERS.items())
+# Large libraries that only pictures and recordings need, and their packages.
+REMOVABLE = {"matplotlib": "matplotlib", "rerun": "rerun-sdk"}
 EPILOG = f"""\b
 More commands:
 {MORE}
@@ -107,20 +109,20 @@ def _code_of(error: Exception) -> int:
 
 def _problems(error: Exception) -> list[str]:
     """Return what a user or the machine did wrong, a line each; nothing for a bug."""
-    if isinstance(error, ScenarioError):
-        return list(map(str, error.problems))
     if isinstance(error, RmrcError):
-        return [str(error)]
+        return list(map(str, error.problems)) if isinstance(error, ScenarioError) else [str(error)]
     if isinstance(error, UsageError):
         text = " ".join(error.format_message().split()).removesuffix(".").replace("Value error, ", "")
         text = re.sub(r"'([^']*)'", lambda match: f"'{shortened(match[1])}'", text)
         verbs = [error.ctx.info_name] if error.ctx is not None and error.ctx.parent is not None else []
         return [f"{text}; see {command(*verbs, '--help')}"]
+    if isinstance(error, ModuleNotFoundError) and error.name in REMOVABLE:
+        return [f"{error.name} is not installed; pip install {REMOVABLE[error.name]}"]
     if isinstance(error, MemoryError):
         return [f"not enough memory ({error}); ask for less at a time, or add memory"]
-    if isinstance(error, OSError):
-        return [f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}"]
-    return []
+    if not isinstance(error, OSError):
+        return []
+    return [f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}"]
 
 
 def _print_version(wanted: bool) -> None:

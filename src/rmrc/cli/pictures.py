@@ -92,7 +92,7 @@ def render(
     Writes NAME.gif, or FILE in .gif, .png or, with the extra `film`, .mp4. MuJoCo renders off screen: without
     a display set MUJOCO_GL=egl or osmesa.
     """
-    from rmrc.film import film
+    from rmrc.recording import film
     from rmrc.study.pictures import worlds_of
 
     file = target(source, output, FILMS)

@@ -1,4 +1,4 @@
-"""Recordings for rerun, written during a run, and their viewer."""
+"""Recordings for rerun and their viewer; pictures and films of runs."""
 
 import os
 from collections.abc import Iterator

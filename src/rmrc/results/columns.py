@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.task import WORLD_VIEW, View
-from rmrc.scenario.choices import IN_RUNS
 from rmrc.scenario.profile import Profile
 from rmrc.support.errors import did_you_mean
 
@@ -34,30 +33,30 @@ COLUMNS: Mapping[str, Column] = {
     "time": Column("s", "simulated time of the control tick"),
     "q": Column("joint", "true joint positions", "n"),
     "q_believed": Column("joint", "joint positions used by the law", "n"),
-    "qpos": Column("rad, m or quat w x y z", "positions of all joints of the model, in MuJoCo's order", "nq"),
+    "qpos": Column("rad, m or quat w x y z", "positions of all the model's joints", "nq"),
     "qdot": Column("joint/s", "true joint rates", "n"),
     "qdot_cmd": Column("joint/s", "commanded joint rates", "n"),
-    "qdot_arrived": Column("joint/s", "joint rates received by the plant, averaged over the tick", "n"),
-    "qdot_plain": Column("joint/s", "joint rates of the plain inverse, without damping and limits", "n"),
+    "qdot_arrived": Column("joint/s", "joint rates that the plant gets, mean of the tick", "n"),
+    "qdot_plain": Column("joint/s", "joint rates of the plain inverse, without limits", "n"),
     "pose": Column("m, quat w x y z", "true pose of the site in the world", "7"),
     "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
     "twist_ref": Column("m/s, rad/s", "reference twist, [v; ω] along world axes", "6"),
     "pose_error": Column("m, rad", _POSE_ERROR, "6"),
-    "sigma": Column("1", "singular values of the scaled task Jacobian, in descending order", "k"),
+    "sigma": Column("1", "singular values of the scaled task Jacobian, descending", "k"),
     "gain": Column("1", "filter g(σ) of the inverse", "k"),
     "damping": Column("1", "λ, in the units of σ"),
     "manipulability": Column("1", "w, the product of the singular values"),
     "condition": Column("1", "κ, the largest over the smallest singular value"),
-    "u_min": Column("1", "task direction of the smallest singular value, scaled, along task.frame", "6"),
-    "v_min": Column("1", "joint motion of the smallest singular value, scaled", "n"),
+    "u_min": Column("1", "scaled task direction of the smallest singular value, along task.frame", "6"),
+    "v_min": Column("1", "scaled joint motion of the smallest singular value", "n"),
     "tau": Column("N·m or N", "actuator torques of the last step; 0 for the ideal plant", "n"),
     "tau_gravity": Column("N·m or N", "torque or force of gravity compensation at each joint", "n"),
     "path_time": Column("s", "time along the path; behind `time` where it is slowed"),
     "path_rate": Column("1", "ṡ, the pace along the path"),
-    "secondary_error": Column("m, rad", "norm of the second task's error; NaN without one"),
-    "secondary_sigma": Column("1", "smallest singular value left to the second task by the first; or NaN"),
-    "slip": Column("rad or m", "largest distance of a follower from its equality; NaN without followers"),
-    "status": Column("bits", ", ".join(f"{s.value} {s.name}" for s in IN_RUNS)),
+    "secondary_error": Column("m, rad", "norm of the second task's error, or NaN"),
+    "secondary_sigma": Column("1", "smallest singular value left to the second task, or NaN"),
+    "slip": Column("rad or m", "largest distance of a follower from its equality, or NaN"),
+    "status": Column("bits", "statuses of the tick, a sum of their bits"),
 }
 
 

@@ -13,14 +13,12 @@ class EncoderSection(Section):
     """Errors of the arm's encoders: the controller uses their readings instead of the true q.
 
     Attributes:
-        offset: constant offset added to the true position by the encoders, one for all joints or one per
-            joint
-        deviation: standard deviation of a random addition to `offset`, one for all joints or one per joint;
-            drawn once from a normal distribution
-        noise: standard deviation of white noise, drawn at every tick, one for all joints or one per joint
-        resolution: step to which readings are rounded, one for all joints or one per joint; 0: no rounding
-        delay: age of a reading when the controller uses it
-        seed: seed of the random offsets and noise
+        offset: constant offset of the readings
+        deviation: standard deviation of a random, constant addition to `offset`
+        noise: standard deviation of white noise per tick
+        resolution: step to which readings are rounded; 0: none
+        delay: age of a reading in use
+        seed: seed of random offsets and noise
     """
 
     offset: types.AngleOrEach = key(0.0, "rad or m")
@@ -43,10 +41,9 @@ class StartPose(Choice):
     """Pose of the site at the start.
 
     Attributes:
-        position: position: [x, y], which keeps z, or [x, y, z]; null: as at `start`
-        orientation: orientation: roll, pitch and yaw about fixed x, y and z, or a quaternion w x y z; null:
-            unconstrained
-        frame: reference frame: world; base, the body that carries the first joint
+        position: [x, y] (z stays) or [x, y, z]; null: as at `start`
+        orientation: roll, pitch, yaw about fixed x, y, z, or quaternion w x y z; null: free
+        frame: reference frame; base: the body that carries the first joint
     """
 
     counts = ((("position", "orientation"), 1, 2),)
@@ -59,15 +56,14 @@ class ToolSection(Choice):
     """Tool: a frame on a body of the arm, optionally with a mass or another model attached.
 
     Attributes:
-        body: body that carries the tool; null: the default end-effector frame
-        position: position of the tool frame, in the frame of its carrier
-        orientation: orientation of the tool frame in the frame of its carrier: roll, pitch and yaw about
-            fixed x, y and z, or a quaternion w x y z; null: that of its carrier
+        body: body that carries the tool; null: the arm's end effector
+        position: position of the tool frame on it
+        orientation: orientation of the tool frame on it, as `arm.pose.orientation`; null: parallel
         mass: mass; null: none
         center: center of mass in the tool frame; null: its origin
-        inertia: principal moments of inertia about the center of mass, along the tool axes; null: point mass
+        inertia: principal moments about the center of mass, along the tool axes; null: point mass
         model: MJCF or URDF file of a tool to attach; null: none
-        site: end effector (TCP) site in that model; null: chosen as for an arm
+        site: end effector site in that model; null: chosen as for an arm
     """
 
     counts = ((("mass", "model"), 0, 1),)
@@ -92,23 +88,19 @@ class ArmSection(Exclusive):
     """The arm: model, end effector and start configuration.
 
     Attributes:
-        model: MJCF or URDF file; relative paths start at the scenario's folder
-        site: end effector (TCP): the controlled MuJoCo site; null, without `body` and `tool`: the site of the
-            hand
+        model: MJCF or URDF file, relative to the scenario's folder
+        site: end effector (TCP) site; null: that of the hand, unless `body` or `tool` is given
         body: body whose frame is controlled instead of a site
         tool: tool whose frame is controlled instead of a site
-        packages: folders of the packages named in a URDF, by package name; other packages are searched above
-            the file
+        packages: folder of a URDF's package; null: searched above the file
         start: start configuration: a keyframe's name, or one position per joint
         pose: start pose of the site; inverse kinematics from `start` finds the joint positions; null: start
             at `start`
-        joints: actuated joints; null: all joints between the base and the site
-        others: passive joints, without an actuator in the model: `hold` locks them at `start`, `free` lets
-            them move; a body on a free joint apart from the arm always moves freely
+        joints: actuated joints; null: all between base and site
+        others: joints without an actuator: `hold` locks them at `start`, `free` lets them move
         encoder: encoder errors
-        stretch: factor on all lengths of a body, by body name: positions of its bodies, sites, joints and
-            shapes, and their sizes; the mass stays the same, and the inertia scales with the square of the
-            factor; the controller knows it, unlike `plant.stretch`
+        stretch: factor on all lengths of a body, known to the controller; mass stays, inertia grows with its
+            square
     """
 
     counts = ((("site", "body", "tool"), 0, 1),)

@@ -246,14 +246,14 @@ class Choices(Keyed, Generic[C_co]):
 
 
 INVERSES = Choices("inverse.method", "damped", (
-    Inverse("inverse", "1/σ", needs_square=True, preference=7),
+    Inverse("inverse", "1/σ, for as many task axes as joints", needs_square=True, preference=7),
     Inverse("pseudoinverse", "1/σ where σ > tolerance · σ₁, else 0", "Whitney69", (TOLERANCE,), preference=6),
     Inverse("truncated", "1/σ where σ > cutoff, else 0", "Golub13, §5.5", (CUTOFF,), preference=4),
     Inverse("transpose", "α σ with the best α", "Wolovich84", preference=5),
     Inverse("damped", "σ/(σ² + λ²)", "Nakamura86", is_scheduled=True),
-    Inverse("filtered", "σ/(σ² + λ(σ)²), each direction by its own λ", "Maciejewski88",
+    Inverse("filtered", "σ/(σ² + λ(σ)²)", "Maciejewski88",
         (DAMPING_MAXIMUM, DAMPING_BELOW), preference=1),
-    Inverse("selectively_damped", "1/σ, clamped to a bound on the joint rates of each direction", "Buss05",
+    Inverse("selectively_damped", "1/σ, clamped to a bound on joint rates", "Buss05",
         (RATE_BOUND,), preference=2),
     Inverse("jparse", "1/σ where σ ≥ γ σ₁, else σ/(γ σ₁)²", "Guptasarma25",
         (GAMMA, PUSH_POSITION, PUSH_ROTATION), preference=3),
@@ -261,7 +261,7 @@ INVERSES = Choices("inverse.method", "damped", (
 
 METRICS = Choices("inverse.metric", "joints", (
     Choice("joints", "‖W_q^½ qdot‖, sliding joints over task.length", "Whitney69", acts=False),
-    Choice("inertia", "√(qdotᵀ M qdot), by the inertia M(q): dynamically consistent", "Khatib87", acts=False),
+    Choice("inertia", "√(qdotᵀ M(q) qdot), dynamically consistent", "Khatib87", acts=False),
 ))  # fmt: skip
 
 SCHEDULES = Choices("inverse.damping.schedule", "smallest_singular_value", (
@@ -270,9 +270,9 @@ SCHEDULES = Choices("inverse.damping.schedule", "smallest_singular_value", (
         (DAMPING_MAXIMUM, MANIPULABILITY_BELOW), follows="arm"),
     Schedule("smallest_singular_value", "λ² = (1 − (σ_min/ε)²) λ_max² where σ_min < ε, else 0",
         "Chiaverini94", (DAMPING_MAXIMUM, DAMPING_BELOW), follows="arm"),
-    Schedule("error", "error_gain · the task error, as a contrast: it vanishes while tracking is good",
+    Schedule("error", "error_gain · the task error: vanishes while tracking is good",
         "Levenberg44", (ERROR_GAIN,)),
-    Schedule("rate_bound", "the least that keeps the norm of the joint rates within a bound", "Deo92",
+    Schedule("rate_bound", "the least that keeps the norm of joint rates within a bound", "Deo92",
         (RATE_BOUND,), follows="command"),
 ))  # fmt: skip
 
@@ -282,7 +282,7 @@ OBJECTIVES = Choices("nullspace.objective", "none", (
     Choice("joint_limits", "towards the middle of the joints' ranges", "Liegeois77", (GAIN,)),
     Choice("manipulability", "towards a larger w, by the derivative of J", "Yoshikawa85", (GAIN,)),
     Choice("rates", "constant, as given", "", (RATES,)),
-    Choice("secondary", "the rates of a second task: another site, or other rows, of lower priority"),
+    Choice("secondary", "rates of a second task of lower priority"),
 ))  # fmt: skip
 
 PRIORITIES = Choices("nullspace.secondary.priority", "robust", (
@@ -291,28 +291,28 @@ PRIORITIES = Choices("nullspace.secondary.priority", "robust", (
 ))  # fmt: skip
 
 LIMITS = Choices("limits.on_excess", "scale", (
-    Choice("scale", "all by one factor: the tip keeps its direction unless a joint is at its position limit"),
-    Choice("clamp", "each is clamped by itself: the tip does not keep its direction"),
-    Choice("redistribute", "the other joints take over the part of a saturated joint", "Flacco15"),
-    Choice("optimal", "the rates within the bounds that are best for the task, by the measure of the damped "
-        "inverse; for another inverse, those nearest to its own", "Stark95"),
+    Choice("scale", "all by one factor: the tip keeps its direction, except at position limits"),
+    Choice("clamp", "each by itself: the tip does not keep its direction"),
+    Choice("redistribute", "other joints take over the part of a saturated one", "Flacco15"),
+    Choice("optimal", "the best rates within the bounds, by the measure of the damped inverse; for another "
+        "inverse, those nearest to its own", "Stark95"),
     Choice("none", "nothing", acts=False),
-    Choice("sns", "the largest share of the task that fits all bounds, by the smallest rates for it: the tip "
-        "keeps its direction, and waits where none fits", "Flacco15"),
-    Choice("reverse_priority", "limits come first: joints that the task would take beyond their bounds stay "
-        "at them, and the others do the rest of the task", "Flacco14"),
+    Choice("sns", "the largest share of the task within all bounds: the tip keeps its direction, and waits "
+        "where none fits", "Flacco15"),
+    Choice("reverse_priority", "joints that the task would take beyond their bounds stay at them, and "
+        "the others do the rest", "Flacco14"),
 ))  # fmt: skip
 
 POLICIES = Choices("at_singularity", "damp", (
-    Policy("damp", "the rates of the inverse, unchanged", acts=False),
-    Policy("slow", "the time along the path is slowed, so that rates stay within limits and the tip on its "
-        "path", "", (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST), slows=True),
-    Policy("stop", "the arm holds where σ_min or κ passes its bound, and continues when the command leads "
-        "out", "", (STOP_SIGMA, STOP_CONDITION, STOP_CHANGE)),
-    Policy("singularity_consistent", "rates and the time along the path are chosen together, along the "
-        "kernel of [J | −t]: the tip stays on the path's tangent", "Nenchev00",
+    Policy("damp", "the rates of the inverse", acts=False),
+    Policy("slow", "the time along the path slows, so that the tip stays on it within rate limits", "",
+        (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST), slows=True),
+    Policy("stop", "the arm holds where σ_min or κ passes its bound, until the command leads out", "",
+        (STOP_SIGMA, STOP_CONDITION, STOP_CHANGE)),
+    Policy("singularity_consistent", "rates and pace along the kernel of [J | −t]: the tip keeps the "
+        "path's tangent", "Nenchev00",
         (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST), is_tried=False, slows=True),
-    Policy("keep_out", "the arm slides along the configurations with σ_min = `sigma` and does not go nearer",
+    Policy("keep_out", "the arm slides along configurations with σ_min = `sigma` and goes no nearer",
         "Ames19", (KEEP_OUT_SIGMA, KEEP_OUT_APPROACH), is_tried=False),
 ))  # fmt: skip
 
@@ -323,12 +323,11 @@ CHOICES: tuple[Choices[Choice], ...] = (
 
 PLANTS = Choices("plant.kind", "servo", (
     Plant("ideal", "q⁺ = q + period · qdot_cmd, Whitney's own arm", "Whitney72", physics=False),
-    Plant("servo", "torque = kv · (qdot_cmd − qdot), plus the joint's resistance at qdot_cmd and the load of "
-        "its springs, in MuJoCo's physics"),
+    Plant("servo", "torque = kv · (qdot_cmd − qdot) + friction + springs, in MuJoCo's physics"),
     Plant("torque", "computed torque: M (Δqdot_cmd/period + bandwidth · (qdot_cmd − qdot)) + bias + friction",
         "Luh80"),
-    Plant("model", "the model's own actuators, in its own physics: position servos get the integral of "
-        "qdot_cmd, rate servos qdot_cmd, motors computed torque", own=True),
+    Plant("model", "the model's own actuators: position servos get the integral of qdot_cmd, rate servos "
+        "qdot_cmd, motors computed torque", own=True),
 ))  # fmt: skip
 IDEAL, SERVO, *_ = PLANTS.options
 

@@ -37,11 +37,10 @@ class TaskSection(Paired):
 
     Attributes:
         axes: controlled rows of the twist, along the axes of `frame`
-        frame: frame of the task rows: world; base, the body that carries the first joint; site, the
-            controlled site as it rotates
-        length: characteristic length: divides the linear rows, to make them comparable with angles; null: the
-            rms distance of the site from the hinges' axes, or 1 where it would only change the unit of σ
-        weights: task weights W_x, one per axis in the order of `axes`; null: all 1
+        frame: frame of the rows: world; base, the body of the first joint; site, as it rotates
+        length: length that makes meters comparable with radians; null: rms distance of the site from the
+            hinges' axes
+        weights: task weights W_x, one per axis; null: all 1
     """
 
     paired = ("task", "weights")
@@ -55,14 +54,12 @@ class DampingSection(Section):
     """How much damping λ the method `damped` uses, and when.
 
     Attributes:
-        schedule: how λ follows the arm: always `maximum`; rising to it as w falls below
-            `manipulability_below`, or as σ_min falls below `below`; `error_gain` times the error; or the
-            least that keeps the rates within `rate_bound`
-        maximum: λ_max, the largest damping (λ, not λ²); null: `below`/√2, so that no gain exceeds 1/`below`
-        below: ε: threshold of σ_min below which smallest_singular_value damps; filtered: threshold of each σ;
-            null: a third of the arm's usual σ_min, its median within the limits
+        schedule: how λ follows the arm
+        maximum: λ_max, the largest damping (λ, not λ²); null: `below`/√2, for gains up to 1/`below`
+        below: ε: σ_min below which smallest_singular_value damps, or σ for filtered; null: a third of the
+            arm's usual σ_min
         manipulability_below: w₀: threshold of w below which manipulability damps
-        error_gain: error: λ per unit task error, linear rows divided by task.length
+        error_gain: error: λ per unit task error, linear rows over task.length
     """
 
     schedule: Literal[SCHEDULES.names] = SCHEDULES.default  # type: ignore[name-defined]
@@ -76,8 +73,8 @@ class PushSection(Section):
     """Gains of the method `jparse` in a fading direction.
 
     Attributes:
-        position: jparse: gain of the linear rows in a fading direction
-        rotation: jparse: gain of the angular rows in a fading direction
+        position: jparse: gain of linear rows in a fading direction
+        rotation: jparse: gain of angular rows in a fading direction
     """
 
     position: types.NotNegative = key(1.0, "1")
@@ -89,13 +86,12 @@ class InverseSection(Section):
 
     Attributes:
         method: method of inversion: the filter g(σ) in place of 1/σ
-        metric: measure of the joint rates to minimize: their scaled norm, or the kinetic energy of the arm
-        tolerance: pseudoinverse: threshold relative to the largest singular value, up to which singular
-            values are dropped
-        cutoff: truncated: threshold up to which singular values are dropped
-        gamma: jparse: threshold relative to the largest σ, below which directions fade
-        rate_bound: selectively_damped: largest rate of a joint; schedule rate_bound: largest norm of the
-            rates; sliding joints divided by task.length
+        metric: norm of joint rates to minimize: scaled, or kinetic energy
+        tolerance: pseudoinverse: singular values up to this share of the largest are dropped
+        cutoff: truncated: singular values up to this are dropped
+        gamma: jparse: directions with σ below this share of the largest fade
+        rate_bound: bound on each rate (selectively_damped) or their norm (schedule rate_bound); slides over
+            task.length
         damping: damped, filtered: the damping λ
         push: jparse: gains in a fading direction
     """
@@ -114,13 +110,12 @@ class SecondarySection(Paired):
     """A second task of lower priority: hold a site at a place.
 
     Attributes:
-        site: site of the second task; null: the site of the first task
-        axes: controlled rows of its twist, along the axes of `frame`
-        frame: frame of its rows: world; base, the body that carries the first joint; site, the second task's
-            site as it rotates
-        to: goal, one value for each of `axes`: position in `frame` (for `site`: its frame at the start), or
-            rotation vector from the start; null: hold the start
-        feedback: K of the second task: twist for a given error
+        site: site of the second task; null: that of the first
+        axes: controlled rows of its twist
+        frame: frame of its rows, as `task.frame`
+        to: goal per axis: position in `frame` (for site, at the start), or rotation vector from the start;
+            null: the start
+        feedback: K of the second task
         priority: classical: solved within the null space of the first task; robust: solved separately, then
             projected
         damping: λ of the second task's inverse, constant
@@ -140,12 +135,10 @@ class NullspaceSection(Section):
     """Joint motion in the null space of the task.
 
     Attributes:
-        objective: objective of the null-space motion: none, a posture, the middle of the joints' ranges, a
-            larger w, constant rates, or a second task
+        objective: objective of the null-space motion
         gain: posture: rate per unit distance; joint_limits, manipulability: rate per unit slope
-        posture: posture: desired joint positions, the shorter way round for a hinge without range; null: the
-            start
-        rates: rates: desired joint rates, one per joint
+        posture: posture: desired joint positions; null: the start
+        rates: rates: desired joint rates
         secondary: secondary: the second task
     """
 
@@ -167,21 +160,15 @@ class LimitsSection(Section):
     """The bounds on joint positions, rates, accelerations and jerk.
 
     Attributes:
-        profile: vendor limits of a robot controller: the name of a shipped profile, or a file; sets rate,
-            acceleration, jerk, braking and control.period where they are not given, and makes joints brake
-            before its position limits; null: none
-        rate: largest rate, one for all joints or one per joint; null: the model's limit
-        acceleration: largest acceleration, one for all joints or one per joint; null: none
-        jerk: largest jerk, one for all joints or one per joint; also applies to stops and braking; null: none
+        profile: vendor limits: a shipped profile's name, or a file; sets the limits and control.period that
+            are not given
+        rate: largest rate; null: the model's limit
+        acceleration: largest acceleration; null: none
+        jerk: largest jerk, also of stops; null: none
         position: whether joints brake before the model's position limits
-        braking: deceleration of a joint that stops before its position limit, one for all joints or one per
-            joint; at most `acceleration`
-        keep_direction: on_excess optimal: whether the end effector keeps its direction, except at position
-            limits: the arm then does the largest feasible share of the task with the least rates
-        on_excess: beyond a limit: scale all joints alike (keeps direction, unless a joint is at its position
-            limit), clamp each joint, redistribute the motion of saturated joints to the others, choose the
-            best rates within all bounds, do the largest feasible share of the task, give limits priority over
-            the task, or limit nothing
+        braking: deceleration before position limits; at most `acceleration`
+        keep_direction: optimal: whether the end effector keeps its direction, except at position limits
+        on_excess: treatment of rates beyond their limits
     """
 
     profile: ProfileName | None = None
@@ -199,8 +186,8 @@ class SlowSection(Section):
 
     Attributes:
         change: largest rate of change of the pace, which is 1 at full speed
-        patience: longest wait where the arm cannot follow at any pace, before the path continues regardless
-        longest: time limit of the run, relative to the planned duration
+        patience: longest wait where the arm follows at no pace, before the path continues
+        longest: time limit of the run over the planned duration
     """
 
     change: types.Positive = key(10.0, "1/s")
@@ -227,7 +214,7 @@ class KeepOutSection(Section):
 
     Attributes:
         sigma: lower bound of σ_min
-        approach: α: largest rate of decrease of σ_min, relative to its distance from the bound
+        approach: α: largest rate of decrease of σ_min over its distance from the bound
     """
 
     sigma: types.Positive = key(0.1, "as σ")
@@ -238,19 +225,16 @@ class ControlSection(Section):
     """The control law.
 
     Attributes:
-        period: control period: time between two ticks; or their rate, as 30 Hz or 1/30
-        state: source of q in the control law: `measured` by the encoders, or `integrated` from its own
-            commands, starting at the first reading
-        rate_filter: time constant of a first-order filter on differentiated rates: with a resolution, noise
-            or delay of arm.encoder, computed torque uses difference quotients of the encoder readings
+        period: time between two ticks, or its rate, as 30 Hz or 1/30
+        state: source of q: `measured` by the encoders, or `integrated` from commands since the first reading
+        rate_filter: time constant of a first-order filter on rates differentiated from encoders
         inverse: inversion of the Jacobian
-        feedback: K: feedback gain from pose error to twist
+        feedback: K: gain from pose error to twist
         feedforward: whether the command includes the reference twist
-        joint_weights: joint weights W_q, one per joint: a joint with a larger weight moves less; null: all 1
+        joint_weights: joint weights W_q, one per joint: larger ones move less; null: all 1
         nullspace: motion in the null space of the task
         limits: bounds on joint positions, rates, accelerations and jerk
-        at_singularity: near a singularity: leave it to the inverse, slow down along the path, stop and wait
-            for a way out, slow down along the kernel of [J | −t], or keep out of it
+        at_singularity: reaction to a nearby singularity
         slow: at_singularity slow, singularity_consistent: how
         stop: at_singularity stop: when
         keep_out: at_singularity keep_out: how far

@@ -14,9 +14,8 @@ class FrictionSection(Section):
     """Joint friction beyond the model's: no actuator compensates for it.
 
     Attributes:
-        coulomb: dry friction added to the model's, one for all joints or one per joint
-        viscous: viscous friction coefficient added to the model's damping, one for all joints or one per
-            joint
+        coulomb: dry friction added to the model's
+        viscous: viscous friction added to the model's damping
     """
 
     coulomb: types.NotNegativeOrEach = key(0.0, "N·m or N")
@@ -27,7 +26,7 @@ class ResonanceSection(Section):
     """Resonance: the rates of all joints oscillate about the received commands like a mass on a spring.
 
     Attributes:
-        frequency: servo, torque, model: undamped natural frequency; null: no resonance
+        frequency: natural frequency, not for ideal; null: no resonance
         damping: damping ratio ζ: 0 never decays, 1 does not overshoot
     """
 
@@ -39,37 +38,28 @@ class PlantSection(Section):
     """The plant, which executes the commanded rates.
 
     Attributes:
-        kind: exact integration of the rates, joint-rate servos, computed torques, or the model's own
-            actuators
-        kv: servo: torque or force per unit rate error, one for all joints or one per joint; null: each
-            joint's inertia at home divided by the timestep, plus its damping
-        bandwidth: torque, and motors of the model: acceleration per unit rate error; null: 500, or
-            1/control.period if that is less, as a larger one is unstable
-        timestep: servo, torque, model: MuJoCo's time step; control.period is an integer multiple of it; null:
-            0.001, for model the model's step, or the next shorter one that divides control.period
-        gravity_compensation: servo, torque, model: whether the arm compensates for gravity, and the actuators
-            of servo for springs of joints; null: true, or for model as in the model
-        friction_compensation: servo, torque: whether the actuators compensate for joint damping and dry
-            friction at the commanded rates
-        payload: servo, torque, model: point mass at the site, unknown to the controller and to the gravity
-            compensation
-        gravity: servo, torque, model: gravity along world axes; null: the model's own
+        kind: what turns commanded rates into motion
+        kv: servo: torque or force per unit rate error; null: inertia at home over the timestep, plus damping
+        bandwidth: torque, and motors of model: acceleration per unit rate error; null: 500 or, if less,
+            1/control.period
+        timestep: MuJoCo's step, of which control.period is a multiple; null: at most 0.001, or
+            for model the model's
+        gravity_compensation: whether the arm carries its weight, and servo its springs; null: true, or for
+            model as in it
+        friction_compensation: servo, torque: whether actuators compensate for joint damping and dry friction
+        payload: point mass at the site, unknown to the controller; not for ideal
+        gravity: gravity along world axes, not for ideal; null: the model's
         wrench: external wrench [f; n] on the site, along world axes
-        delay: dead time of a command on its way to the plant
-        jitter: largest additional dead time, drawn uniformly for each command; a command that arrives after a
-            later one is dropped
-        loss: fraction of commands that never arrive; the plant holds the last received one
-        lag: time constant with which the rates follow the received commands, one for all joints or one per
-            joint
+        delay: dead time of commands
+        jitter: largest additional dead time, random per command; overtaken commands are dropped
+        loss: fraction of commands that never arrive; the last one holds
+        lag: time constant with which rates follow commands
         resonance: resonance of the actuators
-        backlash: servo, torque, model: backlash between actuators and joints, one for all or one per joint:
-            after a reversal an actuator moves no joint until it has crossed the gap
-        seed: seed of the random jitter and losses
+        backlash: play between actuators and joints, crossed at each reversal; not for ideal
+        seed: seed of jitter and losses
         friction: servo, torque, model: joint friction without compensation
-        stretch: factor on all lengths of a body, by body name, unknown to the controller, as on an
-            uncalibrated arm; multiplies `arm.stretch`, which the controller knows
-        joint_offset: error of the joint zeros: true position minus the position assumed by the controller,
-            one for all joints or one per joint
+        stretch: factor on all lengths of a body, unknown to the controller; multiplies `arm.stretch`
+        joint_offset: error of the joint zeros: true position minus the assumed one
     """
 
     kind: Literal[PLANTS.names] = PLANTS.default  # type: ignore[name-defined]

@@ -77,7 +77,9 @@ def _type(schema: dict[str, Any]) -> str:
     if schema.get("title", "")[:1].islower():  # a title of our own
         return str(schema["title"])
     if options:
-        return " or ".join(_type(option) for option in options if option.get("type") != "null")
+        each = {"items": options[0], "minItems": 1, "type": "array"}
+        present = [option for option in options if option.get("type") != "null"]
+        return " or ".join("one per joint" if option == each else _type(option) for option in present)
     if "enum" in schema or "const" in schema:
         return " | ".join(schema.get("enum", [schema.get("const")]))
     name = schema.get("type", "any")

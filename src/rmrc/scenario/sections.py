@@ -20,17 +20,17 @@ from rmrc.support.problems import Key
 # The key in `expect` for a profile instead of a metric.
 PROFILE = "profile"
 
-_ACCEPTED = "vendor limits that the commands must stay within: the name of a shipped profile, or a file"
+_ACCEPTED = "vendor limits of the commands: a shipped profile's name, or a file"
 
 
 class Check(Choice):
     """Expectation of one metric of the scorecard.
 
     Attributes:
-        below: upper bound: the metric must be less than this
-        above: lower bound: the metric must be more than this
-        equals: expected value of the metric, to `within`
-        within: tolerance: largest deviation from `equals`
+        below: upper bound, exclusive
+        above: lower bound, exclusive
+        equals: expected value, to `within`
+        within: tolerance of `equals`
     """
 
     counts = ((("below", "above", "equals"), 1, 3),)
@@ -58,8 +58,8 @@ class LookSection(Section):
     """Point of interest of a run: its recording opens there and marks it.
 
     Attributes:
-        quantity: plot to open; status: the active limits; path: the path of the end effector, in the picture
-        at: time of the mark; null: where the quantity is largest, or worst
+        quantity: plot to open; status: active limits; path: the end effector's, in the picture
+        at: time of the mark; null: where the quantity is worst
     """
 
     quantity: Literal[

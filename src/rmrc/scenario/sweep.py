@@ -41,12 +41,10 @@ class SweepSection(Section):
     Attributes:
         vary: values of keys; the sweep runs every combination
         draw: bounds of keys that are drawn uniformly
-        sampler: sampling method: independent samples, or the Sobol sequence, which covers the range more
-            evenly
-        samples: number of samples for each combination of `vary`; Sobol samples are most even for powers of 2
-        repeat: number of runs per sample, each with different encoder offsets, noise, jitter and losses
-        seed: seed of the samples; each run's arm.encoder.seed and plant.seed count from it; null: from their
-            own values
+        sampler: independent samples, or the Sobol sequence, which covers the range more evenly
+        samples: samples for each combination of `vary`; powers of 2 suit Sobol best
+        repeat: runs per sample, each with other encoder errors, jitter and losses
+        seed: seed of samples, from which arm.encoder.seed and plant.seed count; null: from their own
     """
 
     vary: dict[_Varied, Values] = key({})
@@ -63,7 +61,7 @@ class SweepSection(Section):
         return self
 
 
-_BASELINE = "value of the key, as `--set` gives it, in a second run that `rmrc run` makes for comparison"
+_BASELINE = "value in a second run of `rmrc run`, for comparison"
 Baseline = dict[Annotated[str, _key_but(*_FIXED, "expect")], Annotated[Any, Field(description=_BASELINE)]]
 
 
@@ -71,13 +69,11 @@ class TuneSection(Section):
     """Uncertainty about the robot, over which `rmrc tune` finds robust settings.
 
     Attributes:
-        delay: dead time of its commands, one value or a range; null: as in `plant`, or assumed if the
-            scenario has no data of the robot
-        lag: time constant of its actuators; range and null as for `delay`
-        noise: standard deviation of its encoders' white noise, for slides divided by task.length; range and
-            null as for `delay`
-        calibration: calibration error: largest deviation, to either side, of its link lengths (relative) and
-            of its joint zeros (for slides divided by task.length); null: none
+        delay: dead time of commands, or its range; null: as in `plant`, or assumed without data of the robot
+        lag: time constant of the actuators, as `delay`
+        noise: standard deviation of the encoders' noise, for slides over task.length, as `delay`
+        calibration: largest relative error of link lengths and of joint zeros (slides over task.length);
+            null: none
     """
 
     delay: Range | None = key(None, "s")

@@ -14,10 +14,10 @@ class Turn(Choice):
     """A rotation: by an angle about an axis, or to an orientation.
 
     Attributes:
-        axis: axis of rotation, along the axes of its frame
+        axis: axis of rotation
         angle: angle, counterclockwise about the axis
         to: final orientation, as a quaternion w x y z
-        frame: its frame; null: the frame of its line, arc or set, or target.frame
+        frame: its frame; null: that of the segment
     """
 
     counts = ((("axis", "to"), 1, 1), (("angle", "to"), 1, 1))
@@ -33,9 +33,9 @@ class Tilt(Choice):
     If they are opposite, the rotation is half a turn about the next axis: y for x, z for y, x for z.
 
     Attributes:
-        axis: the axis of the site, along its own axes
-        to: direction to point in, along the axes of its frame
-        frame: its frame; null: the frame of its line, arc or set, or target.frame
+        axis: axis of the site, along its own axes
+        to: direction to point it in
+        frame: its frame; null: that of the segment
     """
 
     axis: types.Direction = key("z", "1")
@@ -47,11 +47,11 @@ class Line(Choice):
     """A straight line of the site's origin.
 
     Attributes:
-        to: end point: [x, y], which keeps z, or [x, y, z]
+        to: end point: [x, y] (z stays) or [x, y, z]
         by: displacement: [dx, dy] or [dx, dy, dz]
         turn: rotation during the motion
         tilt: rotation during the motion that points an axis of the site
-        frame: frame of its points and directions; null: target.frame
+        frame: frame of its values; null: target.frame
     """
 
     counts = ((("to", "by"), 1, 1), (_ROTATIONS, 0, 1))
@@ -66,12 +66,12 @@ class Arc(Choice):
     """A circular arc of the site's origin.
 
     Attributes:
-        center: center: [x, y], which keeps z, or [x, y, z]
-        axis: axis of the circle, along the axes of its frame
-        angle: angle, counterclockwise about the axis; 360 deg: a full circle
+        center: [x, y] (z stays) or [x, y, z]
+        axis: axis of the circle
+        angle: angle, counterclockwise about the axis
         turn: rotation during the motion
         tilt: rotation during the motion that points an axis of the site
-        frame: frame of its points and directions; null: target.frame
+        frame: frame of its values; null: target.frame
     """
 
     counts = ((_ROTATIONS, 0, 1),)
@@ -87,11 +87,11 @@ class Set(Choice):
     """A set-point: the target jumps there and stays.
 
     Attributes:
-        to: new target position: [x, y], which keeps z, or [x, y, z]
-        by: step of the target: [dx, dy] or [dx, dy, dz]
+        to: new position: [x, y] (z stays) or [x, y, z]
+        by: step: [dx, dy] or [dx, dy, dz]
         turn: rotation during the motion
         tilt: rotation during the motion that points an axis of the site
-        frame: frame of its points and directions; null: target.frame
+        frame: frame of its values; null: target.frame
         duration: hold time there
     """
 
@@ -108,20 +108,18 @@ class Motion(Choice):
     """A recorded or teleoperated motion from a file.
 
     Attributes:
-        path: CSV or Parquet file with the column t and x y z qw qx qy qz, or vx vy vz wx wy wz, or one column
-            per joint, by joint name; or the npz file of a run; relative paths start at the scenario's folder
-        columns: columns to follow; null: the first that the file has of pose, q, twist; or a map to names and
-            perhaps units, as in {t: stamp ms, x: tcp x mm}, of t, x y z, qw qx qy qz or roll pitch yaw or a
-            rotation vector rx ry rz, vx vy vz, wx wy wz, and q: names with commas, or with * for the joint
-        origin: beginning: `move` goes straight to its first pose; `start` shifts the motion to the start of
-            the segment
-        speed: speed relative to the recording; auto: as recorded, slowed where target.limits require it
-        interpolation: `spline` moves smoothly from row to row, within target.limits; `hold` stays at a row
-            until the next, for rows that are steps or noisy, which only control.limits filter; auto: spline,
-            or hold where rows repeat like those of a held signal and the spline would exceed target.limits
-        gaps: where there are no rows for more than 0.1 s and three periods: `stop` rests there, and then goes
-            straight to the next row; `interpolate` moves on
-        frame: frame of its points and directions; null: target.frame
+        path: CSV, Parquet or a run's npz, relative to the scenario's folder: t, and x y z qw qx qy qz, vx vy
+            vz wx wy wz, or one column per joint
+        columns: columns to follow; null: pose, q or twist, whichever comes first; or a map of t, x y z, qw qx
+            qy qz, roll pitch yaw or rx ry rz, vx vy vz, wx wy wz, q (names, or * for the joint) to names with
+            units, as {t: stamp ms}
+        origin: `move` goes straight to the first pose; `start` shifts the motion to the start of the segment
+        speed: speed relative to the recording; auto: slowed where target.limits require it
+        interpolation: `spline` moves smoothly within target.limits; `hold` stays at each row; auto: spline,
+            or hold where rows repeat and the spline would exceed target.limits
+        gaps: without rows for more than 0.1 s and three periods: `stop` rests, then goes straight to the
+            next; `interpolate` moves on
+        frame: frame of points and directions; null: target.frame
     """
 
     path: types.MotionFile
@@ -152,8 +150,7 @@ class Segment(Choice):
         turn: rotate in place
         tilt: rotate in place so that an axis of the site points in a direction
         set: step the target
-        configurations: go in straight lines to the site's pose at each of these configurations: a keyframe's
-            name, or joint positions
+        configurations: straight lines to the site's poses at configurations: keyframes, or joint positions
         file: follow a recorded motion
         hold: stay
     """
@@ -180,10 +177,10 @@ class TargetLimitsSection(Section):
     Attributes:
         velocity: largest speed
         acceleration: largest acceleration
-        jerk: largest jerk; does not apply to a recorded motion
+        jerk: largest jerk; not of a recorded motion
         angular_velocity: largest angular speed
         angular_acceleration: largest angular acceleration
-        angular_jerk: largest angular jerk; as `jerk`
+        angular_jerk: largest angular jerk, as `jerk`
     """
 
     velocity: types.Positive = key(0.25, "m/s")
@@ -199,9 +196,9 @@ class TargetSection(Section):
 
     Attributes:
         path: segments of the path, in order
-        offset: offset added to every absolute point of the path: line.to, arc.center, set.to
-        frame: frame of all segments without a frame of their own: world; base, the body that carries the
-            first joint; site, at the start of the segment; start, the site at the start of the path
+        offset: offset of every absolute point of the path
+        frame: frame of segments without one; site: at the start of the segment; start: the site at the start
+            of the path
         limits: speed limits
     """
 

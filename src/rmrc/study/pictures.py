@@ -171,7 +171,7 @@ def render(
         ScenarioError: Lists the problems of the scenario, before the run starts.
         OSError: The file cannot be written.
     """
-    from rmrc.film import film
+    from rmrc.recording import film
 
     worlds = worlds_of(source, grid(vary) if vary else ())
     film.render(worlds, Path(path), film.Cut(at, begin, end, speed, fps), size)

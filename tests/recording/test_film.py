@@ -15,9 +15,11 @@ from PIL import Image
 
 import rmrc
 from project import ROOT
-from rmrc.film import PictureError, encode, film, shot
-from rmrc.film.film import Cut, Strip, instants
-from rmrc.film.shot import Shot, fitted
+from rmrc.recording import encoding as encode
+from rmrc.recording import film, shot
+from rmrc.recording.film import Cut, instants
+from rmrc.recording.opengl import PictureError
+from rmrc.recording.shot import Shot, fitted
 from rmrc.scenario import loads
 from rmrc.show.panels import panels
 from rmrc.study.pictures import worlds_of
@@ -33,17 +35,6 @@ target: {{path: [{{line: {{to: [1.4, 0.0]}}}}, {{line: {{to: [1.0, 0.0]}}}}], li
 plant: {{kind: ideal}}
 """
 MODEL = ROOT / "models/planar_2link.xml"
-
-# A turn about z, a slide along x, and a tip behind it; no geometry at all.
-BARE = """<robot name="bare"><link name="base"/>
-<link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="tip"/>
-<joint name="turn" type="revolute"><parent link="base"/><child link="a"/><origin xyz="0 0 0.3"/><axis xyz="0 0 1"/>
-<limit lower="-3" upper="3" effort="9" velocity="3"/></joint>
-<joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="0.2 0 0"/><axis xyz="1 0 0"/>
-<limit lower="0" upper="1" effort="9" velocity="3"/></joint>
-<joint name="end" type="fixed"><parent link="b"/><child link="tip"/><origin xyz="0.1 0 0"/></joint></robot>"""
 
 
 @pytest.fixture(scope="module")
@@ -125,17 +116,6 @@ def test_marks_are_where_the_arm_and_its_tip_are(worlds):
     np.testing.assert_allclose(np.abs(mat[:2, 0] @ u[:, 0]), 1.0, atol=1e-5)
 
 
-def test_an_arm_without_geometries_has_a_skeleton_along_its_slide_too(tmp_path):
-    (tmp_path / "bare.urdf").write_text(BARE, "utf-8")
-    text = f"arm: {{model: {tmp_path / 'bare.urdf'}, body: tip, start: [0.5, 0.4]}}\ntask: {{axes: [x, y]}}\n"
-    text += "target: {path: [{line: {by: [0.02, 0.01]}}]}\nplant: {kind: ideal}\nname: bare\n"
-    ((world, run),) = worlds_of(loads(text)).values()
-    rods, _ = drawn(Shot("bare", world, run), 0)
-    along, turn = np.array([np.cos(0.5), np.sin(0.5), 0.0]), np.array([0.0, 0.0, 0.3])
-    ends = [turn, turn + 0.2 * along, turn + 0.7 * along]  # the slide's axis, then the tip 0.4 + 0.1 m along
-    np.testing.assert_allclose([rod[2:] for rod in rods[:2]], [ends[:2], ends[1:]], atol=1e-5)
-
-
 # Instants, the rates below, and files ----------------------------------------------------------------
 
 
@@ -148,20 +128,6 @@ def test_instants_have_the_pace_asked_and_end_with_the_run(worlds):
     np.testing.assert_allclose(np.diff(times[:-1]), 0.32)
     assert (times[0], times[-1]) == (0.1, end)
     assert len(times) == int(np.ceil((end - 0.1) / 0.32 - 1e-9)) + 1
-
-
-def test_the_cursor_below_moves_with_time_and_changes_nothing_else(worlds):
-    ((_, run),) = worlds.values()
-    (panel,) = panels(run, ["rates"])
-    end = float(run["time"][-1])
-    strip = Strip(panel, panel.range, end, 400, 160)
-    assert strip.at(0.0).shape == (160, 400, 3)
-    columns = []
-    for time in (0.25 * end, 0.5 * end, 0.75 * end):
-        is_new = (strip.at(time) != strip.at(end)).any(axis=(0, 2))
-        columns.append(np.flatnonzero(is_new).min())
-        assert is_new.sum() <= 4  # two columns each
-    assert abs(columns[2] - 2 * columns[1] + columns[0]) <= 1
 
 
 def gray(time):
@@ -272,18 +238,11 @@ def test_a_model_that_changed_since_or_is_gone_is_one_line(rmrc, left):
 
 WRONG = {
     "kind of picture": (["there.npz", "-o", "x.jpg"], "--output x.jpg: … .gif … .png … .mp4"),
-    "instant of a film": (["there.npz", "--at", "1"], "--at … --from … --to …"),
     "size": (["there.npz", "--size", "wide"], "--size … WIDTHxHEIGHT … wide…"),
-    "small": (["there.npz", "--size", "20x20"], "--size … 200x200 … 4096x4096 … 20x20"),
-    "odd": (["there.npz", "-o", "x.mp4", "--size", "301x300"], "--size … even … 301x300"),
-    "late": (["there.npz", "-o", "x.png", "--at", "9"], "--at … 0 … 9"),
-    "order": (["there.npz", "--from", "0.3", "--to", "0.2"], "--from and --to … 0.3 and 0.2"),
     "too long": (["there.npz", "--speed", "0.0001"], "… frames … --fps … --speed …"),
-    "changed": (["there.npz", "--set", "control.feedback=1"], "… finished run … scenario"),
     "no scenario": (["bare.npz"], "bare.json: no such file…"),
     "damaged": (["torn.npz"], "torn.json: … damaged …"),
     "another run": (["other.npz"], "other.json: … another run …"),
-    "a model": (["planar_2link.xml"], "… a model; …"),
 }
 
 

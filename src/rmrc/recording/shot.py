@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from rmrc.film import PictureError, without_opengl
+from rmrc.recording.opengl import PictureError, without_opengl
 from rmrc.recording.scene import Scene
 from rmrc.results.run import Run
 from rmrc.show.palette import GREEN, HUES, RED, WHITE, distinct, mix

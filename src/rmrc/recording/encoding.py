@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from rmrc.film import PictureError
+from rmrc.recording.opengl import PictureError
 
 FrameAt = Callable[[float], NDArray[np.uint8]]
 

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from rmrc.film import PictureError
-from rmrc.film.encode import delay_of, write_gif, write_mp4, write_png
-from rmrc.film.shot import Shot, fitted, renderer_of
+from rmrc.recording.encoding import delay_of, write_gif, write_mp4, write_png
+from rmrc.recording.opengl import PictureError
+from rmrc.recording.shot import Shot, fitted, renderer_of
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.show.figure import draw
