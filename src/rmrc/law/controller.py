@@ -63,8 +63,9 @@ class Controller(SteppedLaw):
     """The law for one arm, or for a batch of arms, stepped once per control period.
 
     `step` raises nothing. Input that is not finite, has a wrong shape, is no rotation or comes too late
-    brakes the joints from the last command within all limits, and the status reports it. The status also
-    reports a joint outside its position limits: that joint comes back slowly while the others come to rest.
+    brakes the joints from the last command, as their accelerations and jerks allow, and the status reports
+    it. The status also reports a joint outside its position limits: that joint comes back slowly while the
+    others come to rest.
     Near a singularity the status says so, and the law applies the chosen policy.
 
     Attributes:
