@@ -60,7 +60,7 @@ def test_a_help_is_whole_and_the_options_of_all_verbs_have_one_meaning(rmrc, mon
     assert all(opt in out for opt in options)
     assert ("--output" in options) == ("-o" in options) and ("--quiet" in options) == ("-q" in options)
     assert "--out" not in options or options["--out"].metavar == "FOLDER"
-    shows = verb in ("plot", "report", "render", "replay", "export")  # they answer nothing
+    shows = verb in ("plot", "report", "render", "replay", "export", "explore")  # they answer nothing
     assert ("--json" in options) != shows and (
         "--quiet" in options or verb in ("replay", "schema", "examples")
     )
