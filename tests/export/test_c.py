@@ -61,13 +61,13 @@ def random_steps(name, ticks):
     controller.reset()
     period, pose = controller.period, arm.pose(start)
     inputs = np.zeros((ticks, 2 * n + 17))
-    q, qdot, given = inputs[:, :n], inputs[:, n : 2 * n], inputs[:, -3:]
+    q, qdot, has = inputs[:, :n], inputs[:, n : 2 * n], inputs[:, -3:]
     poses, twists, dt = inputs[:, 2 * n : 2 * n + 7], inputs[:, 2 * n + 7 : -4], inputs[:, -4]
     wander = np.repeat(rng.normal(0.0, 0.1, (ticks // 500 + 1, 7)), 500, axis=0)[:ticks]
     poses[:] = pose + wander
     twists[:] = np.repeat(rng.normal(0.0, 0.3, (ticks // 200 + 1, 6)), 200, axis=0)[:ticks]
     poses[rng.random(ticks) < 2e-4, 0] = np.nan
-    given[:] = np.repeat(rng.random((ticks // 300 + 1, 3)) < (0.3, 0.8, 0.8), 300, axis=0)[:ticks]
+    has[:] = np.repeat(rng.random((ticks // 300 + 1, 3)) < (0.3, 0.8, 0.8), 300, axis=0)[:ticks]
     dt[:] = np.where(rng.random(ticks) < 0.1, period * rng.uniform(0.5, 2.0, ticks), 0.0)
     restarts, noise = rng.random(ticks) < 1e-3, rng.normal(0.0, 1e-4, (ticks, n))
     outputs, position, rates = np.empty((ticks, n + 1)), start.copy(), np.zeros(n)
@@ -75,7 +75,7 @@ def random_steps(name, ticks):
     for t in range(ticks):
         position = start + 1e3 * noise[t] if restarts[t] else position + period * rates
         q[t], qdot[t] = position, rates + noise[t]
-        has_qdot, has_pose, has_twist = given[t]
+        has_qdot, has_pose, has_twist = has[t]
         command = controller.step(
             q[t],
             qdot[t] if has_qdot else None,

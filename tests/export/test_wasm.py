@@ -64,10 +64,10 @@ def in_node(folder, *worlds):
         [NODE, harness, law, artifact.FILE, *files], check=False, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    found = [json.loads(file.with_suffix(".json.columns").read_text()) for file in files]
+    texts = [json.loads(file.with_suffix(".json.columns").read_text()) for file in files]
     return [
         {name: np.frombuffer(bytearray(base64.b64decode(text))) for name, text in each.items()}
-        for each in found
+        for each in texts
     ]
 
 
@@ -75,27 +75,25 @@ def differences(run, columns):
     """Return the largest difference of each column, over max(1, |value|); NaN equals NaN."""
     wanted = {name: np.array(run[name], np.float64) for name in columns}
     ticks = len(wanted["time"])
-    found = {name: values.reshape(wanted[name].shape) for name, values in columns.items()}
-    for side in (wanted, found):  # q and −q are one rotation, (u, v) and (−u, −v) one singular direction
-        side["pose"][:, 3:] *= signs(side["pose"][:, 3:])
-        side["pose_ref"][:, 3:] *= signs(side["pose_ref"][:, 3:])
-        sign = signs(side["u_min"])
-        side["u_min"] *= sign
-        side["v_min"] *= sign
+    there = {name: values.reshape(wanted[name].shape) for name, values in columns.items()}
+    # q and −q are one rotation, (u, v) and (−u, −v) one singular direction
+    there["pose"][:, 3:] *= signs(there["pose"][:, 3:], wanted["pose"][:, 3:])
+    sign = signs(there["u_min"], wanted["u_min"])
+    there["u_min"] *= sign
+    there["v_min"] *= sign
     assert ticks > 0
     most = {}
     for name, values in wanted.items():
-        same = (values == found[name]) | (np.isnan(values) & np.isnan(found[name]))
+        same = (values == there[name]) | (np.isnan(values) & np.isnan(there[name]))
         with np.errstate(invalid="ignore"):
-            off = np.abs(values - found[name]) / np.maximum(1.0, np.abs(values))
+            off = np.abs(values - there[name]) / np.maximum(1.0, np.abs(values))
         most[name] = np.where(same, 0.0, np.where(np.isnan(off), math.inf, off)).max(initial=0.0)
     return most
 
 
-def signs(vectors):
-    """Return the sign of the largest entry of each row, (T, 1)."""
-    largest = np.abs(vectors).argmax(axis=1)[:, None]
-    return np.where(np.take_along_axis(vectors, largest, axis=1) < 0.0, -1.0, 1.0)
+def signs(vectors, others):
+    """Return the sign of the product of each row of two, (T, 1)."""
+    return np.where(np.sum(vectors * others, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
 
 
 def assert_equal(run, columns):

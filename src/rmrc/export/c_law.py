@@ -39,34 +39,30 @@ _PLACES = {
     "DAMPING": ("first", "damping", "lambda"),
     "MANIPULABILITY": ("tick", "manipulability", "product of the singular values"),
     "CONDITION": ("tick", "condition", "ratio of the largest singular value to the smallest"),
-    "PATH_RATE": (
-        "tick",
-        "path_rate",
-        "periods by which to advance the target, 1 or less",
-    ),
+    "PATH_RATE": ("tick", "path_rate", "periods by which to advance the target, 1 or less"),
 }
 
 
 @Method
 def receive(world: Record, q: int, qdot: int, pose: int, twist: int, dt: float) -> None:
     """Take the input of a step from addresses, of which those of qdot, pose and twist may be 0."""
-    state, tick, input_, given = world.state, world.tick, world.input, PLACED
+    state, tick, bits = world.state, world.tick, PLACED
     copy(at(q, world.n), state.q, world.n)
     for j in range(world.n):
         state.qdot[j] = math.nan
     if qdot != 0:
-        given |= RATES
+        bits |= RATES
         copy(at(qdot, world.n), state.qdot, world.n)
     if pose != 0:
-        given |= POSE
+        bits |= POSE
         copy(at(pose, 7), tick.pose_ref, 7)
     if twist != 0:
-        given |= TWIST
+        bits |= TWIST
         copy(at(twist, 6), tick.twist_ref, 6)
     if dt != 0.0:
-        given |= TIMED
-        input_.dt = dt
-    input_.given = given
+        bits |= TIMED
+        world.input.dt = dt
+    world.input.given = bits
 
 
 def export(scenario: Scenario, folder: Path) -> list[Path]:
@@ -100,7 +96,7 @@ def export(scenario: Scenario, folder: Path) -> list[Path]:
         "version": rmrc.__version__,
         "arm": arm.path.name,
         "n": str(arm.n),
-        "joints": ", ".join(arm.joints),
+        "joints": ", ".join(arm.joints).replace("*/", "* /"),  # a name must not end the comment
         "words": str(world.nbytes // 8),
         "period": repr(controller.period),
         "start": ", ".join(map(repr, start.tolist())),

@@ -60,9 +60,9 @@ def _head(module: Any) -> str:
 
 def _thunk(name: str, mangled: str, part: Any) -> str:
     """Return a function in the language of LLVM that calls numba's, which first takes places of results."""
-    kinds = [str(argument.type) for argument in part.get_function(mangled).arguments]
-    taken = ", ".join(f"{kind} %{i}" for i, kind in enumerate(kinds[2:]))
-    return f"""declare i32 @{mangled}({", ".join(kinds)})
+    types_of = [str(argument.type) for argument in part.get_function(mangled).arguments]
+    taken = ", ".join(f"{type_} %{i}" for i, type_ in enumerate(types_of[2:]))
+    return f"""declare i32 @{mangled}({", ".join(types_of)})
 define void @"{name}"({taken}) {{
   %result = alloca ptr
   %error = alloca ptr

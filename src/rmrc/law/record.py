@@ -181,8 +181,8 @@ def world_type(joints: int) -> np.dtype[np.void]:
 def field_offset(record: np.dtype[np.void], group: str, field: str) -> int:
     """Return where a field of a group begins in the record of a world [bytes]."""
     fields: Any = record.fields
-    kind, first = fields[group]
-    return int(first + kind.fields[field][1])
+    inner, first = fields[group]
+    return int(first + inner.fields[field][1])
 
 
 def new_worlds(count: int, n: int, axes: int = 0) -> NDArray[np.void]:

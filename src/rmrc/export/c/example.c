@@ -7,7 +7,7 @@
 int main(void) {
   static rmrc_law_state state;
   double q[RMRC_LAW_JOINTS] = {$start};
-  double qdot[RMRC_LAW_JOINTS], pose[7], twist[6] = {0.05, 0, 0, 0, 0, 0}, rest[6] = {0};
+  double qdot[RMRC_LAW_JOINTS], pose[7], twist[6] = {0.05, 0, 0, 0, 0, 0}, still[6] = {0};
   double time = 0.0;
   rmrc_law_init(&state);
 
@@ -17,7 +17,7 @@ int main(void) {
 
   while (time < 1.0) {
     int moves = time < 0.5;
-    int64_t status = rmrc_law_step(&state, q, NULL, pose, moves ? twist : rest, 0.0, qdot);
+    int64_t status = rmrc_law_step(&state, q, NULL, pose, moves ? twist : still, 0.0, qdot);
     if (status & RMRC_LAW_INVALID_INPUT) {
       fprintf(stderr, "invalid input at %g s\n", time);
       return 1;
