@@ -25,30 +25,47 @@ NODE = shutil.which("node")
 # Scenarios with 2, 3, 6 and 7 joints.
 SOME = "approach_singularity", "null_space", "ur5e_wrist", "fr3_elbow"
 COLUMNS = "time", "q", "qdot_cmd", "pose", "pose_ref", "pose_error", "sigma", "damping", "path_rate"
-DRIVER = """
+# What the scripts of the page make of settings: the scenario to copy, its columns and statuses.
+COURSES = """
+function coursesOf({data, law, addresses}) {
+  const bytes = Uint8Array.from(atob(law), (letter) => letter.charCodeAt(0));
+  const course = new Course(new WebAssembly.Module(bytes), data), settings = new Settings(data);
+  const text = (values) => btoa(Array.from(new Uint8Array(Float64Array.from(values).buffer),
+    (code) => String.fromCharCode(code)).join(""));
+  return addresses.map((address) => {
+    settings.read(address);
+    const run = course.run(settings), ticks = Array.from({length: run.count}, (_, k) => k);
+    const columns = NAMES.map((name) => [name, text(ticks.flatMap((k) => [...run.row(name, k)]))]);
+    return {address, yaml: settings.yaml, columns: Object.fromEntries(columns), status: ticks.map(run.status)};
+  });
+}
+"""
+IN_NODE = """
 import {readFileSync} from "node:fs";
-const {data, law, addresses} = JSON.parse(readFileSync(0, "utf8"));
-const course = new Course(new WebAssembly.Module(readFileSync(law)), data), settings = new Settings(data);
-const text = (values) => Buffer.from(Float64Array.from(values).buffer).toString("base64");
-console.log(JSON.stringify(addresses.map((address) => {
-  settings.read(address);
-  const run = course.run(settings), ticks = Array.from({length: run.count}, (_, k) => k);
-  const columns = Object.fromEntries(NAMES.map((name) => [name, text(ticks.flatMap((k) => [...run.row(name, k)]))]));
-  return {yaml: settings.yaml, columns, status: ticks.map(run.status), address: String(new URLSearchParams(settings.changes))};
-})));
+console.log(JSON.stringify(coursesOf(JSON.parse(readFileSync(0, "utf8")))));
 """
 
 
+def scripts():
+    """Return the scripts of the page that need no page, and the function above."""
+    names = f"const NAMES = {json.dumps(COLUMNS)};\n"
+    return "\n".join([names, *(file.read_text() for file in page.SCRIPTS[:3]), COURSES])
+
+
+def question(data, addresses):
+    law = base64.b64encode(page.ROOM.joinpath("law.wasm").read_bytes()).decode()
+    return {"data": data, "law": law, "addresses": addresses}
+
+
 def courses(data, addresses, folder):
-    """Return what the scripts of the page make of settings: the scenario to copy, its columns and statuses."""
+    """Return what the scripts of the page make of settings, in Node."""
     if NODE is None:
         pytest.skip("there is no Node here")
     program = folder / "run.mjs"
-    names = f"const NAMES = {json.dumps(COLUMNS)};\n"
-    program.write_text("\n".join([names, *(file.read_text() for file in page.SCRIPTS[:3]), DRIVER]))
-    question = json.dumps({"data": data, "law": str(page.ROOM / "law.wasm"), "addresses": addresses})
+    program.write_text(scripts() + IN_NODE)
+    asked = json.dumps(question(data, addresses))
     done = subprocess.run(
-        [NODE, program], input=question, capture_output=True, text=True, timeout=300, check=False
+        [NODE, program], input=asked, capture_output=True, text=True, timeout=300, check=False
     )
     assert not done.stderr, done.stderr
     return json.loads(done.stdout)
@@ -144,6 +161,18 @@ def test_the_verb_writes_a_page_and_refuses_both_or_neither(rmrc, tmp_path):
     for arguments in ([], ["full_reach", "--lesson", "reach"], ["--lesson", "reech"]):
         code, _, err = rmrc("explore", *arguments)
         assert code == 2 and len(err.splitlines()) == 1
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("name", SOME)
+def test_a_browser_computes_the_columns_of_a_run(name):
+    _, data = contents(rmrc.load(name))
+    script = scripts().replace("export class", "class")
+    with chromium() as browser:
+        shown = browser.new_page()
+        asked = question(data, ["", "control.inverse.method=pseudoinverse&target.speed=0.75"])
+        found = shown.evaluate(f"(asked) => {{ {script}; return coursesOf(asked); }}", asked)
+    assert all(map(check, found))
 
 
 def read(shown):

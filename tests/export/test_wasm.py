@@ -76,15 +76,11 @@ def differences(run, columns):
     wanted = {name: np.array(run[name], np.float64) for name in columns}
     ticks = len(wanted["time"])
     there = {name: values.reshape(wanted[name].shape) for name, values in columns.items()}
-    for side in (
-        wanted,
-        there,
-    ):  # q and −q are one rotation, (u, v) and (−u, −v) one singular direction
-        side["pose"][:, 3:] *= signs(side["pose"][:, 3:])
-        side["pose_ref"][:, 3:] *= signs(side["pose_ref"][:, 3:])
-        sign = signs(side["u_min"])
-        side["u_min"] *= sign
-        side["v_min"] *= sign
+    # q and −q are one rotation, (u, v) and (−u, −v) one singular direction
+    there["pose"][:, 3:] *= signs(there["pose"][:, 3:], wanted["pose"][:, 3:])
+    sign = signs(there["u_min"], wanted["u_min"])
+    there["u_min"] *= sign
+    there["v_min"] *= sign
     assert ticks > 0
     most = {}
     for name, values in wanted.items():
@@ -95,10 +91,9 @@ def differences(run, columns):
     return most
 
 
-def signs(vectors):
-    """Return the sign of the largest entry of each row, (T, 1)."""
-    largest = np.abs(vectors).argmax(axis=1)[:, None]
-    return np.where(np.take_along_axis(vectors, largest, axis=1) < 0.0, -1.0, 1.0)
+def signs(vectors, others):
+    """Return the sign of the product of each row of two, (T, 1)."""
+    return np.where(np.sum(vectors * others, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
 
 
 def assert_equal(run, columns):

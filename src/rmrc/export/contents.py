@@ -12,7 +12,6 @@ import numpy as np
 
 from rmrc.export.controls import Controls, written
 from rmrc.export.drawing import drawing, packed, skeleton
-from rmrc.export.form import facts
 from rmrc.export.image import CAPACITY, image, offset
 from rmrc.law.record import METHODS
 from rmrc.scenario import Scenario
@@ -53,7 +52,7 @@ def contents(scenario: Scenario, lesson: Lesson | None = None) -> tuple[Controls
         "name": fitted.name, "scenario": to_paste(fitted), "period": control.period, "image": made,
         "policy": control.at_singularity, "longest": control.slow.longest,
         "slow": [policy.name for policy in POLICIES.options if policy.slows],
-        "controls": [facts(each) for each in controls.controls], "groups": controls.groups,
+        "controls": [each._asdict() for each in controls.controls], "groups": controls.groups,
         "paths": [
             {"speed": speed, "changes": limits, "ticks": path.ticks, "pieces": packed(path.numbers, "<f8")}
             for speed, limits, path in paths

@@ -32,7 +32,7 @@ HIDDEN = 3
 X, Y, Z = [1, 0, 0], [0, 1, 0], [0, 0, 1]
 SCREENS = (Y, Z, X), (X, Z, [0, -1, 0]), (X, Y, Z)
 # Room around the arm at its start and its path, as a part of the reach.
-MARGIN = 0.35
+MARGIN = 0.5
 # Points of the line of the path, and instants at which another run is drawn.
 PATH, INSTANTS = 400, 240
 

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
 
 from rmrc.export.controls import Control
 from rmrc.scenario.lesson import Lesson
@@ -64,8 +63,3 @@ def questions(lesson: Lesson | None) -> str:
 def _text(text: str) -> str:
     """Return a text with its `code` and *names*."""
     return re.sub(r"\*(.+?)\*", r"<em>\1</em>", re.sub(r"`(.+?)`", r"<code>\1</code>", escape(text)))
-
-
-def facts(control: Control) -> dict[str, Any]:
-    """Return what the script of the page needs of a control."""
-    return {name: value for name, value in control._asdict().items() if name != "meaning"}

@@ -6,25 +6,33 @@ const SPEED = "target.speed";
 function inline(value) {
   if (Array.isArray(value)) return `[${value.map(inline).join(", ")}]`;
   if (value && typeof value === "object") {
-    return `{${Object.entries(value).map(([key, inner]) => `${key}: ${inline(inner)}`).join(", ")}}`;
+    return `{${Object.entries(value)
+      .map(([key, inner]) => `${key}: ${inline(inner)}`)
+      .join(", ")}}`;
   }
-  return typeof value === "number" ? JSON.stringify(value).replace(/^(-?\d+)e/, "$1.0e") : JSON.stringify(value);
+  return typeof value === "number"
+    ? JSON.stringify(value).replace(/^(-?\d+)e/, "$1.0e")
+    : JSON.stringify(value);
 }
 
 const isMapping = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
 
 // A mapping as YAML, the innermost values on one line.
 function yaml(mapping, indent = "") {
-  return Object.entries(mapping).map(([key, value]) => {
-    const isDeep = isMapping(value) && Object.values(value).some((inner) => typeof inner === "object");
-    return isDeep ? `${indent}${key}:\n${yaml(value, `${indent}  `)}` : `${indent}${key}: ${inline(value)}\n`;
-  }).join("");
+  return Object.entries(mapping)
+    .map(([key, value]) => {
+      const isDeep = isMapping(value) && Object.values(value).some((inner) => typeof inner === "object");
+      return isDeep
+        ? `${indent}${key}:\n${yaml(value, `${indent}  `)}`
+        : `${indent}${key}: ${inline(value)}\n`;
+    })
+    .join("");
 }
 
 class Settings {
   // `data` is what `rmrc.export.page` writes.
   constructor(data) {
-    Object.assign(this, {data, controls: data.controls});
+    Object.assign(this, { data, controls: data.controls });
     this.reset();
   }
 
@@ -66,7 +74,8 @@ class Settings {
   }
 
   isRead(control) {
-    const isMet = (condition) => Object.entries(condition).every(([key, names]) => names.includes(this.value(key)));
+    const isMet = (condition) =>
+      Object.entries(condition).every(([key, names]) => names.includes(this.value(key)));
     return control.reads.length === 0 || control.reads.some(isMet);
   }
 
@@ -87,10 +96,12 @@ class Settings {
   }
 
   get yaml() {
-    const scenario = structuredClone(this.data.scenario), {[SPEED]: _, ...changes} = this.changes;
-    for (const [key, value] of Object.entries({...changes, ...this.path.changes})) {
-      const steps = key.split("."), last = steps.pop();
-      steps.reduce((node, step) => node[step] ??= {}, scenario)[last] = value;
+    const scenario = structuredClone(this.data.scenario),
+      { [SPEED]: _, ...changes } = this.changes;
+    for (const [key, value] of Object.entries({ ...changes, ...this.path.changes })) {
+      const steps = key.split("."),
+        last = steps.pop();
+      steps.reduce((node, step) => (node[step] ??= {}), scenario)[last] = value;
     }
     return yaml(scenario);
   }
