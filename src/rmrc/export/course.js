@@ -55,6 +55,7 @@ class Course {
     const at = (name, k) => ((first + k) % rows) * image.width + image.columns[name][0];
     return {
       count,
+      isDiverged: world.integer(image.words.diverged) >= 0,
       row: (name, k) => table.subarray(at(name, k), at(name, k) + (image.columns[name][1] || 1)),
       number: (name, k, i = 0) => table[at(name, k) + i],
       status: (k) => integers[2 * at("status", k)],

@@ -217,7 +217,7 @@ function showFigures() {
     table["position_error.max"] ?? table["orientation_error.max"],
   ];
   element("summary").textContent =
-    `Largest rate ${shown(rate[0])} ${rate[1]}, largest error ${shown(far[0])} ${far[1]}.`;
+    `Largest rate ${shown(rate[0])} ${rate[1]}, largest error ${shown(far[0])} ${far[1]}.${run.isDiverged ? " It diverged." : ""}`;
 }
 
 // The picture ------------------------------------------------------------------------------------
