@@ -6,9 +6,9 @@ import tokenize
 
 from project import ROOT
 
-SOURCE_LINES = 22_350
-SOURCE_MODULES = 256
-TEST_LINES = 23_300
+SOURCE_LINES = 23_350
+SOURCE_MODULES = 264
+TEST_LINES = 20_000
 
 # Tokens that make no line a line of code.
 LAYOUT = {

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     from rmrc.analysis.new.new import new
     from rmrc.analysis.statics.statics import statics
     from rmrc.analysis.workspace.workspace import workspace
-    from rmrc.law.bare import Law, resolve_rates
     from rmrc.law.controller import Controller
+    from rmrc.law.jacobian_law import Law, resolve_rates
     from rmrc.results.run import Run, read_runs
     from rmrc.results.scorecard import Scorecard
     from rmrc.scenario import Scenario, load, loads
@@ -87,7 +87,7 @@ if not TYPE_CHECKING:  # type checkers use the imports above, and report names t
         "rmrc.analysis.new.new": ("new",),
         "rmrc.analysis.statics.statics": ("statics",),
         "rmrc.analysis.workspace.workspace": ("workspace",),
-        "rmrc.law.bare": ("Law", "resolve_rates"),
+        "rmrc.law.jacobian_law": ("Law", "resolve_rates"),
         "rmrc.law.controller": ("Controller",),
         "rmrc.results.run": ("Run", "read_runs"),
         "rmrc.results.scorecard": ("Scorecard",),

@@ -13,7 +13,7 @@ from rmrc import arm as arms
 from rmrc.analysis.inspect.figure import figure
 from rmrc.analysis.workspace.report import picture
 from rmrc.show import figures
-from rmrc.show.asked import sized
+from rmrc.show.picture_size import sized
 
 
 def drawn(inspection):

@@ -316,6 +316,6 @@ def test_a_law_without_an_arm_has_positions_once_they_are_given_and_loads_no_muj
     assert np.isnan(law.step(J, np.ones(2)).q_cmd).all()
     out = law.step(J, np.ones(2), q)
     assert_allclose(out.q_cmd, q + PERIOD * out.qdot_cmd, atol=1e-15)
-    code = "import sys, rmrc; rmrc.Law(7, 6); print('mujoco' in sys.modules, 'rmrc.law.bare' in sys.modules)"
+    code = "import sys, rmrc; rmrc.Law(7, 6); print('mujoco' in sys.modules, 'rmrc.law.jacobian_law' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "True"]

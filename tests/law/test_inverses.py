@@ -23,7 +23,7 @@ from worlds import (
 
 from codes import Method
 from oracle_inverse import ROUNDING, jparse_inverse
-from rmrc.law.bare import resolve_rates
+from rmrc.law.jacobian_law import resolve_rates
 
 JPARSE, SELECTIVE = VARIANT["jparse"], VARIANT["selectively_damped"]
 PSEUDOINVERSE = VARIANT["pseudoinverse"]

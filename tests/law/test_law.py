@@ -6,7 +6,7 @@ from hypothesis import given
 from numpy.testing import assert_allclose
 from worlds import SHAPES, VARIANT, fits, matrices, named, one_world, seeds
 
-from rmrc.law.bare import resolve_rates
+from rmrc.law.jacobian_law import resolve_rates
 from rmrc.scenario.choices import Status
 from wording import says
 

@@ -13,8 +13,7 @@ from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.sweep import Sweep
-from rmrc.study.swept import Swept
+from rmrc.study.sweep import Sweep, Swept
 from rmrc.support.errors import RmrcError, ScenarioError
 from wording import says
 

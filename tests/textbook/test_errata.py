@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rmrc.law.bare import resolve_rates
+from rmrc.law.jacobian_law import resolve_rates
 from rmrc.support.spatial import (
     exp_rotation,
     quat_from_axis_angle,

@@ -16,7 +16,7 @@ from rmrc.arm import Arm
 from rmrc.arm.geometry import damping_below, tidy
 from rmrc.law.task import Array, Task, choose
 from rmrc.support.errors import QuestionError
-from rmrc.support.legible import quoted
+from rmrc.support.text import quoted
 
 # Rate of a hinge whose model gives none [rad/s]: the order of magnitude for arms as large as a person's.
 ASSUMED_RATE = 2.0

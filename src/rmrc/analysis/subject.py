@@ -15,8 +15,8 @@ from rmrc.law.task import Array, Task, choose
 from rmrc.scenario import Frame, Scenario
 from rmrc.support import shipped
 from rmrc.support.errors import QuestionError, did_you_mean
-from rmrc.support.legible import shortened
 from rmrc.support.spatial import AXES, ORIGIN, quat_to_matrix
+from rmrc.support.text import shortened
 
 Model: TypeAlias = Arm | Scenario | str | os.PathLike[str]
 """An arm, an MJCF file, the name of a shipped one, or a scenario, which also has start, axes and length."""

@@ -16,7 +16,7 @@ from rmrc.scenario import Scenario
 from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ScenarioError
-from rmrc.support.legible import listed
+from rmrc.support.text import listed
 
 # Number of configurations of a run that are checked for contacts.
 LOOKS = 50

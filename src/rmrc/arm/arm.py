@@ -20,10 +20,9 @@ from rmrc.arm.location import Location, locate, moved
 from rmrc.arm.mounting import NamedFrame
 from rmrc.arm.others import Others, OwnDrives, Servo
 from rmrc.arm.wiring import SLIDE, Wiring, joint_name, joints_above, wire
-from rmrc.support.brief import brief
 from rmrc.support.errors import ModelError, QuestionError, did_you_mean
-from rmrc.support.legible import listed, shortened
 from rmrc.support.spatial import matrix_to_quat
+from rmrc.support.text import brief, listed, shortened
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import mujoco
 from rmrc.arm import urdf
 from rmrc.arm.scan import POINTER, check_file
 from rmrc.support.errors import ModelError, ModelWarning
-from rmrc.support.legible import listed
+from rmrc.support.text import listed
 
 if sys.platform != "win32":
     import resource

@@ -13,7 +13,7 @@ import numpy as np
 from rmrc.arm.tree import Chain, Tree
 from rmrc.arm.wiring import joint_name, joints_above, soft_bodies
 from rmrc.support.errors import ModelError
-from rmrc.support.legible import listed
+from rmrc.support.text import listed
 
 
 class Note(str):

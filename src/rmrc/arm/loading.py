@@ -17,8 +17,8 @@ from rmrc.arm.mounting import NamedFrame, keyframes, mounted
 from rmrc.arm.wiring import HINGE, SLIDE, joints_above
 from rmrc.scenario.arm import ArmSection, ToolSection
 from rmrc.support.errors import ModelError, did_you_mean
-from rmrc.support.legible import listed
 from rmrc.support.shipped import suggestion
+from rmrc.support.text import listed
 
 
 def load(

@@ -15,8 +15,8 @@ from rmrc.arm.urdf import assumed_masses
 from rmrc.arm.wiring import find, joints_above
 from rmrc.scenario.arm import ToolSection
 from rmrc.support.errors import ModelError
-from rmrc.support.legible import listed
 from rmrc.support.spatial import quat_multiply, rotate
+from rmrc.support.text import listed
 
 Array = NDArray[np.float64]
 

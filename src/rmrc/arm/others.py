@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rmrc.arm.actuators import EVERYWHERE, DriveKind, Ends, kind_of, moments_of, terms_of
 from rmrc.arm.wiring import Wiring, dense, joints_above, joints_of, soft_bodies
 from rmrc.support.errors import ModelError
-from rmrc.support.legible import listed
+from rmrc.support.text import listed
 
 Array = NDArray[np.float64]
 

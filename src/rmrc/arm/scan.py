@@ -10,7 +10,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from rmrc.support.errors import ModelError
-from rmrc.support.legible import shortened, visible
+from rmrc.support.text import shortened, visible
 
 # The largest number of elements, for which MuJoCo takes some seconds: its time is quadratic. Published models
 # have some hundreds.

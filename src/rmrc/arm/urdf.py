@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rmrc.arm.frames import note
 from rmrc.arm.scan import numbers
 from rmrc.support.errors import ModelError
-from rmrc.support.legible import listed
+from rmrc.support.text import listed
 
 # The least mass [kg] and moments of inertia [kg·m²] of a moving link: a gram, radius of gyration 3 cm,
 # which is little beside any link of an arm, and enough for MuJoCo to divide by.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.support.errors import ModelError, did_you_mean
-from rmrc.support.legible import listed
+from rmrc.support.text import listed
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)

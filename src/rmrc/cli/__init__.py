@@ -31,8 +31,8 @@ from rmrc.cli.console import complain
 from rmrc.support.errors import RmrcError, ScenarioError
 from rmrc.support.interruption import signal_that_came, stops_like_ctrl_c
 from rmrc.support.invocation import command
-from rmrc.support.legible import shortened, visible
 from rmrc.support.notices import heard_by
+from rmrc.support.text import shortened, visible
 
 # The error of the command line's library for a wrong option or argument; it only exports this subclass of it.
 UsageError: Any = typer.BadParameter.__mro__[1]

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 
-from rmrc.support.legible import line, visible
+from rmrc.support.text import line, visible
 
 if TYPE_CHECKING:  # imports numpy, which a help text does not need
     from rmrc.show.report import Report

@@ -10,7 +10,7 @@ from rmrc.cli.console import working
 from rmrc.cli.options import File
 from rmrc.scenario import load
 from rmrc.support.errors import QuestionError
-from rmrc.support.legible import quoted
+from rmrc.support.text import quoted
 
 
 def export(

@@ -9,8 +9,8 @@ from rmrc import scenario as scenarios
 from rmrc.cli.console import progress
 from rmrc.support.errors import QuestionError
 from rmrc.support.invocation import command
-from rmrc.support.legible import visible
 from rmrc.support.shipped import Folder, found
+from rmrc.support.text import visible
 
 # Kinds of files with their suffixes, and the verb that takes them.
 KINDS = {
@@ -65,7 +65,7 @@ def target(source: Path, output: Path | None, suffixes: Sequence[str]) -> Path:
         QuestionError: It has a suffix that cannot be written.
         OSError: It cannot be written.
     """
-    from rmrc.results.leaving import refuse_unwritable
+    from rmrc.results.events import refuse_unwritable
 
     folder = source if source.suffix in OF_RUNS + OF_SEARCHES else Path("recordings", source.name)
     file = suffixed("--output", output, suffixes) or folder.with_suffix(suffixes[0])

@@ -10,7 +10,7 @@ from rmrc.cli.console import show, working
 from rmrc.cli.options import Texts
 from rmrc.support.errors import QuestionError
 from rmrc.support.invocation import command
-from rmrc.support.legible import quoted
+from rmrc.support.text import quoted
 
 
 def check(
@@ -111,7 +111,7 @@ def identify(
     with working("identifying"):
         from rmrc.analysis.identify.identify import identify as ask
         from rmrc.analysis.identify.report import report
-        from rmrc.results.leaving import refuse_unwritable
+        from rmrc.results.events import refuse_unwritable
         from rmrc.support.files import write_text
 
         picture, block = output or out / f"{log.stem}.identify.png", out / f"{log.stem}.identify.yaml"

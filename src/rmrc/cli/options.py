@@ -10,9 +10,9 @@ from typer import Argument, CallbackParam, Option
 from rmrc.cli.files import PICTURES, expect, suffixed
 from rmrc.scenario import angle
 from rmrc.support.errors import QuestionError
-from rmrc.support.legible import quoted
 from rmrc.support.notices import tell_assumed
 from rmrc.support.spatial import AXES
+from rmrc.support.text import quoted
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
@@ -126,7 +126,7 @@ Summary = Annotated[File, Option(metavar="FILE", help="Write Markdown for CI: .m
 
 def draw(report: "Report", file: File, width: Number = None, font: Number = None) -> list[Path]:
     """Draw the picture of an answer, if it has one and a file is given; return the files written."""
-    from rmrc.show.asked import sized
+    from rmrc.show.picture_size import sized
 
     if file is None or report.draw is None:
         return []

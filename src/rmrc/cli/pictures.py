@@ -14,7 +14,7 @@ from rmrc.cli.console import progress
 from rmrc.cli.files import PICTURES, expect, result_of, target
 from rmrc.cli.options import Count, Number, Text, within
 from rmrc.support.errors import QuestionError, did_you_mean
-from rmrc.support.legible import quoted
+from rmrc.support.text import quoted
 
 FILMS = (".gif", ".png", ".mp4")
 

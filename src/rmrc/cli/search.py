@@ -11,7 +11,7 @@ from rmrc.cli.console import InterruptedVerb, progress, show
 from rmrc.cli.options import Count, Number, Text, Texts
 from rmrc.support.errors import ClusterError, ScenarioError
 from rmrc.support.invocation import command
-from rmrc.support.legible import shortened
+from rmrc.support.text import shortened
 
 Drawn = Annotated[Texts, Option(metavar="KEY=LOW..HIGH", help="Draw a key between bounds; repeatable.")]
 
@@ -39,8 +39,7 @@ def sweep(
     Rerunning the command resumes an interrupted sweep. A run that diverges gets a row like any other.
     """
     from rmrc.show.report import Report, plain
-    from rmrc.study.sweep import Sweep
-    from rmrc.study.swept import Swept
+    from rmrc.study.sweep import Sweep, Swept
 
     if cluster is not None and threads:
         raise ClusterError(
@@ -125,9 +124,9 @@ def tune(
     robot. Prints the Pareto front of peak rate and error, the recommendation, and a control section to
     paste. Writes NAME.tune.yaml, .png and .parquet. Exit code 1: no setting keeps the limits.
     """
-    from rmrc.results.leaving import refuse_unwritable
+    from rmrc.results.events import refuse_unwritable
     from rmrc.scenario import angle
-    from rmrc.show.asked import sized
+    from rmrc.show.picture_size import sized
     from rmrc.show.report import Report, plain
     from rmrc.show.sheets import Sheet
     from rmrc.tuning.answer import about, rows_of, sheets

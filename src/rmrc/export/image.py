@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.export.objects import NOTHING, name_of
+from rmrc.law.measurement import CHAIN_ALONE
 from rmrc.law.record import field_offset, new_worlds, world_type
-from rmrc.law.sight import CHAIN_ALONE
 from rmrc.plants.engine import BAD_LAST
 from rmrc.results.columns import COLUMNS
 from rmrc.simulation.prepare import Prepared

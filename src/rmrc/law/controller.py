@@ -33,9 +33,9 @@ from rmrc.law.compiling import Array
 from rmrc.law.defaults import fitted
 from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET
 from rmrc.law.kinematics import FRAMES
+from rmrc.law.measurement import CHAIN_ALONE, look_at
 from rmrc.law.record import POSE, TWIST
 from rmrc.law.settings import TaskLaw, rate_limit
-from rmrc.law.sight import CHAIN_ALONE, look_at
 from rmrc.law.step import FRAME, PLACED, RATES
 from rmrc.law.stepping import SteppedLaw, started
 from rmrc.law.task import Task, choose
@@ -43,8 +43,8 @@ from rmrc.scenario import ArmSection, ControlSource, TaskSection, read_controls,
 from rmrc.scenario.keywords import hinted
 from rmrc.support import shipped
 from rmrc.support.errors import ModelError, ModelWarning, QuestionError
-from rmrc.support.legible import shortened
 from rmrc.support.spatial import exp_rotation
+from rmrc.support.text import shortened
 
 # A matrix that differs more from that of its quaternion is no rotation.
 SKEWEST = 5e-4

@@ -12,8 +12,8 @@ from rmrc.scenario import ControlSection
 from rmrc.scenario.choices import INVERSES, POLICIES
 from rmrc.scenario.profile import load_profile
 from rmrc.support.errors import ScenarioError, did_you_mean
-from rmrc.support.legible import listed
 from rmrc.support.problems import Problem
+from rmrc.support.text import listed
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm

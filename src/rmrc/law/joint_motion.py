@@ -11,7 +11,7 @@ from rmrc.law.jerk import SPREAD
 from rmrc.law.kinematics import way_to
 from rmrc.law.law import aim, record_measures, scale_task, singular_status
 from rmrc.law.limits import limit
-from rmrc.law.sight import JACOBIAN_ALONE
+from rmrc.law.measurement import JACOBIAN_ALONE
 from rmrc.scenario.choices import LIMITS, Status
 
 # Bits of `input.given`: what the joints are brought to.

@@ -15,9 +15,9 @@ from rmrc.law.compiling import Method, Record, call, compiled
 from rmrc.law.inverses import invert_above, push_fading
 from rmrc.law.kinematics import frame_error, frame_turn, pose_error, turn_columns, turn_twist
 from rmrc.law.limits import limit
+from rmrc.law.measurement import is_held
 from rmrc.law.metric import INERTIA, backward, scale_joints
 from rmrc.law.record import POSE
-from rmrc.law.sight import is_held
 from rmrc.law.svd import RANK_FLOOR, clear, combine, copy, dot, product, project
 from rmrc.scenario.choices import Status
 

@@ -14,10 +14,10 @@ from rmrc.law.jerk import keep_change
 from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET, brake_blindly, is_outside
 from rmrc.law.kinematics import BASE, SITE, carry, turn_of, turn_twist
 from rmrc.law.law import resolve
+from rmrc.law.measurement import JACOBIAN_ALONE, is_held, look, read_state
 from rmrc.law.metric import INERTIA, factor
 from rmrc.law.periods import TIMED, begin_tick, is_time, set_tick
 from rmrc.law.record import POSE, TWIST
-from rmrc.law.sight import JACOBIAN_ALONE, is_held, look, read_state
 from rmrc.law.svd import clear, copy
 from rmrc.scenario.choices import Status
 

@@ -12,13 +12,13 @@ from rmrc.law.command import Command
 from rmrc.law.compiling import Array, Method
 from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET, move_joints
 from rmrc.law.limits import by_joint
+from rmrc.law.measurement import CHAIN_ALONE
 from rmrc.law.periods import TIMED
 from rmrc.law.record import POSE, TWIST, new_worlds, reset
 from rmrc.law.settings import TaskLaw, link
-from rmrc.law.sight import CHAIN_ALONE
 from rmrc.law.step import LARGEST, OVERDUE, PLACED, RATES, REFUSED, STOPPED, step
 from rmrc.support.errors import QuestionError
-from rmrc.support.legible import shortened
+from rmrc.support.text import shortened
 
 # The most periods that are braked when no step came in time: any arm is at rest by then.
 MOST_LATE = 1_000_000

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rmrc.logs.tables import POSE, Numbers
 from rmrc.logs.units import ANGLES, JOINTS, LENGTHS, SECONDS, SIZES, STEP, parts, rates
 from rmrc.support.errors import QuestionError, did_you_mean
-from rmrc.support.legible import listed, quoted
+from rmrc.support.text import listed, quoted
 
 # Names in various programs, the most certain first, as patterns; the joint's number or name is before or
 # behind.

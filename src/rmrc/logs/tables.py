@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from rmrc.results.run import BASELINE
 from rmrc.support.errors import QuestionError
 from rmrc.support.files import reading
-from rmrc.support.legible import listed, quoted
+from rmrc.support.text import listed, quoted
 
 Numbers: TypeAlias = Mapping[str, NDArray[Any]]
 """Columns by name, all (R,), of floats or, as stamps in ns need all their digits, of integers of 64 bits."""

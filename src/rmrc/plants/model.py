@@ -19,7 +19,7 @@ from rmrc.plants.plant import Assumed
 from rmrc.plants.servo import Servo
 from rmrc.plants.torque import FREEDOM, choose_acceleration, find_torques, write_dynamics
 from rmrc.scenario.choices import Status
-from rmrc.support.legible import listed
+from rmrc.support.text import listed
 
 POSITION, INTEGRATED, RATE, MOTOR = map(int, DriveKind)
 RATE_LIMITED, POSITION_LIMITED = int(Status.RATE_LIMITED), int(Status.POSITION_LIMITED)

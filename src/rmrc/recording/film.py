@@ -23,7 +23,7 @@ from rmrc.show.figure import draw
 from rmrc.show.panels import Panel, in_words, panels
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.files import written_whole
-from rmrc.support.legible import visible
+from rmrc.support.text import visible
 
 Frame = NDArray[np.uint8]
 Worlds = Mapping[str, tuple[Prepared, Run]]

@@ -1,7 +1,7 @@
 """Pictures and films of runs: MuJoCo's renderer off screen, the rates below it, as PNG, GIF or MP4."""
 
 from rmrc.support.errors import QuestionError
-from rmrc.support.legible import line
+from rmrc.support.text import line
 
 WAY_OUT = "without a display set MUJOCO_GL=egl and install libegl1, or MUJOCO_GL=osmesa and libosmesa6"
 

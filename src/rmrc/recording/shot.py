@@ -14,8 +14,8 @@ from rmrc.recording.scene import Scene
 from rmrc.results.run import Run
 from rmrc.show.palette import GREEN, HUES, RED, WHITE, distinct, mix
 from rmrc.simulation.prepare import Prepared
-from rmrc.support.legible import visible
 from rmrc.support.spatial import quat_to_matrix
+from rmrc.support.text import visible
 
 Array = NDArray[np.float64]
 Kind, BALL = mujoco.mjtGeom, np.eye(3)

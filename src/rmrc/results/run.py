@@ -15,9 +15,9 @@ from pydantic import TypeAdapter
 from rmrc.results.columns import COLUMNS, Recorded, no_ticks
 from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.results.verdict import verdict
-from rmrc.support.brief import brief, cut
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.files import reading, written_whole
+from rmrc.support.text import brief, cut
 
 # Prefix of the columns of a baseline in the file of its run.
 BASELINE = "baseline/"

@@ -13,8 +13,8 @@ import numpy as np
 
 from rmrc.results.columns import Recorded
 from rmrc.results.metrics import metrics
-from rmrc.support.brief import brief
 from rmrc.support.errors import did_you_mean
+from rmrc.support.text import brief
 
 # Other words at the end of a metric.
 _WORDS = {"max": "peak", "maximum": "max", "peak": "max", "mean": "rms", "final": "end", "last": "end"}

@@ -8,7 +8,7 @@ import numpy as np
 from rmrc.results.columns import Recorded
 from rmrc.results.scorecard import Scorecard
 from rmrc.scenario.choices import Status
-from rmrc.support.legible import visible
+from rmrc.support.text import visible
 
 # κ from which an arm counts as near a singularity: MoveIt Servo begins to slow down there. From 100 on it is
 # SINGULAR.

@@ -18,9 +18,9 @@ from rmrc.scenario.reading import Document, split
 from rmrc.scenario.sections import PROFILE, Sections, parse_key
 from rmrc.scenario.wording import block
 from rmrc.support import shipped
-from rmrc.support.brief import cut
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin, Problem, join
+from rmrc.support.text import cut
 
 # Keys of files and folders, at the end of dotted keys, which may begin with `sweep.vary` or `baseline`.
 _FILES = re.compile(r"\.(arm\.model|tool\.model|packages\.[^.]+|file\.path|profile)$")

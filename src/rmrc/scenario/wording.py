@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 
 from rmrc.support.errors import did_you_mean
-from rmrc.support.legible import shortened, visible
+from rmrc.support.text import shortened, visible
 
 
 def show(value: object) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from rmrc.show.asked import ASKED
+from rmrc.show.picture_size import ASKED
 from rmrc.support.files import written_whole
 
 # Without colors, these distinguish neighbors.

@@ -23,7 +23,7 @@ from rmrc.show.palette import css
 from rmrc.show.panels import LOOKS, Array, Curve, Lane, Panel, Runs, extremes, lanes, panels
 from rmrc.show.sheets import Sheet
 from rmrc.support.files import written_whole
-from rmrc.support.legible import visible
+from rmrc.support.text import visible
 
 # Nothing may be loaded, sent or framed: the page contains everything that it needs.
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rmrc.support.legible import escaped
+from rmrc.support.text import escaped
 
 UNDEFINED = "-"
 

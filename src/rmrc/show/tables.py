@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, number
-from rmrc.support.legible import escaped
+from rmrc.support.text import escaped
 
 if TYPE_CHECKING:  # it imports numba, which a table of keys does not need
     from rmrc.results.expectations import Outcome

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rmrc.show.sheets import Sheet
-from rmrc.support.legible import visible
+from rmrc.support.text import visible
 
 _STYLES = {"ok": "green", "met": "green", "MISSED": "bold red", "missed": "bold red"}
 

@@ -32,10 +32,9 @@ from rmrc.simulation.configuration import assumed_configuration, true_configurat
 from rmrc.simulation.plausibility import Reach, bounds_of, check_points, doubt, reach_of
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import Places, make_reference
-from rmrc.support.brief import brief
 from rmrc.support.errors import ModelError, ScenarioError, TargetError
-from rmrc.support.legible import listed
 from rmrc.support.notices import tell_assumed
+from rmrc.support.text import brief, listed
 
 Array = NDArray[np.float64]
 T = TypeVar("T")

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from rmrc.law.compiling import Method, Record, at, carray, compiled, pointer
 from rmrc.law.kinematics import quat_product, turn_of
-from rmrc.support.brief import brief
 from rmrc.support.spatial import exp_rotation, quat_multiply
+from rmrc.support.text import brief
 
 Array = NDArray[np.float64]
 

@@ -24,8 +24,8 @@ from rmrc.logs.tables import POSE, Numbers, Table, read_table
 from rmrc.logs.units import JOINTS, SECONDS, SIZES
 from rmrc.scenario.target import Motion
 from rmrc.support.errors import QuestionError, TargetError, did_you_mean
-from rmrc.support.legible import listed, quoted
 from rmrc.support.spatial import AXES, exp_rotation, matrix_to_quat, quat_from_rpy, quat_to_matrix
+from rmrc.support.text import listed, quoted
 
 Array = NDArray[np.float64]
 

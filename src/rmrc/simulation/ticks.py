@@ -6,8 +6,15 @@ import numpy as np
 
 from rmrc.law.compiling import Method, Record, at, call, carray, compiled, pointer
 from rmrc.law.kinematics import follow_chain, follow_second, framed_error, geometric_jacobian
+from rmrc.law.measurement import (
+    TORQUE_LIMITED,
+    is_at_torque_limit,
+    look,
+    read_at_joints,
+    read_forces,
+    read_joints,
+)
 from rmrc.law.priority import second_error
-from rmrc.law.sight import TORQUE_LIMITED, is_at_torque_limit, look, read_at_joints, read_forces, read_joints
 from rmrc.law.svd import copy, dot
 from rmrc.plants.engine import BAD_FIRST, BAD_LAST
 from rmrc.plants.fields import qpos_of

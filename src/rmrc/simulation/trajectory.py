@@ -33,8 +33,8 @@ from rmrc.simulation.motion import SLACK, eased, gaps, held, is_held, needed, re
 from rmrc.simulation.reference import POSE, Curve, Reference, Spline
 from rmrc.support import spatial
 from rmrc.support.errors import TargetError
-from rmrc.support.legible import listed
 from rmrc.support.spatial import ORIGIN, normalize, rotate
+from rmrc.support.text import listed
 
 Array = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from rmrc.arm.adapting import set_fields
 from rmrc.law.compiling import Method, missing_nothing, uninterrupted
 from rmrc.law.joint_motion import return_first
 from rmrc.law.limits import by_joint
+from rmrc.law.measurement import look_at
 from rmrc.law.record import ENGINE_FIELDS, capacity, new_worlds
 from rmrc.law.settings import LATE, link
-from rmrc.law.sight import look_at
 from rmrc.plants import engine
 from rmrc.plants.contacts import Contacts, can_touch
 from rmrc.plants.plant import Plant

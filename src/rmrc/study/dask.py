@@ -23,7 +23,7 @@ from rmrc.scenario import inline
 from rmrc.study.runs import Parcel, Rows, Runs
 from rmrc.support import lifetime
 from rmrc.support.errors import ClusterError
-from rmrc.support.legible import shortened
+from rmrc.support.text import shortened
 
 # Seconds: to reach a scheduler; without a worker until they are given up; between two looks for a stop.
 _ANSWER, _GONE, _LOOK = 10.0, 30.0, 0.2

@@ -22,10 +22,10 @@ from rmrc.show.sheets import Sheet, number
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.dataset import Table
 from rmrc.study.study import Study, Values
-from rmrc.study.swept import Swept
+from rmrc.study.sweep import Swept
 from rmrc.support.errors import QuestionError
 from rmrc.support.files import reading
-from rmrc.support.legible import quoted, visible
+from rmrc.support.text import quoted, visible
 
 Worlds: TypeAlias = dict[str, tuple[Prepared, Run]]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from rmrc.recording import unlogged
 from rmrc.results import facts
-from rmrc.results.leaving import refuse_unwritable
+from rmrc.results.events import refuse_unwritable
 from rmrc.results.run import Run, Runs, save_runs
 from rmrc.scenario import Source, Variant, draft_of, grid
 from rmrc.scenario.keywords import hinted

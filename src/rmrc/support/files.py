@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rmrc.support.errors import QuestionError, RmrcError
-from rmrc.support.legible import shortened, visible
+from rmrc.support.text import shortened, visible
 
 
 @contextmanager

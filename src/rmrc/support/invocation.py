@@ -5,7 +5,7 @@ import shlex
 import sys
 from pathlib import Path
 
-from rmrc.support.legible import visible
+from rmrc.support.text import visible
 
 
 def command(*words: str | os.PathLike[str]) -> str:

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from rmrc.support.legible import shortened, visible
+from rmrc.support.text import shortened, visible
 
 Key = tuple[str | int, ...]  # the steps from the root of a scenario to a value
 

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 from rmrc.results.facts import versions
 from rmrc.show.sheets import Sheet, number
-from rmrc.support.legible import listed
+from rmrc.support.text import listed
 from rmrc.tuning.space import AT_SINGULARITY, NUMBERS, WORDS
 from rmrc.tuning.tune import Tuned, Tuning
 from rmrc.tuning.verdict import Trial

@@ -13,7 +13,7 @@ from rmrc.show.page import Page, Section, code, items, picture, table
 from rmrc.show.palette import paints
 from rmrc.study.dataset import Table, about_of, read_table
 from rmrc.study.pictures import sweep_page
-from rmrc.study.swept import Swept
+from rmrc.study.sweep import Swept
 from rmrc.support.files import reading
 from rmrc.tuning.answer import Row, front, named, numbers, sheets, words
 from rmrc.tuning.space import METHOD

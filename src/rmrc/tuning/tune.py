@@ -10,10 +10,10 @@ from rmrc.scenario.choices import POLICIES
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.study import Study
-from rmrc.support.brief import brief
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
 from rmrc.support.problems import Problem
+from rmrc.support.text import brief
 from rmrc.textbook.stability import edge_gain
 from rmrc.tuning import space
 from rmrc.tuning.options import GAIN_MARGIN, Options

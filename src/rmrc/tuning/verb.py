@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rmrc.results.leaving import refuse_unwritable
+from rmrc.results.events import refuse_unwritable
 from rmrc.scenario import Source, block
 from rmrc.scenario.keywords import hinted
 from rmrc.study.dataset import Column, schema_of, write_table

@@ -15,7 +15,7 @@ from rmrc.arm.inventory import Contact, other_joints
 from rmrc.law.law import SINGULAR_BELOW
 from rmrc.law.task import Array
 from rmrc.results.verdict import SLIP_CURE
-from rmrc.support.brief import brief
+from rmrc.support.text import brief
 
 Level = Literal["error", "warning", "note"]
 

@@ -10,7 +10,7 @@ from rmrc.analysis.identify.fit import LATEST, STAMP, Fitted, Interval, fit
 from rmrc.analysis.identify.log import Log, Source, read_log
 from rmrc.analysis.identify.residual import POOR, Cause, Noise, explained, noise_of
 from rmrc.analysis.identify.response import Samples
-from rmrc.support.brief import brief
+from rmrc.support.text import brief
 
 # If a fit explains less of a joint's motion, the joint does not follow its commands.
 EXPLAINED = 0.95

@@ -18,7 +18,7 @@ from rmrc.logs.tables import Numbers, Table, columns_of, read_table
 from rmrc.logs.units import JOINT_RATES, JOINTS, SECONDS
 from rmrc.results.run import Run
 from rmrc.support.errors import QuestionError
-from rmrc.support.legible import listed, quoted
+from rmrc.support.text import listed, quoted
 
 Source: TypeAlias = str | os.PathLike[str] | Run | Mapping[str, ArrayLike]
 """A file, a run, or arrays by the names of columns."""

@@ -13,7 +13,7 @@ from rmrc.scenario import block as as_yaml
 from rmrc.show import figures
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
-from rmrc.support.legible import visible
+from rmrc.support.text import visible
 
 # Lines of the block fit a terminal with this many columns.
 WIDTH = 60

@@ -19,9 +19,9 @@ from rmrc.analysis.ik.postures import STEPS, Postures, find_postures, limits_of,
 from rmrc.analysis.subject import Model, Packages, numbers, subject
 from rmrc.law.task import Array, Task
 from rmrc.simulation.inverse_kinematics import newton, search, unwound
-from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import AXES, exp_rotation, normalize, pose_error, quat_multiply
+from rmrc.support.text import brief
 
 Method: TypeAlias = Literal["damped", "newton"]
 

@@ -18,8 +18,8 @@ from rmrc.arm import Arm
 from rmrc.arm.inventory import Mechanism, find_mechanism
 from rmrc.law.task import Array, Task
 from rmrc.show.sheets import Sheet, as_markdown, number
-from rmrc.support.brief import brief
 from rmrc.support.spatial import AXES, quat_to_matrix
+from rmrc.support.text import brief
 from rmrc.textbook.displacement import tip_covariance, tip_error
 from rmrc.textbook.ellipsoid import force_ellipsoid, velocity_ellipsoid
 from rmrc.textbook.euler import zyz_angles, zyz_is_singular, zyz_rate_matrix

@@ -16,7 +16,7 @@ from rmrc.arm.geometry import damping_maximum, tidy
 from rmrc.arm.inventory import other_joints, shape_masses
 from rmrc.law.task import Array
 from rmrc.scenario import block
-from rmrc.support.legible import listed, visible
+from rmrc.support.text import listed, visible
 
 # Control period of a scenario [s]; feedback [1/s], which is stable even with ten ticks of delay.
 PERIOD, FEEDBACK = 0.001, 10.0

@@ -28,9 +28,9 @@ from rmrc.show.sheets import number
 from rmrc.simulation.footprint import excess, footprint
 from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.support.brief import brief
 from rmrc.support.errors import DivergenceError, QuestionError
 from rmrc.support.spatial import AXES
+from rmrc.support.text import brief
 
 WRENCH = ("fx", "fy", "fz", "nx", "ny", "nz")
 # Control period, which is also the time constant of a servo [s]. MuJoCo's step is a fraction of it: with a

@@ -22,10 +22,10 @@ from rmrc.arm import Arm
 from rmrc.law.task import Array, Task, choose
 from rmrc.show.sheets import Sheet, as_markdown, number
 from rmrc.simulation.footprint import LIBRARIES
-from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError
 from rmrc.support.memory import excess
 from rmrc.support.spatial import AXES
+from rmrc.support.text import brief
 
 MEASURES = ("sigma_min", "manipulability")
 FULL = np.array([-np.pi, np.pi])

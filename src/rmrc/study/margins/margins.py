@@ -16,9 +16,9 @@ from rmrc.scenario import Change, Scenario, Source, changes_of
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.margins.ringing import Judged, judged, lateness
 from rmrc.study.study import Study
-from rmrc.support.brief import brief
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
+from rmrc.support.text import brief
 from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag
 
 # The relative accuracy of a limit, and its bounds: at its limit a loop takes forever to show on which side of

@@ -23,9 +23,9 @@ from numpy.typing import ArrayLike, NDArray
 from rmrc.law import damping, fit, inverses, nullspace
 from rmrc.law.command import Command
 from rmrc.law.compiling import Array
+from rmrc.law.measurement import JACOBIAN_ALONE
 from rmrc.law.record import ROWS, TWIST, capacity, new_worlds
 from rmrc.law.settings import TaskLaw, link, schedule_of
-from rmrc.law.sight import JACOBIAN_ALONE
 from rmrc.law.step import resolve_alone
 from rmrc.law.stepping import SteppedLaw, as_numbers, started
 from rmrc.law.task import BareJoints, Task
@@ -34,7 +34,7 @@ from rmrc.scenario.choices import INVERSES, OBJECTIVES, SCHEDULES, Choice, Choic
 from rmrc.scenario.keywords import hinted
 from rmrc.scenario.messages import other_name
 from rmrc.support.errors import QuestionError, did_you_mean
-from rmrc.support.legible import shortened
+from rmrc.support.text import shortened
 
 # The part of the law that reads each optional argument of a step.
 _READERS = {
