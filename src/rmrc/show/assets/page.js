@@ -78,7 +78,7 @@
       cursor: {sync: {key: "time", scales: ["x", null]}, drag: {x: true, y: false}},
       scales: {x: {time: false}, y: {distr: panel.logarithmic ? 3 : 1, range: () => panel.range}},
       axes: [{...axis, ...(panel.height ? {} : {label: "time [s]", labelSize: 20}), size: 30},
-        {...axis, size: 62, space: panel.height ? 18 : 30, ...numbers}],
+        {...axis, size: 62, ...(panel.height ? {space: 18} : {}), ...numbers}],
       series: [{label: "time [s]", value: (u, v) => shown(v)}, ...panel.curves.map((curve) => ({
         label: curve.label, stroke: curve.color, width: curve.width, dash: curve.dash, value: (u, v) => shown(v),
         points: {show: false},
