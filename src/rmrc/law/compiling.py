@@ -41,7 +41,10 @@ Function = TypeVar("Function", bound=Callable[..., object])
 # because the law itself decides about zeros. No `fastmath`: it would drop the tests for NaN.
 _FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 # Rooms with compiled functions, and the module with the constants that these use.
-_SOURCES = "law/*.py", "plants/*.py", "simulation/*.py", "analysis/**/*.py", "scenario/choices.py"
+_SOURCES = (
+    *("law/*.py", "plants/*.py", "simulation/*.py", "analysis/**/*.py", "export/*.py"),
+    "scenario/choices.py",
+)
 # The folders of older sources that stay beside the present one: other branches of a clone.
 _OLDER = 8
 
