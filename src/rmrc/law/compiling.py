@@ -40,11 +40,8 @@ Function = TypeVar("Function", bound=Callable[..., object])
 # `nogil` lets threads run worlds side by side. With `error_model="numpy"` 1/0 is infinite and raises nothing,
 # because the law itself decides about zeros. No `fastmath`: it would drop the tests for NaN.
 _FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-# Rooms with compiled functions, and the module with the constants that these use.
-_SOURCES = (
-    *("law/*.py", "plants/*.py", "simulation/*.py", "analysis/**/*.py", "export/*.py"),
-    "scenario/choices.py",
-)
+# Rooms with compiled functions; the constants that these use stand in rmrc.scenario.choices.
+_SOURCES = tuple(f"{room}/**/*.py" for room in ("law", "plants", "simulation", "analysis", "export"))
 # The folders of older sources that stay beside the present one: other branches of a clone.
 _OLDER = 8
 
@@ -56,7 +53,8 @@ _compiling = threading.RLock()
 def _sources() -> str:
     """Return a digest of all modules that may hold compiled functions."""
     package = Path(__file__).parents[1]
-    files = sorted(file for pattern in _SOURCES for file in package.glob(pattern))
+    patterns = (*_SOURCES, "scenario/choices.py")
+    files = sorted(file for pattern in patterns for file in package.glob(pattern))
     versions = f"{numba.__version__} {np.__version__}".encode()
     return hashlib.sha256(versions + b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
