@@ -66,6 +66,10 @@ SEARCHED = {
 
 ENTRY = re.compile(r"^- \[(.+?)\]\((\S+?)\.(?:md|ipynb)\)", re.MULTILINE)
 
+# Links such as explore.md?NAME#settings: in the site to that page, on GitHub to explore.md.
+IN_BROWSER = re.compile(r"\[([^\]]+)\]\(explore\.md\?([\w-]+)(#\S+)?\)")
+EXPLORED: set[str] = set()
+
 
 def add_contents(_: object, page: str, source: list[str]) -> None:
     """Make the tables of contents from the lists of the first page, which GitHub shows as they are."""
@@ -86,6 +90,32 @@ def add_words(_: object, page: str, source: list[str]) -> None:
         modules = sorted(path.stem for path in (ROOT / "src/rmrc/textbook").glob("[a-z]*.py"))
         listed = "".join(f".. automodule:: rmrc.textbook.{module}\n   :members:\n" for module in modules)
         source[0] += f"\n```{{eval-rst}}\n{listed}```\n"
+
+
+def link_explored(_: object, _page: str, source: list[str]) -> None:
+    """Link pages of `rmrc explore`, and note which."""
+
+    def link(found: re.Match[str]) -> str:
+        text, name, settings = found.groups("")
+        EXPLORED.add(name)
+        return f'<a href="../explore/{name}.html{settings}">{text}</a>'
+
+    source[0] = IN_BROWSER.sub(link, source[0])
+
+
+def write_explored(app: Any, error: Exception | None) -> None:
+    """Write the pages of `rmrc explore` that are linked: of lessons, and of shipped scenarios."""
+    from rmrc.export.page import read_lesson, write
+    from rmrc.scenario import load
+    from rmrc.scenario.lesson import SHIPPED
+
+    if error or app.builder.name != "html":
+        return
+    folder = Path(app.outdir) / "explore"
+    folder.mkdir(exist_ok=True)
+    for name in sorted(EXPLORED):
+        lesson = read_lesson(name) if name in SHIPPED else None
+        write(folder / f"{name}.html", load(lesson.scenario if lesson else name), lesson)
 
 
 def write_math(writer: Any, node: Any) -> None:
@@ -119,6 +149,8 @@ def setup(app: Any) -> None:
     app.connect("autodoc-process-docstring", as_markup, priority=400)  # before napoleon
     app.connect("source-read", add_contents)
     app.connect("source-read", add_words)
+    app.connect("source-read", link_explored)
+    app.connect("build-finished", write_explored)
     findable.setup(app)
 
 

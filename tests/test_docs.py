@@ -184,7 +184,7 @@ def broken_links(name, text):
     for target in re.findall(r"\]\(([^)\s]+)\)", text):
         if re.match(r"[a-z]+:", target):
             continue
-        path, _, anchor = target.partition("#")
+        path, _, anchor = re.sub(r"\?.*", "", target).partition("#")  # what follows ? is for the site
         file = (ROOT / name).parent / path if path else ROOT / name
         if not file.exists() or (anchor and anchor not in anchors(file.read_text("utf-8"))):
             yield target

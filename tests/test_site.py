@@ -10,6 +10,10 @@ import pytest
 from browsers import chromium
 from pages import CONTENTS, PAGES, page
 from project import ROOT
+from rmrc.export.contents import contents
+from rmrc.export.page import read_lesson
+from rmrc.scenario import load
+from rmrc.scenario.lesson import SHIPPED
 
 SPEC = importlib.util.spec_from_file_location("site_tool", ROOT / "tools/site.py")
 site = importlib.util.module_from_spec(SPEC)
@@ -65,11 +69,29 @@ def test_what_people_search_for_is_in_the_index_of_one_page(conf):
         assert heading and f"   ! {word}\n" in index
 
 
+def test_a_link_to_a_page_with_sliders_sets_what_the_page_has(conf):
+    texts = [path.read_text("utf-8") for path in (ROOT / "docs").glob("*.md")]
+    links = {link[1:] for text in texts for link in conf["IN_BROWSER"].findall(text)}
+    told = set(re.findall(r"explore\.md\?([\w-]+)", page("A page with sliders")))
+    assert {*SHIPPED} < told and {name for name, _ in links} == told
+    for name, settings in links:
+        scenario = load(read_lesson(name).scenario if name in SHIPPED else name)
+        if settings:
+            key, value = settings[1:].split("=")
+            (control,) = (each for each in contents(scenario, None)[0].controls if each.key == key)
+            assert value in [each if isinstance(each, str) else f"{each:g}" for each in control.values]
+    source = ["[a](explore.md?b#c=d), [e](explore.md)"]
+    conf["link_explored"](None, "docs/x", source)
+    assert source == ['<a href="../explore/b.html#c=d">a</a>, [e](explore.md)']
+
+
 def test_a_broken_link_of_the_site_is_seen(tmp_path):
     (tmp_path / "docs").mkdir()
     good = '<h1 id="here">a</h1><a href="#here">b</a><a href="docs/b.html#there">c</a><a href="https://x.org">d</a>'
     (tmp_path / "a.html").write_text(good)
-    (tmp_path / "docs/b.html").write_text('<p id="there"><img src="../a.html"><a href="../a.html#here">a</a>')
+    (tmp_path / "docs/b.html").write_text(
+        '<p id="there"><img src="../a.html"><a href="../a.html#here">a</a><a href="../a.html#k=1">'
+    )
     assert list(site.broken(tmp_path)) == []
     (tmp_path / "docs/b.html").write_text(
         '<a href="../a.html#gone"></a><script src="https://x.org/y.js"></script>'

@@ -101,7 +101,7 @@ def broken(folder: Path) -> Iterator[str]:
                     yield f"{path.relative_to(folder)}: loads {to}"
                 continue
             target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
-            place = unquote(parts.fragment)
+            place = "" if "=" in parts.fragment else unquote(parts.fragment)  # no place: settings of a page
             if not target.is_file() or (place and target in pages and place not in pages[target].places):
                 yield f"{path.relative_to(folder)}: {to} leads nowhere"
 
