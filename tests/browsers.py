@@ -31,3 +31,11 @@ def chromium(*flags):
         )
         yield browser
         browser.close()
+
+
+def widths(shown):
+    """Return the widths of each plot of a page and of its place, after a frame, because plots follow at the next one."""
+    return shown.evaluate(
+        "new Promise(requestAnimationFrame).then(() => [...document.querySelectorAll('.u-wrap')].map("
+        "plot => [plot.offsetWidth, plot.closest('.uplot').parentElement.clientWidth]))"
+    )

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import rmrc
-from browsers import chromium
+from browsers import chromium, widths
 from rmrc.export import page
 from rmrc.export.contents import contents
 from rmrc.export.drawing import BOX, CAPSULE, CYLINDER, ELLIPSOID, SPHERE, hull
@@ -234,4 +234,5 @@ def test_a_browser_runs_the_page_from_disk_without_a_request(tmp_path):
         for width in (1920, 390):
             shown.set_viewport_size({"width": width, "height": 1080})
             assert shown.evaluate("document.documentElement.scrollWidth") <= width
+            assert all(0 < drawn == room < width for drawn, room in widths(shown))
     assert set(asked) == {f"{file.as_uri()}"} and complaints == []

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import rmrc
-from browsers import chromium
+from browsers import chromium, widths
 from project import ROOT, undrawn
 from rmrc.results.run import Run, save_runs
 from rmrc.scenario import load, loads
@@ -189,11 +189,12 @@ def test_a_browser_shows_a_page_without_complaint(browser, left, verb):
 
     axe = (Path(axe_playwright_python.__path__[0]) / "axe.min.js").read_text("utf-8")
     address, complaints, asked = (left / f"{verb}.html").as_uri(), [], []
-    shown = browser.new_page(viewport={"width": 1280, "height": 720})
+    shown = browser.new_page()
     shown.on("console", lambda message: complaints.append(message.text))
     shown.on("pageerror", lambda error: complaints.append(str(error)))
     shown.on("request", lambda request: asked.append(request.url))
     for scheme in ("light", "dark"):
+        shown.set_viewport_size({"width": 1280, "height": 720})
         shown.emulate_media(color_scheme=scheme)
         shown.goto(address)
         assert (shown.locator("canvas").count() > 3) is (verb in ("run", "compare"))
@@ -214,6 +215,7 @@ def test_a_browser_shows_a_page_without_complaint(browser, left, verb):
             shown.set_viewport_size({"width": width, "height": 720})
             assert shown.evaluate(columns) == count
             assert shown.evaluate("document.documentElement.scrollWidth") <= width
+            assert all(0 < drawn == room < width for drawn, room in widths(shown))
         shown.evaluate(axe)
         wrong = shown.evaluate("axe.run()")["violations"]
         assert [(one["id"], one["nodes"][0]["html"]) for one in wrong] == []
