@@ -25,8 +25,8 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 ROOMS = ("law", "plants", "results", "analysis")
 RUNS = (
-    "tests/law/test_law.py",
     "tests/test_simulation.py",
+    "tests/law/test_law.py",
     "tests/test_scenarios.py",
     "tests/test_tracking.py",
 )
@@ -84,16 +84,15 @@ def faults(path: Path) -> Iterator[Fault]:
 
 
 def nearest(file: str) -> list[str]:
-    """Return tests: those that import the faulty module, then those of its room and of whole runs."""
+    """Return tests in their order: for the law, whole runs come first, as they see most of it."""
     _, _, room, *folders, module = Path(file).with_suffix("").parts
     names = f"rmrc.{'.'.join([room, *folders, module])}", f"rmrc.{'.'.join([room, *folders])} import"
-    tests = sorted(
-        set((ROOT / "tests").rglob("test_*.py")) - {ROOT / "tests/law/test_compiling.py"}
-    )  # edits copies
+    edits_copies = ROOT / "tests/law/test_compiling.py"
+    tests = sorted({*(ROOT / "tests").rglob("test_*.py")} - {edits_copies})
     importing = [test for test in tests if any(name in test.read_text("utf-8") for name in names)]
     beside = [test for test in tests if test.parent.name == room]
     files = [test.relative_to(ROOT).as_posix() for test in (*importing, *beside)]
-    ordered = [*files, *RUNS] if room == "analysis" else [*files[: len(importing)], *RUNS, *files]
+    ordered = [*RUNS, *files] if room in ("law", "plants") else [*files, *RUNS]
     return list(dict.fromkeys(ordered))
 
 
