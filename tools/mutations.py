@@ -13,12 +13,12 @@ import csv
 import os
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -106,12 +106,16 @@ def outcome(fault: Fault) -> str:
         (copy / fault.file).write_bytes(data[: fault.start] + fault.new.encode() + after)
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider"]
         environment = os.environ | {"PYTHONPATH": str(copy / "src"), "NUMBA_CACHE_DIR": f"{folder}/cache"}
-        test = partial(subprocess.run, cwd=copy, env=environment, capture_output=True, text=True, check=False)
+        run = subprocess.Popen(
+            [*command, *nearest(fault.file)], cwd=copy, env=environment, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
         try:
-            run = test([*command, *nearest(fault.file)], timeout=SECONDS)
+            output, _ = run.communicate(timeout=SECONDS)
         except subprocess.TimeoutExpired:
+            os.killpg(run.pid, signal.SIGKILL)  # with the processes that tests have started
             return "survives a minute"
-        failed = [line for line in run.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+        failed = [line for line in output.splitlines() if line.startswith(("FAILED", "ERROR"))]
         return (failed or ["crashes"])[0] if run.returncode else "survives"
 
 
