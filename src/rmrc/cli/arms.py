@@ -172,7 +172,7 @@ def workspace(
     with working("reading the model"):
         from rmrc.analysis.workspace import workspace as mapping
         from rmrc.analysis.workspace.report import report
-        from rmrc.results.events import refuse_unwritable
+        from rmrc.support.files import refuse_unwritable
 
         arm = options.read_arm(model, site, body, package)
     file = output or out / f"{arm.path.stem}.workspace.png"

@@ -65,7 +65,7 @@ def target(source: Path, output: Path | None, suffixes: Sequence[str]) -> Path:
         QuestionError: It has a suffix that cannot be written.
         OSError: It cannot be written.
     """
-    from rmrc.results.events import refuse_unwritable
+    from rmrc.support.files import refuse_unwritable
 
     folder = source if source.suffix in OF_RUNS + OF_SEARCHES else Path("recordings", source.name)
     file = suffixed("--output", output, suffixes) or folder.with_suffix(suffixes[0])

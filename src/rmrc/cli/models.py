@@ -111,8 +111,7 @@ def identify(
     with working("identifying"):
         from rmrc.analysis.identify.identify import identify as ask
         from rmrc.analysis.identify.report import report
-        from rmrc.results.events import refuse_unwritable
-        from rmrc.support.files import write_text
+        from rmrc.support.files import refuse_unwritable, write_text
 
         picture, block = output or out / f"{log.stem}.identify.png", out / f"{log.stem}.identify.yaml"
         refuse_unwritable([picture, block])

@@ -124,11 +124,11 @@ def tune(
     robot. Prints the Pareto front of peak rate and error, the recommendation, and a control section to
     paste. Writes NAME.tune.yaml, .png and .parquet. Exit code 1: no setting keeps the limits.
     """
-    from rmrc.results.events import refuse_unwritable
     from rmrc.scenario import angle
     from rmrc.show.picture_size import sized
     from rmrc.show.report import Report, plain
     from rmrc.show.sheets import Sheet
+    from rmrc.support.files import refuse_unwritable
     from rmrc.tuning.answer import about, rows_of, sheets
     from rmrc.tuning.tune import Tuning
     from rmrc.tuning.verb import files, write

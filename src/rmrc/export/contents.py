@@ -91,22 +91,17 @@ def _image(prepared: Prepared) -> dict[str, Any]:
     Raises:
         QuestionError: It needs random numbers, or a page cannot run it.
     """
-    plant, made, width = prepared.scenario.plant, image(prepared), 0
+    plant, n = prepared.scenario.plant, prepared.arm.n
     if prepared.hardware.encoders.is_noisy or plant.jitter or plant.loss:
         keys = "arm.encoder.noise, plant.jitter and plant.loss"
         raise QuestionError(f"{prepared.scenario.name}: a page has no random numbers; leave out {keys}")
-    n, words, arrays = prepared.arm.n, made["words"], made["arrays"]
     J, frame = (offset(*field) // 8 for field in (("state", "J"), ("chain", "frame")))
-    more = {
+    made = image(prepared, {
         "frame": frame + np.arange(7 * len(prepared.arm.axis_names)),
         "J": (J + CAPACITY * np.arange(6)[:, None] + np.arange(n)).ravel(),
         "limit": offset("limits", "rate") // 8 + np.arange(n),
-    }
-    for name, places in more.items():
-        made["columns"][name], width = [made["width"] + width, len(places)], width + len(places)
-    made["width"] += width
-    sources = base64.b64decode(arrays["sources"][2]) + np.concatenate([*more.values()]).tobytes()
-    arrays["sources"][1:] = len(sources), base64.b64encode(sources).decode()
+    })  # fmt: skip
+    words, arrays = made["words"], made["arrays"]
     arrays.pop("positions", None)  # of joints that are not the arm's
     for name in ("reference", "chance", "path"):
         arrays[name] = [offset("engine", name), 0, ""]

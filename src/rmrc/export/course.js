@@ -5,8 +5,7 @@ const RING = 4096,
   SAMPLE = 13,
   LATEST = 0.2;
 
-const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-const floats = (text) => new Float32Array(bytes(text).buffer);
+const floats = (text) => new Float32Array(bytesOf(text).buffer);
 
 class Course {
   // `law` is the compiled module of law.wasm, and `data` what `rmrc.export.page` writes.
@@ -65,7 +64,7 @@ class Course {
   // The whole path.
   run(settings) {
     const { path, ticks } = settings,
-      pieces = new Float64Array(bytes(path.pieces).buffer);
+      pieces = new Float64Array(bytesOf(path.pieces).buffer);
     const world = (this.whole = this.begun(this.whole, settings, ticks, ticks, path.ticks));
     world.array("path").set(pieces);
     world.setInteger(this.data.image.words.path_size, pieces.length);

@@ -2,7 +2,7 @@
 
 const element = (id) => document.getElementById(id);
 async function unpacked(id) {
-  const packed = Uint8Array.from(atob(element(id).textContent), (letter) => letter.charCodeAt(0));
+  const packed = bytesOf(element(id).textContent);
   return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate")));
 }
 

@@ -5,7 +5,7 @@ chain. A page places the arrays, writes where they are, and does the ticks by `r
 """
 
 import base64
-import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -30,12 +30,12 @@ _COUNTS = (
 )
 
 
-def image(prepared: Prepared, delay: float = 0.0) -> dict[str, Any]:
+def image(prepared: Prepared, more: Mapping[str, NDArray[np.int64]] | None = None) -> dict[str, Any]:
     """Return the start of a world, for `law.mjs`, as JSON can hold it.
 
     Args:
         prepared: A scenario with the ideal plant.
-        delay: The longest delay of commands that a page may choose [s].
+        more: Further columns: words of the record by their names.
 
     Raises:
         QuestionError: A page cannot run it.
@@ -45,14 +45,12 @@ def image(prepared: Prepared, delay: float = 0.0) -> dict[str, Any]:
     records = _widened(world.record)
     record, arm = records[0], prepared.arm
     engine = record["engine"]
-    words = words_of_columns(records.dtype, arm.n, int(record["k"]))
+    words = {**words_of_columns(records.dtype, arm.n, int(record["k"])), **(more or {})}
     sources = np.concatenate([*words.values()])
     ticks, path = prepared.most_ticks, prepared.reference.numbers
-    past = max(int(engine["past_rows"]), math.ceil(delay / prepared.scenario.control.period) + 2)
     engine["ticks"] = engine["rows"] = ticks
     engine["path_ticks"], engine["path_size"] = prepared.reference.ticks, len(path)
     engine["record_size"], engine["width"] = records.itemsize // 8, len(sources)
-    engine["past_rows"] = past
     arrays: dict[str, NDArray[Any] | int] = {
         "qpos": prepared.qpos,
         "qvel": 8 * int(engine["nv"]),
@@ -62,7 +60,7 @@ def image(prepared: Prepared, delay: float = 0.0) -> dict[str, Any]:
         "reference": 8 * TWIST * prepared.reference.ticks,
         "sources": sources,
         "columns": 8 * len(sources) * ticks,
-        "past": 8 * past * (2 * arm.n + 1),
+        "past": 8 * int(engine["past_rows"]) * (2 * arm.n + 1),
         "chance": _chance(prepared),
     }
     if world.positions is not None:
@@ -76,7 +74,7 @@ def image(prepared: Prepared, delay: float = 0.0) -> dict[str, Any]:
         "arrays": {name: _array(name, values) for name, values in arrays.items()},
         "words": {name: offset("engine", name) for name in ("next", "last", "ticks", "diverged", "record")},
         "columns": {
-            name: [first, COLUMNS[name].width and len(part)]
+            name: [first, 0 if name in COLUMNS and not COLUMNS[name].width else len(part)]
             for (name, part), first in zip(words.items(), firsts, strict=False)
         },
         "width": len(sources),

@@ -1,4 +1,4 @@
-// A world in WebAssembly: the image that `rmrc.export.image` wrote, its ticks, and its columns.
+// A world in WebAssembly: the image that `rmrc.export.image` wrote, and its ticks.
 
 const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 
@@ -33,13 +33,6 @@ export class World {
     return first;
   }
 
-  /** Give an array, which `begin` fills, another size in bytes. */
-  resize(name, size) {
-    const array = this.arrays[name];
-    if (size > array.size) array.place = this.place(size);
-    array.size = size;
-  }
-
   /** Go back to the start. */
   begin() {
     const bytes = new Uint8Array(this.view.buffer);
@@ -66,10 +59,6 @@ export class World {
 
   setInteger(word, value) {
     this.view.setBigInt64(this.record + word, BigInt(value), true);
-  }
-
-  number(word) {
-    return this.view.getFloat64(this.record + word, true);
   }
 
   setNumber(word, value) {
@@ -103,25 +92,5 @@ export class World {
     this.setInteger(last, Math.min(this.done + count, this.integer(ticks)));
     this.exports["ticks.ticks"](0, 0, 0, this.record);
     return this.integer(diverged) < 0 && this.done < this.integer(ticks);
-  }
-
-  /** The columns so far, by name, each [width, values]; the width of a single number per tick is 0. */
-  columns() {
-    const { done, image } = this;
-    const [numbers, columns] = [this.array("columns"), {}];
-    const integers = new BigInt64Array(numbers.buffer, numbers.byteOffset, numbers.length);
-    for (const [name, [first, width]] of Object.entries(image.columns)) {
-      const size = width || 1;
-      const values = new Float64Array(done * size);
-      for (let t = 0; t < done; t++) {
-        for (let i = 0; i < size; i++) {
-          const place = t * image.width + first + i;
-          values[t * size + i] = name === "status" ? Number(integers[place]) : numbers[place];
-        }
-      }
-      columns[name] = [width, values];
-    }
-    if (this.arrays.positions) columns.qpos = [image.nq, this.array("positions").slice(0, done * image.nq)];
-    return columns;
   }
 }

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
-from rmrc.results.events import refuse_unwritable
 from rmrc.results.expectations import Case
 from rmrc.results.run import Run
 from rmrc.support.errors import QuestionError, RmrcError
-from rmrc.support.files import write_text
+from rmrc.support.files import refuse_unwritable, write_text
 from rmrc.support.text import escaped, visible
 
 # The file of a step of GitHub Actions; text appended to it becomes the summary of that step.

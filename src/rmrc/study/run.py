@@ -8,7 +8,6 @@ from typing import Any
 
 from rmrc.recording import unlogged
 from rmrc.results import facts
-from rmrc.results.events import refuse_unwritable
 from rmrc.results.run import Run, Runs, save_runs
 from rmrc.scenario import Source, Variant, draft_of, grid
 from rmrc.scenario.keywords import hinted
@@ -18,6 +17,7 @@ from rmrc.simulation.footprint import refuse_excess
 from rmrc.study import compare_table
 from rmrc.study.study import Result, Study, Values
 from rmrc.support.errors import RmrcError
+from rmrc.support.files import refuse_unwritable
 from rmrc.support.interruption import interruptible
 
 

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.results.events import refuse_unwritable
 from rmrc.scenario import Source, draft_of
 from rmrc.scenario.keywords import hinted
 from rmrc.scenario.sections import PROFILE
@@ -30,7 +29,7 @@ from rmrc.study.plan import plan_of
 from rmrc.study.runs import Parcel, Rows, Runs, columns_of, pack
 from rmrc.study.study import OnRuns, Values, validated
 from rmrc.support.errors import ScenarioError
-from rmrc.support.files import reading
+from rmrc.support.files import reading, refuse_unwritable
 from rmrc.support.interruption import interruptible
 from rmrc.support.threads import side_by_side
 
@@ -233,9 +232,7 @@ def sweep(
         return read_table(work.dataset.file)
 
 
-# Swept --------------------------------------------------------------------------------------------
-#
-# The rows of a sweep, ready to show: the ends of its runs, and the extremes of the main metrics.
+# The rows, ready to show --------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)

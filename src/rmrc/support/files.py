@@ -1,7 +1,9 @@
-"""Files that appear atomically, and files of others that may be anything."""
+"""Files that appear whole, a check that they can, and files of others that may be anything."""
 
+import errno
+import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -73,3 +75,24 @@ def _about(path: Path, temporary: Path) -> Iterator[None]:
         if error.filename not in (None, str(temporary), temporary):
             raise
         raise OSError(error.errno, error.strerror or str(error), str(path)) from None
+
+
+def refuse_unwritable(paths: Iterable[Path]) -> None:
+    """Check whether files can be written, before a run.
+
+    Args:
+        paths: Paths of the files.
+
+    Raises:
+        OSError: A folder cannot be made or written to, or a directory has the name of a file.
+    """
+    for path in paths:
+        folder = next(parent for parent in path.absolute().parents if parent.exists())
+        for code, is_wrong in (
+            (errno.EISDIR, path.is_dir()),
+            (errno.EEXIST, path.exists() and not path.is_file()),  # such as a pipe
+            (errno.ENOTDIR, not folder.is_dir()),
+            (errno.EACCES, not os.access(folder, os.W_OK | os.X_OK)),
+        ):
+            if is_wrong:
+                raise OSError(code, os.strerror(code), str(path))

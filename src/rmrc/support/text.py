@@ -91,9 +91,7 @@ def escaped(text: str) -> str:
     return re.sub(r"([\\|*`<\[\]])", r"\\\1", " ".join(text.split()))
 
 
-# Brief --------------------------------------------------------------------------------------------
-#
-# A short repr of any object, which fits on a screen.
+# A repr that fits on a screen --------------------------------------------------------------------
 
 T = TypeVar("T")
 

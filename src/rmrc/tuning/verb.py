@@ -5,11 +5,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rmrc.results.events import refuse_unwritable
 from rmrc.scenario import Source, block
 from rmrc.scenario.keywords import hinted
 from rmrc.study.dataset import Column, schema_of, write_table
-from rmrc.support.files import written_whole
+from rmrc.support.files import refuse_unwritable, written_whole
 from rmrc.tuning.answer import about, rows_of
 from rmrc.tuning.options import Only, Options
 from rmrc.tuning.space import NUMBERS, WORDS

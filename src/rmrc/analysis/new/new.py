@@ -15,7 +15,6 @@ from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.analysis.trial import overlaps, tried
 from rmrc.arm import Arm
 from rmrc.arm.geometry import tidy
-from rmrc.results.events import refuse_unwritable
 from rmrc.results.scorecard import Figure
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import IDEAL, PLANTS, SERVO
@@ -23,7 +22,7 @@ from rmrc.show.report import Report, plain
 from rmrc.show.sheets import Sheet
 from rmrc.simulation.prepare import Cache
 from rmrc.support.errors import QuestionError
-from rmrc.support.files import written_whole
+from rmrc.support.files import refuse_unwritable, written_whole
 from rmrc.support.text import brief, quoted, visible
 
 # Factor on the errors at the time of creation, as room for other machines and versions.
