@@ -27,8 +27,7 @@ from scipy.optimize import least_squares
 
 import rmrc
 from rmrc import arm as arms
-from rmrc.analysis.ik.ik import RESTARTS, TOLERANCE, solve_ik
-from rmrc.analysis.ik.postures import random_starts
+from rmrc.analysis.ik import RESTARTS, TOLERANCE, random_starts, solve_ik
 from rmrc.analysis.survey import survey
 from rmrc.law.task import Task, choose
 from rmrc.scenario.choices import INVERSES

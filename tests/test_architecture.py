@@ -31,15 +31,15 @@ OWNERS = {
     "pyarrow": ("rmrc.study.dataset", "rmrc.recording", "rmrc.logs.tables"),
     "matplotlib": (
         "rmrc.show.figures", "rmrc.show.figure", "rmrc.show.page", "rmrc.study.pictures", "rmrc.tuning.page",
-        "rmrc.recording.film", "rmrc.analysis.identify.report", "rmrc.analysis.inspect.figure",
-        "rmrc.analysis.workspace.report",
+        "rmrc.recording.film", "rmrc.analysis.identify_report", "rmrc.analysis.inspection_figure",
+        "rmrc.analysis.workspace_report",
     ),
-    "contourpy": ("rmrc.analysis.workspace.workspace",),  # comes with matplotlib
+    "contourpy": ("rmrc.analysis.workspace",),  # comes with matplotlib
     "rich": ("rmrc.cli", "rmrc.show.tables", "rmrc.show.terminal"),
     "typer": ("rmrc.cli",),
     "distributed": ("rmrc.study.dask",),
     "PIL": ("rmrc.recording",),
-    "imageio_ffmpeg": ("rmrc.recording.encoding",),
+    "imageio_ffmpeg": ("rmrc.recording.film",),
 }  # fmt: skip
 
 SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow", "imageio_ffmpeg"}

@@ -6,8 +6,8 @@ import tokenize
 
 from project import ROOT
 
-SOURCE_LINES = 23_350
-SOURCE_MODULES = 264
+SOURCE_LINES = 23_200
+SOURCE_MODULES = 235
 TEST_LINES = 20_000
 
 # Tokens that make no line a line of code.

@@ -15,7 +15,7 @@ from physics import moved as run_along
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis.routes import jacobians as routes
-from rmrc.analysis.statics.balance import balance
+from rmrc.analysis.statics import balance
 from rmrc.analysis.survey import jacobians, survey
 from rmrc.law.task import choose
 from rmrc.support.errors import ModelError

@@ -41,7 +41,7 @@ def test_a_directory_in_the_way_of_a_file_is_told_before_anything_moves(rmrc, qu
         raise AssertionError("it moves")
 
     monkeypatch.setattr("rmrc.simulation.simulation.Simulation.step", moves)
-    monkeypatch.setattr("rmrc.analysis.workspace.workspace.workspace", moves)
+    monkeypatch.setattr("rmrc.analysis.workspace.workspace", moves)
     (quick / "recordings" / name).mkdir(parents=True)
     code, out, err = rmrc(*VERBS[name])
     assert (code, out) == (2, "")

@@ -33,6 +33,8 @@ def problem(seed):
     half = rng.choice([0.0, 1e-3, 0.1, 0.5, 2.0, 1e6], n, p=[0.1, 0.1, 0.2, 0.3, 0.2, 0.1])
     twist = rng.normal(size=m) * 10 ** rng.uniform(-1.5, 1.0)
     wish = rng.normal(size=n) * rng.choice([0.0, 1.0])
+    if rng.random() < 0.3:
+        J[:, rng.integers(n)] = 0.0  # a joint that does not move the task
     return J, twist, lam, middle, half, wish
 
 

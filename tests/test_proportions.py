@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 
 from project import ROOT
 from rmrc import Controller
-from rmrc.analysis.check.check import check
-from rmrc.analysis.inspect.inspection import inspect
+from rmrc.analysis.check import check
+from rmrc.analysis.inspection import inspect
 from rmrc.analysis.scaling import scales
 from rmrc.arm import load as load_arm
 from rmrc.arm.geometry import damping_maximum

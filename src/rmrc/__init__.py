@@ -38,13 +38,13 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from rmrc.analysis.check.check import check
-    from rmrc.analysis.identify.identify import identify
-    from rmrc.analysis.ik.ik import ik
-    from rmrc.analysis.inspect.inspection import inspect
-    from rmrc.analysis.new.new import new
-    from rmrc.analysis.statics.statics import statics
-    from rmrc.analysis.workspace.workspace import workspace
+    from rmrc.analysis.check import check
+    from rmrc.analysis.identify import identify
+    from rmrc.analysis.ik import ik
+    from rmrc.analysis.inspection import inspect
+    from rmrc.analysis.new import new
+    from rmrc.analysis.statics import statics
+    from rmrc.analysis.workspace import workspace
     from rmrc.law.controller import Controller
     from rmrc.law.jacobian_law import Law, resolve_rates
     from rmrc.results.run import Run, read_runs
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from rmrc.scenario import Scenario, load, loads
     from rmrc.simulation.prepare import Prepared, prepare
     from rmrc.simulation.simulation import Simulation
-    from rmrc.study.margins.margins import margins
+    from rmrc.study.margins import margins
     from rmrc.study.pictures import plot, render
     from rmrc.study.run import compare, run
     from rmrc.study.study import Study
@@ -80,13 +80,13 @@ __all__ = [
 
 if not TYPE_CHECKING:  # type checkers use the imports above, and report names that do not exist
     _HOMES = {
-        "rmrc.analysis.check.check": ("check",),
-        "rmrc.analysis.identify.identify": ("identify",),
-        "rmrc.analysis.ik.ik": ("ik",),
-        "rmrc.analysis.inspect.inspection": ("inspect",),
-        "rmrc.analysis.new.new": ("new",),
-        "rmrc.analysis.statics.statics": ("statics",),
-        "rmrc.analysis.workspace.workspace": ("workspace",),
+        "rmrc.analysis.check": ("check",),
+        "rmrc.analysis.identify": ("identify",),
+        "rmrc.analysis.ik": ("ik",),
+        "rmrc.analysis.inspection": ("inspect",),
+        "rmrc.analysis.new": ("new",),
+        "rmrc.analysis.statics": ("statics",),
+        "rmrc.analysis.workspace": ("workspace",),
         "rmrc.law.jacobian_law": ("Law", "resolve_rates"),
         "rmrc.law.controller": ("Controller",),
         "rmrc.results.run": ("Run", "read_runs"),
@@ -94,7 +94,7 @@ if not TYPE_CHECKING:  # type checkers use the imports above, and report names t
         "rmrc.scenario": ("Scenario", "load", "loads"),
         "rmrc.simulation.prepare": ("Prepared", "prepare"),
         "rmrc.simulation.simulation": ("Simulation",),
-        "rmrc.study.margins.margins": ("margins",),
+        "rmrc.study.margins": ("margins",),
         "rmrc.study.pictures": ("plot", "render"),
         "rmrc.study.run": ("compare", "run"),
         "rmrc.study.study": ("Study",),

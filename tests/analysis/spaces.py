@@ -4,7 +4,7 @@ import functools
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.workspace.workspace import workspace
+from rmrc.analysis.workspace import workspace
 
 
 def arm_of(name, site=None):

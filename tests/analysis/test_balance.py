@@ -13,8 +13,7 @@ from numpy.testing import assert_allclose
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.statics.balance import balance, elsewhere
-from rmrc.analysis.statics.statics import FEEDBACK, STILL, statics
+from rmrc.analysis.statics import FEEDBACK, STILL, balance, elsewhere, statics
 from rmrc.scenario.arm import ToolSection
 from rmrc.support.spatial import quat_to_matrix
 from screws import screw_chain

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import rmrc
-from rmrc.analysis.check.findings import CODES
+from rmrc.analysis.findings import CODES
 from rmrc.arm import load
 from rmrc.arm.inventory import contacts, other_joints
 from rmrc.scenario.choices import PLANTS
@@ -101,7 +101,7 @@ def test_a_sound_model_has_nothing_to_be_mended(tmp_path):
 @pytest.mark.parametrize("code", sorted(FAULTS))
 def test_each_fault_is_found_by_its_code_with_a_way_out(tmp_path, monkeypatch, code):
     if code in STILL:
-        monkeypatch.setattr("rmrc.analysis.check.check.motions", lambda *_: ())
+        monkeypatch.setattr("rmrc.analysis.check.motions", lambda *_: ())
     found = found_in(written(tmp_path, **FAULTS[code]))
     assert code in found and found[code].level == CODES[code]
     assert found[code].way or found[code].level == "note"

@@ -10,7 +10,7 @@ from project import ROOT
 from rmrc import arm as arms
 from rmrc import textbook
 from rmrc.analysis.factors import factors
-from rmrc.analysis.inspect.inspection import inspect
+from rmrc.analysis.inspection import inspect
 from rmrc.law.task import choose
 from rmrc.textbook.puma import UPPER_ARM
 

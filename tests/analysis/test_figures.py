@@ -10,8 +10,8 @@ from spaces import found, gantry
 import rmrc
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.inspect.figure import figure
-from rmrc.analysis.workspace.report import picture
+from rmrc.analysis.inspection_figure import figure
+from rmrc.analysis.workspace_report import picture
 from rmrc.show import figures
 from rmrc.show.picture_size import sized
 

@@ -11,9 +11,9 @@ from logs import DELAY, LAG, NOISE, RESOLUTION, answer, commands, log
 
 import rmrc
 from project import examples
-from rmrc.analysis.identify.log import choose
-from rmrc.analysis.identify.report import block, report
-from rmrc.analysis.identify.response import Commands
+from rmrc.analysis.identify_log import choose
+from rmrc.analysis.identify_report import block, report
+from rmrc.analysis.identify_response import Commands
 from wording import says
 
 TRUTH = {"total": DELAY + LAG, "delay": DELAY, "lag": LAG, "gain": 1.0}

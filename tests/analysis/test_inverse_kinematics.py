@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.ik.ik import goal_pose, solve_ik
+from rmrc.analysis.ik import goal_pose, solve_ik
 from rmrc.law.task import choose
 from rmrc.simulation import inverse_kinematics
 from rmrc.textbook.newton import newton_raphson

@@ -7,8 +7,8 @@ import yaml
 
 import rmrc
 from project import ROOT
-from rmrc.analysis.new.motion import begin
-from rmrc.analysis.new.new import LEAST, SLACK
+from rmrc.analysis.new import LEAST, SLACK
+from rmrc.analysis.new_motion import begin
 from rmrc.analysis.scaling import ASSUMED_RATE, nearest_singularity, scales
 from rmrc.arm import load
 from rmrc.scenario.choices import PLANTS, Status

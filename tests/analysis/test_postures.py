@@ -6,8 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.ik.ik import goal_pose
-from rmrc.analysis.ik.postures import find_postures
+from rmrc.analysis.ik import find_postures, goal_pose
 from rmrc.law.task import choose
 from rmrc.support.spatial import pose_error
 from rmrc.textbook.torus import torus_postures
@@ -52,6 +51,15 @@ def test_two_links_have_two_postures():
     assert_allclose(found.q, sorted_rows(two_links(1.0, 0.9, 0.8)), atol=1e-12)
     assert_array_equal(found.freedom, [0, 0])
     assert not found.is_continuum
+
+
+def test_a_posture_where_the_circle_closes_is_listed_once():
+    """Starts lead to q_1 = π and to −π, each by rounding: the same posture."""
+    task = choose(load("planar_2link"))
+    q = np.array([np.pi, 0.8])
+    found = find(task, task.arm.pose(q), limits=False)
+    assert len(found.q) == 2
+    assert np.abs(np.exp(1j * found.q) - np.exp(1j * q)).max(axis=1).min() < 1e-12
 
 
 def test_the_puma_has_eight_postures():

@@ -9,7 +9,7 @@ from spaces import found, gantry
 
 from project import examples
 from rmrc import arm as arms
-from rmrc.analysis.workspace.workspace import workspace
+from rmrc.analysis.workspace import workspace
 from rmrc.support.errors import QuestionError
 from rmrc.textbook.torus import torus_tube
 from rmrc.textbook.two_link import two_link_position, two_link_postures

@@ -13,8 +13,8 @@ import rmrc as library
 from project import ROOT
 from rmrc import arm as arms
 from rmrc import textbook
-from rmrc.analysis.inspect.inspection import Inspection, inspect
-from rmrc.analysis.statics.balance import balance
+from rmrc.analysis.inspection import Inspection, inspect
+from rmrc.analysis.statics import balance
 from wording import says
 
 TWO, STANFORD, SIX_THREE, TORUS = (

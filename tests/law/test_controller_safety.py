@@ -311,6 +311,20 @@ def test_a_jacobian_of_anything_raises_nothing():
     hold_limits(np.array(rates), "jerk")
 
 
+@pytest.mark.parametrize("bad", [np.nan, -np.inf, 1e308])
+@pytest.mark.parametrize("row", [0, 1])
+def test_an_entry_of_a_jacobian_that_is_no_number_brakes_and_is_told(row, bad):
+    law, J = rmrc.Law(3, 2, {"limits": {"acceleration": 2.0}}, period=PERIOD), np.eye(2, 3)
+    for _ in range(20):
+        before = law.step(J, np.ones(2)).qdot_cmd.copy()
+    J[row, 1] = bad
+    out = law.step(J, np.ones(2))
+    assert out.status & Status.INVALID_INPUT
+    assert "the Jacobian" in out.problem
+    # nearer to rest by what the acceleration allows in a period
+    assert_allclose(np.abs(out.qdot_cmd), np.maximum(np.abs(before) - 2.0 * PERIOD, 0.0), atol=1e-15)
+
+
 def test_a_law_without_an_arm_has_positions_once_they_are_given_and_loads_no_mujoco():
     law, J, q = rmrc.Law(3, 2, period=PERIOD), np.eye(2, 3), np.array([0.1, 0.2, 0.3])
     assert np.isnan(law.step(J, np.ones(2)).q_cmd).all()

@@ -15,8 +15,8 @@ from PIL import Image
 
 import rmrc
 from project import ROOT
-from rmrc.recording import encoding as encode
 from rmrc.recording import film, shot
+from rmrc.recording import film as encode
 from rmrc.recording.film import Cut, instants
 from rmrc.recording.opengl import PictureError
 from rmrc.recording.shot import Shot, fitted

@@ -16,10 +16,9 @@ from rerun.chunk import RrdReader
 
 import rrd
 from project import ROOT
-from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT
 from rmrc.recording.picture import PALE, ramp
 from rmrc.recording.plots import EDGE
-from rmrc.recording.recorder import write
+from rmrc.recording.recorder import VIEW_ANGLE, VIEW_ASPECT, write
 from rmrc.recording.scene import THICKNESS, VELOCITY_SECONDS, Scene
 from rmrc.recording.shapes import Shape, geometry, shapes_of
 from rmrc.results.columns import Divergence

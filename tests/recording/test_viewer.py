@@ -17,7 +17,7 @@ import rerun as rr
 from processes import descendants, started, wait_for
 from rmrc.recording import viewer
 from rmrc.recording.viewer import ViewerError, recording_of, replay
-from rmrc.support.invocation import command
+from rmrc.support.text import command
 from wording import says
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from rmrc.recording.viewer_page import PageServer, policy, seek
+from rmrc.recording.viewer import PageServer, policy, seek
 
 SCRIPT = "alert('Hello, world.');"
 # The digest of SCRIPT as the specification has it: https://www.w3.org/TR/CSP3/#framework-directive-source-list

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from rmrc.analysis.workspace.report import FAMILIES
+from rmrc.analysis.workspace_report import FAMILIES
 from rmrc.show import palette
 
 # Linear sRGB as those see it who lack the long or the middle cones (Machado, Oliveira, Fernandes 2009, severity 1).

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from rmrc.show.report import plain
+from rmrc.show.sheets import plain
 
 
 def test_plain_values_are_those_of_strict_json():

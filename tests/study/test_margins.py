@@ -10,9 +10,8 @@ from numpy.testing import assert_allclose
 import rmrc
 from project import ROOT
 from rmrc.scenario import changes_of, draft_of, load, loads
-from rmrc.study.margins.margins import ACCURACY, bears
-from rmrc.study.margins.report import report
-from rmrc.study.margins.ringing import STILL_RINGS, judged, still_ringing
+from rmrc.study.margins import ACCURACY, STILL_RINGS, bears, judged, still_ringing
+from rmrc.study.margins_report import report
 from rmrc.study.study import Study
 from rmrc.textbook.stability import edge_gain
 from wording import says

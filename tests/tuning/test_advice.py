@@ -10,9 +10,9 @@ import rmrc
 from project import ROOT
 from rmrc.scenario import changes_of, load
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.margins.margins import bears
+from rmrc.study.margins import bears
 from rmrc.study.study import Study
-from rmrc.tuning.options import GAIN_MARGIN
+from rmrc.tuning.robot import GAIN_MARGIN
 from rmrc.tuning.trials import CHATTER, SATURATED
 from rmrc.tuning.tune import Tuning
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import mujoco
 
 from rmrc.arm import urdf
-from rmrc.arm.scan import POINTER, check_file
+from rmrc.arm.urdf import POINTER, check_file
 from rmrc.support.errors import ModelError, ModelWarning
 from rmrc.support.text import listed
 

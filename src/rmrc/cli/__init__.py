@@ -30,9 +30,8 @@ from rmrc.cli import arms, catalog, console, export, models, pictures, run, sear
 from rmrc.cli.console import complain
 from rmrc.support.errors import RmrcError, ScenarioError
 from rmrc.support.interruption import signal_that_came, stops_like_ctrl_c
-from rmrc.support.invocation import command
 from rmrc.support.notices import heard_by
-from rmrc.support.text import shortened, visible
+from rmrc.support.text import command, shortened, visible
 
 # The error of the command line's library for a wrong option or argument; it only exports this subclass of it.
 UsageError: Any = typer.BadParameter.__mro__[1]

@@ -37,8 +37,8 @@ def inspect(
     arm with its velocity and force ellipses.
     """
     with working("reading the model"):
-        from rmrc.analysis.inspect.inspection import inspect as ask
-        from rmrc.analysis.inspect.report import report
+        from rmrc.analysis.inspection import inspect as ask
+        from rmrc.analysis.inspection_report import report
 
         arm = options.read_arm(model, site, body, package)
     errors = options.values("--joint-error", joint_error)
@@ -85,8 +85,8 @@ def ik(
     divided by --length) count as one. Exit code 1: the goal was not reached.
     """
     with working("searching"):
-        from rmrc.analysis.ik.ik import ik as ask
-        from rmrc.analysis.ik.report import report
+        from rmrc.analysis.ik import ik as ask
+        from rmrc.analysis.ik_report import report
 
         found = ask(
             options.read_arm(model, site, body, package),
@@ -124,8 +124,8 @@ def statics(
     site of --at must be of the same body. Exit code 1: the wrench was not held; 3: the simulation diverged.
     """
     with working("holding" if hold else "reading the model"):
-        from rmrc.analysis.statics.report import report
-        from rmrc.analysis.statics.statics import statics as ask
+        from rmrc.analysis.statics import statics as ask
+        from rmrc.analysis.statics_report import report
 
         acts = options.values("--wrench", wrench, float, 1e100)
         arm = options.read_arm(model, site, body, package)
@@ -170,15 +170,15 @@ def workspace(
     each slice, with and without limits.
     """
     with working("reading the model"):
-        from rmrc.analysis.workspace import workspace as mapping
-        from rmrc.analysis.workspace.report import report
+        from rmrc.analysis.workspace import workspace as map_workspace
+        from rmrc.analysis.workspace_report import report
         from rmrc.support.files import refuse_unwritable
 
         arm = options.read_arm(model, site, body, package)
     file = output or out / f"{arm.path.stem}.workspace.png"
     refuse_unwritable([file])
     with progress(f"{arm.path.stem}: workspace", 2 * samples, quiet or as_json) as on_samples:
-        space = mapping.workspace(
+        space = map_workspace(
             arm, plane, options.values("--q", q), keyframe=keyframe, axes=options.rows(axes),
             task_frame=task_frame, length=length, cells=cells, samples=samples, on_samples=on_samples,
         )  # fmt: skip

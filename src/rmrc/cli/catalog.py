@@ -12,7 +12,7 @@ from rmrc.cli.console import print_json, show
 from rmrc.cli.options import File
 from rmrc.support import shipped
 from rmrc.support.errors import QuestionError
-from rmrc.support.invocation import command
+from rmrc.support.text import command
 
 # With which the README and the documentation begin.
 EXAMPLE = "approach_singularity"
@@ -22,8 +22,7 @@ def schema(
     as_json: Annotated[bool, Option("--json", help="Print JSON Schema, for editors.")] = False,
 ) -> None:
     """Print the keys of a scenario with type, unit, default and meaning."""
-    from rmrc.show.report import Report
-    from rmrc.show.sheets import Sheet
+    from rmrc.show.sheets import Report, Sheet
 
     if as_json:
         print_json(scenarios.json_schema())
@@ -39,8 +38,7 @@ def examples(
     as_json: options.AsJson = False,
 ) -> None:
     """List the shipped scenarios and models, or copy them; every verb accepts their bare names."""
-    from rmrc.show.report import Report
-    from rmrc.show.sheets import Sheet
+    from rmrc.show.sheets import Report, Sheet
 
     if shipped.root() is None:
         raise QuestionError(

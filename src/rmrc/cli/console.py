@@ -17,7 +17,7 @@ from rich.progress import Progress
 from rmrc.support.text import line, visible
 
 if TYPE_CHECKING:  # imports numpy, which a help text does not need
-    from rmrc.show.report import Report
+    from rmrc.show.sheets import Report
 
 EXIT_MISSED, EXIT_INPUT, EXIT_DIVERGED, EXIT_INTERNAL, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 3, 70, 130, 141
 

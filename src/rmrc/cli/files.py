@@ -8,9 +8,8 @@ from tempfile import TemporaryDirectory
 from rmrc import scenario as scenarios
 from rmrc.cli.console import progress
 from rmrc.support.errors import QuestionError
-from rmrc.support.invocation import command
 from rmrc.support.shipped import Folder, found
-from rmrc.support.text import visible
+from rmrc.support.text import command, visible
 
 # Kinds of files with their suffixes, and the verb that takes them.
 KINDS = {

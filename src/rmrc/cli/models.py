@@ -9,8 +9,7 @@ from rmrc.cli import options
 from rmrc.cli.console import show, working
 from rmrc.cli.options import Texts
 from rmrc.support.errors import QuestionError
-from rmrc.support.invocation import command
-from rmrc.support.text import quoted
+from rmrc.support.text import command, quoted
 
 
 def check(
@@ -30,8 +29,8 @@ def check(
     the ideal one. Exit code 1: the model has an error.
     """
     with working("checking the model"):
-        from rmrc.analysis.check.check import check as ask
-        from rmrc.analysis.check.check import report
+        from rmrc.analysis.check import check as ask
+        from rmrc.analysis.check import report
         from rmrc.results import ci
         from rmrc.show.sheets import as_markdown
 
@@ -69,8 +68,8 @@ def new(
     if output == STDOUT and as_json:
         raise QuestionError("give -o - or --json, not both: stdout takes either the scenario or the report")
     with working("trying moves"):
-        from rmrc.analysis.new.new import new as make
-        from rmrc.analysis.new.new import report
+        from rmrc.analysis.new import new as make
+        from rmrc.analysis.new import report
 
         arm = options.read_arm(model, site, body, package, joints)
         path = output or Path(f"{model.stem}.yaml")
@@ -109,8 +108,8 @@ def identify(
             raise QuestionError(f"--columns must be KIND=NAME, such as t=stamp, got {quoted(text)}")
         pairs[kind] = name
     with working("identifying"):
-        from rmrc.analysis.identify.identify import identify as ask
-        from rmrc.analysis.identify.report import report
+        from rmrc.analysis.identify import identify as ask
+        from rmrc.analysis.identify_report import report
         from rmrc.support.files import refuse_unwritable, write_text
 
         picture, block = output or out / f"{log.stem}.identify.png", out / f"{log.stem}.identify.yaml"

@@ -16,7 +16,7 @@ from rmrc.support.text import quoted
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
-    from rmrc.show.report import Report
+    from rmrc.show.sheets import Report
 
 # Optional values
 Text: TypeAlias = str | None

@@ -9,7 +9,7 @@ from typer import Option
 from rmrc import scenario as scenarios
 from rmrc.cli import options
 from rmrc.cli.console import EXIT_DIVERGED, EXIT_INPUT, EXIT_MISSED, InterruptedVerb, complain, progress, show
-from rmrc.support.invocation import command
+from rmrc.support.text import command
 
 if TYPE_CHECKING:
     from rmrc.study.run import Job
@@ -36,8 +36,7 @@ def run(
     from rmrc.results import ci
     from rmrc.results.verdict import warnings
     from rmrc.show import tables
-    from rmrc.show.report import Report
-    from rmrc.show.sheets import Sheet
+    from rmrc.show.sheets import Report, Sheet
     from rmrc.study.run import Job  # imports numba and mujoco, which other verbs do not need
 
     with ci.files(scenario.stem, junit, summary) as results:
@@ -96,8 +95,7 @@ def compare(
     """
     from rmrc.results import ci
     from rmrc.results.verdict import warnings
-    from rmrc.show.report import Report
-    from rmrc.show.sheets import as_markdown
+    from rmrc.show.sheets import Report, as_markdown
     from rmrc.study.run import Job
 
     with ci.files(scenario.stem, junit, summary) as results:

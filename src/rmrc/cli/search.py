@@ -10,8 +10,7 @@ from rmrc.cli import options
 from rmrc.cli.console import InterruptedVerb, progress, show
 from rmrc.cli.options import Count, Number, Text, Texts
 from rmrc.support.errors import ClusterError, ScenarioError
-from rmrc.support.invocation import command
-from rmrc.support.text import shortened
+from rmrc.support.text import command, shortened
 
 Drawn = Annotated[Texts, Option(metavar="KEY=LOW..HIGH", help="Draw a key between bounds; repeatable.")]
 
@@ -38,7 +37,7 @@ def sweep(
 
     Rerunning the command resumes an interrupted sweep. A run that diverges gets a row like any other.
     """
-    from rmrc.show.report import Report, plain
+    from rmrc.show.sheets import Report, plain
     from rmrc.study.sweep import Sweep, Swept
 
     if cluster is not None and threads:
@@ -126,8 +125,7 @@ def tune(
     """
     from rmrc.scenario import angle
     from rmrc.show.picture_size import sized
-    from rmrc.show.report import Report, plain
-    from rmrc.show.sheets import Sheet
+    from rmrc.show.sheets import Report, Sheet, plain
     from rmrc.support.files import refuse_unwritable
     from rmrc.tuning.answer import about, rows_of, sheets
     from rmrc.tuning.tune import Tuning
@@ -184,8 +182,8 @@ def margins(
     """
     from rmrc.results import ci
     from rmrc.show.sheets import as_markdown
-    from rmrc.study.margins.margins import margins as search
-    from rmrc.study.margins.report import report
+    from rmrc.study.margins import margins as search
+    from rmrc.study.margins_report import report
 
     with ci.files(scenario.stem, junit, summary) as results:
         loaded = scenarios.load(scenario, set_ or ())

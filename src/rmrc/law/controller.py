@@ -40,7 +40,7 @@ from rmrc.law.step import FRAME, PLACED, RATES
 from rmrc.law.stepping import SteppedLaw, started
 from rmrc.law.task import Task, choose
 from rmrc.scenario import ArmSection, ControlSource, TaskSection, read_controls, read_task
-from rmrc.scenario.keywords import hinted
+from rmrc.scenario.changes import hinted
 from rmrc.support import shipped
 from rmrc.support.errors import ModelError, ModelWarning, QuestionError
 from rmrc.support.spatial import exp_rotation

@@ -11,8 +11,7 @@ from rmrc.law.task import Joints
 from rmrc.scenario import ControlSection
 from rmrc.scenario.choices import INVERSES, POLICIES
 from rmrc.scenario.profile import load_profile
-from rmrc.support.errors import ScenarioError, did_you_mean
-from rmrc.support.problems import Problem
+from rmrc.support.errors import Problem, ScenarioError, did_you_mean
 from rmrc.support.text import listed
 
 if TYPE_CHECKING:

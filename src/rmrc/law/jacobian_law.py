@@ -30,8 +30,8 @@ from rmrc.law.step import resolve_alone
 from rmrc.law.stepping import SteppedLaw, as_numbers, started
 from rmrc.law.task import BareJoints, Task
 from rmrc.scenario import ControlSection, ControlSource, LimitsSection, read_controls
+from rmrc.scenario.changes import hinted
 from rmrc.scenario.choices import INVERSES, OBJECTIVES, SCHEDULES, Choice, Choices
-from rmrc.scenario.keywords import hinted
 from rmrc.scenario.messages import other_name
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.text import shortened

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.logs.columns import Column
+from rmrc.logs.columns import SECONDS, SIZES, STEP, Column
 from rmrc.logs.tables import Numbers
-from rmrc.logs.units import SECONDS, SIZES, STEP
 from rmrc.support.errors import QuestionError
 
 Array = NDArray[np.float64]

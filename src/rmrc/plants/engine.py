@@ -12,7 +12,7 @@ from pathlib import Path
 
 import mujoco
 
-from rmrc.support import lifetime
+from rmrc.support import interruption
 
 _POINTER, _INT, _TEXT, _FLAG = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_bool
 _NOTHING = "<mujoco/>"
@@ -37,7 +37,7 @@ def _library() -> ctypes.CDLL:
     ):
         function = getattr(found, name)
         function.restype, function.argtypes = result, arguments
-    if lifetime.ends_with_job:
+    if interruption.ends_with_job:
         # Nothing here reads MuJoCo's timers, which take a fifth of a step; other processes keep them.
         _POINTER.in_dll(found, "mjcb_time").value = None
     return found

@@ -10,8 +10,7 @@ from rmrc.arm import Arm, Wiring
 from rmrc.law.compiling import Array, Method, Record, at, call, carray, compiled, pointer
 from rmrc.law.metric import backward, factor, forward
 from rmrc.plants.fields import ctrl_of, qpos_of, qvel_of
-from rmrc.plants.physics import Physical, push
-from rmrc.plants.resistance import friction_at
+from rmrc.plants.physics import Physical, friction_at, push
 
 # A degree of freedom: its joint of the arm, or -1, and its speed at unit rate of that joint; those that give
 # way are numbered after the joints. Then whether its actuators compensate its gravity, and its damping as an

@@ -23,11 +23,11 @@ from rmrc.scenario.control import ControlSection, LimitsSection, SecondarySectio
 from rmrc.scenario.draft import Draft, Problems, Scenario, Source, draft_of, load, loads
 from rmrc.scenario.law import ControlSource, read_controls, read_task
 from rmrc.scenario.plant import PlantSection
+from rmrc.scenario.reading import block, inline
 from rmrc.scenario.schema import SchemaRow, json_schema, schema_rows
 from rmrc.scenario.sections import Check
 from rmrc.scenario.target import Segment, TargetLimitsSection, TargetSection
 from rmrc.scenario.values import Frame, angle
-from rmrc.scenario.wording import block, inline
 
 __all__ = [
     "ArmSection", "Change", "Check", "ControlSection", "ControlSource", "Draft", "Frame", "LimitsSection",

@@ -8,7 +8,7 @@ from rmrc.scenario import values as types
 from rmrc.scenario.choices import INVERSES, LIMITS, METRICS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES
 from rmrc.scenario.profile import ProfileName, load_profile
 from rmrc.scenario.values import Section, key, rule
-from rmrc.support.problems import Key
+from rmrc.support.errors import Key
 
 _Fraction = Annotated[types.Number, Field(gt=0, lt=1)]
 

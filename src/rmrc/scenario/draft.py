@@ -14,12 +14,10 @@ from rmrc.scenario.changes import Change, applied, changes_of, deeper_last, read
 from rmrc.scenario.control import ControlSection
 from rmrc.scenario.messages import checked
 from rmrc.scenario.profile import SHIPPED
-from rmrc.scenario.reading import Document, split
+from rmrc.scenario.reading import Document, block, split
 from rmrc.scenario.sections import PROFILE, Sections, parse_key
-from rmrc.scenario.wording import block
 from rmrc.support import shipped
-from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Origin, Problem, join
+from rmrc.support.errors import Origin, Problem, ScenarioError, join
 from rmrc.support.text import cut
 
 # Keys of files and folders, at the end of dotted keys, which may begin with `sweep.vary` or `baseline`.

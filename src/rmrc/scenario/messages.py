@@ -9,11 +9,9 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from rmrc.scenario.reading import Document
+from rmrc.scenario.reading import Document, show
 from rmrc.scenario.values import Section, quantity
-from rmrc.scenario.wording import show
-from rmrc.support.errors import ScenarioError, did_you_mean
-from rmrc.support.problems import Key, Origin, Problem, join
+from rmrc.support.errors import Key, Origin, Problem, ScenarioError, did_you_mean, join
 
 S = TypeVar("S", bound=Section)
 

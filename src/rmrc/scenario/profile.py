@@ -12,9 +12,8 @@ from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from rmrc.scenario import values as types
 from rmrc.scenario.messages import checked
-from rmrc.scenario.reading import Document
+from rmrc.scenario.reading import Document, show
 from rmrc.scenario.values import Section, checked_file, key, rule
-from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError, did_you_mean
 
 V = TypeVar("V")

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
+from rmrc.scenario.reading import inline, show
 from rmrc.scenario.sections import Sections
-from rmrc.scenario.wording import inline, show
 
 # Mappings whose keys are names: the kind of name, and the default of an absent one.
 _NAMES = {

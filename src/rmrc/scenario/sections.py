@@ -10,12 +10,11 @@ from rmrc.scenario.choices import PLANTS
 from rmrc.scenario.control import ControlSection, TaskSection
 from rmrc.scenario.plant import PlantSection
 from rmrc.scenario.profile import ProfileName
-from rmrc.scenario.reading import split
+from rmrc.scenario.reading import show, split
 from rmrc.scenario.sweep import Baseline, SweepSection, TuneSection
 from rmrc.scenario.target import TargetSection
 from rmrc.scenario.values import Choice, Name, NotNegative, Number, Section, TextOr, key, rule
-from rmrc.scenario.wording import show
-from rmrc.support.problems import Key
+from rmrc.support.errors import Key
 
 # The key in `expect` for a profile instead of a metric.
 PROFILE = "profile"

@@ -12,8 +12,8 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Dis
 from pydantic.config import JsonDict
 from pydantic_core import PydanticCustomError
 
-from rmrc.scenario.wording import nearby, show
-from rmrc.support.problems import Key
+from rmrc.scenario.reading import nearby, show
+from rmrc.support.errors import Key
 from rmrc.support.shipped import shipped
 
 T = TypeVar("T")

@@ -8,7 +8,7 @@ from typing import Any
 
 from rmrc.results.run import read_runs
 from rmrc.scenario import loads
-from rmrc.scenario.wording import block
+from rmrc.scenario.reading import block
 from rmrc.show import tables
 from rmrc.show.figure import plot
 from rmrc.show.page import Page, Section, code, items, picture, plots, table

@@ -8,9 +8,12 @@ from numpy.typing import NDArray
 
 from rmrc.logs.clock import in_order, seconds
 from rmrc.logs.columns import (
+    JOINTS,
     MATRIX,
     ORIENTATIONS,
     PARTS,
+    SECONDS,
+    SIZES,
     TWIST,
     Column,
     enumerated,
@@ -21,7 +24,6 @@ from rmrc.logs.columns import (
     time_columns,
 )
 from rmrc.logs.tables import POSE, Numbers, Table, read_table
-from rmrc.logs.units import JOINTS, SECONDS, SIZES
 from rmrc.scenario.target import Motion
 from rmrc.support.errors import QuestionError, TargetError, did_you_mean
 from rmrc.support.spatial import AXES, exp_rotation, matrix_to_quat, quat_from_rpy, quat_to_matrix

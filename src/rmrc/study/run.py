@@ -10,7 +10,7 @@ from rmrc.recording import unlogged
 from rmrc.results import facts
 from rmrc.results.run import Run, Runs, save_runs
 from rmrc.scenario import Source, Variant, draft_of, grid
-from rmrc.scenario.keywords import hinted
+from rmrc.scenario.changes import hinted
 from rmrc.show.sheets import Sheet, as_markdown
 from rmrc.show.tables import markdown
 from rmrc.simulation.footprint import refuse_excess

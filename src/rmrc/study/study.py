@@ -18,8 +18,7 @@ from rmrc.results.scorecard import Scorecard
 from rmrc.scenario import Change, Source, Variant, draft_of
 from rmrc.simulation.prepare import Cache, Prepared, prepare
 from rmrc.simulation.simulation import Simulation, Watcher
-from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Problem
+from rmrc.support.errors import Problem, ScenarioError
 
 Values: TypeAlias = Mapping[str, Iterable[object]]
 """Values of keys, such as `{"control.feedback": [5, 10]}`, each as in a file."""

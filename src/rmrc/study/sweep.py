@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.scenario import Source, draft_of
-from rmrc.scenario.keywords import hinted
+from rmrc.scenario.changes import hinted
 from rmrc.scenario.sections import PROFILE
 from rmrc.show.sheets import Sheet, number
 from rmrc.simulation.footprint import refuse_excess

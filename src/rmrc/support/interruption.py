@@ -115,3 +115,10 @@ def _end(number: int) -> NoReturn:
     """End the process at once, with the exit code of a signal."""
     os.write(2, b"rmrc: interrupted\n")
     os._exit(128 + number)
+
+
+# The end of the process ---------------------------------------------------------------------------
+#
+# Whether this process ends with its job, as that of the command line does: it need not search its memory.
+
+ends_with_job = False

@@ -5,8 +5,12 @@ direction of writing or show nothing are written as escapes.
 """
 
 import dataclasses
+import os
 import re
+import shlex
+import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -134,3 +138,25 @@ def cut(text: str, most: int = WHOLE) -> str:
     """Return a text on one line; if it is longer than a screen, without its middle."""
     text = " ".join(text.split())
     return text if len(text) <= most else f"{text[: most - 2]}…{text[-1]}"
+
+
+# Commands to copy ---------------------------------------------------------------------------------
+#
+# Command lines to copy, in messages.
+
+
+def command(*words: str | os.PathLike[str]) -> str:
+    """Return a command line for a shell: the program, followed by some words.
+
+    After a call of `.venv/bin/python -m rmrc`, the program is that, because a shell may not find `rmrc`.
+
+    Args:
+        words: Verb, options and arguments; quoted where a shell needs it.
+
+    >>> command("replay", "my runs/x.rrd")
+    "rmrc replay 'my runs/x.rrd'"
+    """
+    program = ["rmrc"]
+    if sys.argv and Path(sys.argv[0]).parts[-2:] == ("rmrc", "__main__.py"):
+        program = sys.orig_argv[: len(sys.orig_argv) - len(sys.argv) + 1]
+    return visible(shlex.join([*program, *(os.fspath(word) for word in words)]))

@@ -14,10 +14,8 @@ from rmrc.results.run import Run
 from rmrc.scenario import Change, Scenario, changes_of
 from rmrc.scenario.choices import INVERSES, LIMITS, POLICIES, SCHEDULES, Parameter, Scales, Status
 from rmrc.simulation.prepare import Prepared
-from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Origin, Problem
-from rmrc.tuning.options import Only
-from rmrc.tuning.robot import lengths_of
+from rmrc.support.errors import Origin, Problem, ScenarioError
+from rmrc.tuning.robot import Only, lengths_of
 
 METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS = (
     f"control.{choices.key}" for choices in (INVERSES, SCHEDULES, POLICIES, LIMITS)

@@ -16,7 +16,7 @@ from rmrc.scenario import Change, Variant, changes_of
 from rmrc.scenario.choices import POLICIES
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
-from rmrc.study.margins.margins import bears
+from rmrc.study.margins import bears
 from rmrc.study.study import Study
 from rmrc.support.spatial import AXES
 from rmrc.tuning.front import Point

@@ -10,14 +10,12 @@ from rmrc.scenario.choices import POLICIES
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.study import Study
-from rmrc.support.errors import ScenarioError
+from rmrc.support.errors import Problem, ScenarioError
 from rmrc.support.interruption import interruptible
-from rmrc.support.problems import Problem
 from rmrc.support.text import brief
 from rmrc.textbook.stability import edge_gain
 from rmrc.tuning import space
-from rmrc.tuning.options import GAIN_MARGIN, Options
-from rmrc.tuning.robot import Robot, robot_of
+from rmrc.tuning.robot import GAIN_MARGIN, Options, Robot, robot_of
 from rmrc.tuning.search import Search
 from rmrc.tuning.space import Setting, Space, Structure, own_setting, read_only
 from rmrc.tuning.trials import OnRuns, Trials, ends

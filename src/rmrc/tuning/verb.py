@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from rmrc.scenario import Source, block
-from rmrc.scenario.keywords import hinted
+from rmrc.scenario.changes import hinted
 from rmrc.study.dataset import Column, schema_of, write_table
 from rmrc.support.files import refuse_unwritable, written_whole
 from rmrc.tuning.answer import about, rows_of
-from rmrc.tuning.options import Only, Options
+from rmrc.tuning.robot import Only, Options
 from rmrc.tuning.space import NUMBERS, WORDS
 from rmrc.tuning.trials import OnRuns
 from rmrc.tuning.tune import Tuned, Tuning
@@ -53,7 +53,7 @@ def tune(
             "filtered"]}`.
         out: Folder for NAME.tune.yaml, .png and .parquet; created if missing. None: writes nothing.
         on_runs: Called with the number of finished runs.
-        options: The other options of the verb by name, as `rmrc.tuning.options.Options` has them:
+        options: The other options of the verb by name, as `rmrc.tuning.robot.Options` has them:
             `perturbed`, `start`, `offset`, `payload`, `friction`, `delay`, `lag`, `noise`, `calibration`,
             `ideal`, `gain_margin`, `slower`, `runs`, `seed` and `threads`.
 

@@ -5,10 +5,9 @@ import numpy as np
 from rmrc.scenario import Scenario, Variant, changes_of
 from rmrc.scenario.sweep import MOST_DRAWN
 from rmrc.simulation.prepare import Prepared
-from rmrc.study.sobol import sobol_point
+from rmrc.study.plan import sobol_point
 from rmrc.support.errors import ScenarioError
-from rmrc.tuning.options import Options
-from rmrc.tuning.robot import Robot, lengths_of
+from rmrc.tuning.robot import Options, Robot, lengths_of
 
 # Number of further loops, beside the slowest, for the final run of a recommendation on the scenario itself.
 LOOPS = 6

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from rmrc.analysis.inspect.inspection import Inspection
+from rmrc.analysis.inspection import Inspection
 from rmrc.arm import Arm
 from rmrc.law.task import Array
 from rmrc.show.figures import explain, lettering, plain, save, sheet

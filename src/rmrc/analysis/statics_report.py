@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.analysis.statics.balance import Balance, without_rounding
-from rmrc.analysis.statics.statics import WRENCH, Statics
-from rmrc.show.report import Report, plain
-from rmrc.show.sheets import Sheet, number
+from rmrc.analysis.statics import WRENCH, Balance, Statics, without_rounding
+from rmrc.show.sheets import Report, Sheet, number, plain
 
 TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
 
@@ -19,13 +17,13 @@ def report(found: Statics) -> Report:
 
     The tables show the values of the JSON, at most 100 columns wide. Its keys are model, site, joints, kinds,
     limit, the largest torque of each actuator, axes, the names of the joints on the chain; the attributes of
-    `rmrc.analysis.statics.balance.Balance`; and at, free and held, see `rmrc.analysis.statics.statics`.
+    `rmrc.analysis.statics.Balance`; and at, free and held, see `rmrc.analysis.statics`.
 
     Args:
         found: The result of `statics`.
 
     Example:
-        >>> from rmrc.analysis.statics.statics import statics
+        >>> from rmrc.analysis.statics import statics
         >>> shown = report(statics("models/planar_2link.xml", [0, -1, 0], [0.0, np.pi / 3]))
         >>> shown.sheets[1].title, shown.sheets[1].rows[0][:3], shown.json["exceeded"]
         ('Actuators', ('shoulder [N·m]', '-1.500', '1.500'), [])

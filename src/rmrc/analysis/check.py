@@ -6,15 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from rmrc.analysis.check.findings import CODES, Checked, findings_of
-from rmrc.analysis.check.motion import BOUND, DURATION, motions
+from rmrc.analysis.findings import BOUND, CODES, DURATION, Checked, findings_of, motions
 from rmrc.analysis.scaling import scales
 from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.analysis.trial import touching
 from rmrc.results.expectations import Case
 from rmrc.scenario import Scenario
-from rmrc.show.report import Report, plain
-from rmrc.show.sheets import UNDEFINED, Sheet, number
+from rmrc.show.sheets import UNDEFINED, Report, Sheet, number, plain
 
 # Metrics of each motion that are shown.
 METRICS = ("joint_rate.peak", "position_error.max", "orientation_error.max", "tau.share_of_limit")

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from rmrc.analysis.identify.identify import Identified
+from rmrc.analysis.identify import Identified
 from rmrc.scenario import block as as_yaml
 from rmrc.show import figures
-from rmrc.show.report import Report, plain
-from rmrc.show.sheets import UNDEFINED, Sheet, number
+from rmrc.show.sheets import UNDEFINED, Report, Sheet, number, plain
 from rmrc.support.text import visible
 
 # Lines of the block fit a terminal with this many columns.

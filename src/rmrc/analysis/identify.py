@@ -6,10 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rmrc.analysis.identify.fit import LATEST, STAMP, Fitted, Interval, fit
-from rmrc.analysis.identify.log import Log, Source, read_log
-from rmrc.analysis.identify.residual import POOR, Cause, Noise, explained, noise_of
-from rmrc.analysis.identify.response import Samples
+from rmrc.analysis.identify_fit import (
+    LATEST,
+    POOR,
+    STAMP,
+    Cause,
+    Fitted,
+    Interval,
+    Noise,
+    explained,
+    fit,
+    noise_of,
+)
+from rmrc.analysis.identify_log import Log, Source, read_log
+from rmrc.analysis.identify_response import Samples
 from rmrc.support.text import brief
 
 # If a fit explains less of a joint's motion, the joint does not follow its commands.

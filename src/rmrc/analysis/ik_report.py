@@ -5,11 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from rmrc.analysis.ik.ik import IkResult
-from rmrc.analysis.ik.postures import Postures
+from rmrc.analysis.ik import IkResult, Postures
 from rmrc.law.task import Array, Task
-from rmrc.show.report import Report, plain
-from rmrc.show.sheets import Sheet, number
+from rmrc.show.sheets import Report, Sheet, number, plain
 from rmrc.support.spatial import pose_error
 
 
@@ -20,7 +18,7 @@ def report(answer: IkResult) -> Report:
         answer: The result of `ik`.
 
     Example:
-        >>> from rmrc.analysis.ik.ik import ik
+        >>> from rmrc.analysis.ik import ik
         >>> shown = report(ik("models/planar_2link.xml", [3.0, 0.0]))
         >>> shown.met, shown.problem
         (False, 'not reached: 1 m and 0 rad are left at the nearest of 201 starts')

@@ -9,12 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
 
-from rmrc.analysis.workspace.workspace import Reach, Workspace
+from rmrc.analysis.workspace import Reach, Workspace
 from rmrc.arm import Arm
 from rmrc.law.task import Array
 from rmrc.show import figures
-from rmrc.show.report import Report, plain
-from rmrc.show.sheets import Sheet, number
+from rmrc.show.sheets import Report, Sheet, number, plain
 
 UNITS = {"area": "m²", "area_accuracy": "m²", "sigma_min": "1", "manipulability": "1"}
 # Color and marker of each factor of a determinant; singularities of no known family are black.
@@ -39,7 +38,7 @@ def report(space: Workspace, measure: str | None = None) -> Report:
         measure: The color map of the picture: `sigma_min` or `manipulability`; None: none.
 
     Example:
-        >>> from rmrc.analysis.workspace.workspace import workspace
+        >>> from rmrc.analysis.workspace import workspace
         >>> shown = report(workspace("models/planar_2link.xml", cells=20))
         >>> shown.sheets[0].rows[0], shown.json["with_limits"]["y"]
         (('x [m]', '-2.000 to 2.000', '-1.985 to 2.000'), [-2.0, 2.0])

@@ -15,9 +15,9 @@ from contourpy import contour_generator
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.analysis.factors import Product, Rule, product
+from rmrc.analysis.slices import Slice, choose_slices
 from rmrc.analysis.subject import Model, Packages, subject
 from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
-from rmrc.analysis.workspace.slices import Slice, choose_slices
 from rmrc.arm import Arm
 from rmrc.law.task import Array, Task, choose
 from rmrc.show.sheets import Sheet, as_markdown, number
@@ -184,7 +184,7 @@ def workspace(
     Args:
         model: An arm, an MJCF file, or a scenario.
         plane: `rz`: distance from the first axis and height; or `xy`, `xz`, `yz`: the view along the third
-            axis; None: see `rmrc.analysis.workspace.slices.choose_slices`.
+            axis; None: see `rmrc.analysis.slices.choose_slices`.
         q: Positions, (n,) [rad or m], of joints that do not change the slice; None: the keyframe.
         keyframe: Joint positions by name; None: the start of a scenario, or else `home`.
         site: The site in question; None: that of the arm or scenario, or else of the hand: see

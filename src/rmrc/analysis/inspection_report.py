@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from rmrc.analysis.directions import direction
-from rmrc.analysis.inspect.inspection import Inspection
+from rmrc.analysis.inspection import Inspection
 from rmrc.arm.inventory import Mechanism
-from rmrc.show.report import Report, plain
-from rmrc.show.sheets import UNDEFINED, Sheet, number
+from rmrc.show.sheets import UNDEFINED, Report, Sheet, number, plain
 from rmrc.support.spatial import AXES
 
 # Loops that are open by more than this are not closed [m].
@@ -28,7 +27,7 @@ def report(found: Inspection) -> Report:
     """Return the report of an arm at one configuration; the keys of its JSON are those of `Inspection`.
 
     Example:
-        >>> from rmrc.analysis.inspect.inspection import inspect
+        >>> from rmrc.analysis.inspection import inspect
         >>> shown = report(inspect("models/planar_2link.xml", [0.0, 0.0]))
         >>> shown.sheets[0].rows[0][:3], shown.json["rank"]
         (('shoulder', '0', '2.000'), 1)
@@ -51,7 +50,7 @@ def report(found: Inspection) -> Report:
 
 
 def _draw(found: Inspection, path: Path) -> None:
-    from rmrc.analysis.inspect.figure import draw_arm
+    from rmrc.analysis.inspection_figure import draw_arm
 
     draw_arm(found, path)
 

@@ -5,10 +5,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from rmrc.results.expectations import Case
-from rmrc.show.report import Report, plain
-from rmrc.show.sheets import UNDEFINED, Sheet, number
-from rmrc.study.margins.margins import Margin, Margins
-from rmrc.study.margins.ringing import Judged, lateness
+from rmrc.show.sheets import UNDEFINED, Report, Sheet, number, plain
+from rmrc.study.margins import Judged, Margin, Margins, lateness
 
 _WHAT = {"gain": ("gain, times", "1"), "delay": ("delay, more", "s"), "lag": ("lag, more", "s")}
 _FAULTS = {

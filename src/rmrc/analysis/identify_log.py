@@ -10,12 +10,22 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
-from rmrc.analysis.identify.fit import LEAST_ROWS
-from rmrc.analysis.identify.response import Array, Commands, Samples
+from rmrc.analysis.identify_fit import LEAST_ROWS
+from rmrc.analysis.identify_response import Array, Commands, Samples
 from rmrc.logs.clock import in_order, seconds
-from rmrc.logs.columns import POSITION, Column, enumerated, joint_groups, mapped, scaled, time_columns
+from rmrc.logs.columns import (
+    JOINT_RATES,
+    JOINTS,
+    POSITION,
+    SECONDS,
+    Column,
+    enumerated,
+    joint_groups,
+    mapped,
+    scaled,
+    time_columns,
+)
 from rmrc.logs.tables import Numbers, Table, columns_of, read_table
-from rmrc.logs.units import JOINT_RATES, JOINTS, SECONDS
 from rmrc.results.run import Run
 from rmrc.support.errors import QuestionError
 from rmrc.support.text import listed, quoted

@@ -1,1 +1,0 @@
-"""Delay, lag and noise of an arm from a log of its commands and positions."""

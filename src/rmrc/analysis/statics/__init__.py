@@ -1,1 +1,0 @@
-"""The joint torques that balance a wrench, by the Jacobian and by the physics."""
