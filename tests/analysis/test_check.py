@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 import rmrc
-from rmrc.analysis.findings import CODES
+from project import ROOT
+from rmrc.analysis.findings import CODES, difference
+from rmrc.analysis.scaling import scales
 from rmrc.arm import load
 from rmrc.arm.inventory import contacts, other_joints
+from rmrc.results.scorecard import Figure
 from rmrc.scenario.choices import PLANTS
 
 # Three links of 0.4 m in space; what is in braces is varied.
@@ -96,6 +99,26 @@ def found_in(path, **options):
 def test_a_sound_model_has_nothing_to_be_mended(tmp_path):
     found = rmrc.check(written(tmp_path))
     assert found.is_ready and found.findings == ()
+
+
+def test_a_plant_differs_by_a_hundred_times_the_ideal_error_or_a_rate_beyond_its_limit():
+    """An ideal error below a millionth of the arm's size counts as that."""
+    found = scales(load(ROOT / "models/planar_2link.xml"))
+    joint, limit, least = found.task.arm.joints[0], found.rate[0], 1e-6 * found.size
+
+    def told(error, ideal, rate=0.0):
+        cards = [
+            {"position_error.max": Figure(value, "m", "")}
+            | {f"joint_rate.{name}.peak": Figure(0.0, "rad/s", "") for name in found.task.arm.joints}
+            for value in (error, ideal)
+        ]
+        cards[0][f"joint_rate.{joint}.peak"] = Figure(rate, "rad/s", "")
+        return difference(found, *cards)
+
+    assert told(0.99, 0.01) == told(99.0 * least, 0.0) == told(0.0, 0.0, 1.04 * limit) == ""
+    assert "is 101 times that of the ideal plant" in told(1.01, 0.01)
+    assert "is 101 times that of the ideal plant" in told(101.0 * least, 0.0)
+    assert f"{joint} moves at" in told(0.0, 0.0, 1.06 * limit)
 
 
 @pytest.mark.parametrize("code", sorted(FAULTS))

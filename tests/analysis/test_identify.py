@@ -11,7 +11,7 @@ from logs import DELAY, LAG, NOISE, RESOLUTION, answer, commands, log
 
 import rmrc
 from project import examples
-from rmrc.analysis.identify_log import choose
+from rmrc.analysis.identify_log import choose, clock_of
 from rmrc.analysis.identify_report import block, report
 from rmrc.analysis.identify_response import Commands
 from wording import says
@@ -34,6 +34,17 @@ def test_the_answer_is_that_of_the_closed_form_at_any_times(lag):
     # a difference over 1e-7 s errs by 1e-7 times the acceleration, 2/lag at most
     atol = 1e-6 + 1e-7 * (2 / lag if lag else 0)
     np.testing.assert_allclose(((ahead - travel) / 1e-7)[inside], speed[inside], atol=atol)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.8])
+def test_rows_that_are_missing_are_counted_and_the_others_keep_their_times(share):
+    rng, period = np.random.default_rng(5), 0.004
+    rows = np.flatnonzero(rng.random(900) < share)
+    clock = clock_of(period * rows + rng.normal(0.0, 0.02 * period, len(rows)))
+    assert clock.period == pytest.approx(period, rel=0.02)
+    assert clock.missing == np.ptp(rows) + 1 - len(rows)
+    # a line through stamps that are off by 0.02 periods each
+    np.testing.assert_allclose(clock.regular, period * rows, rtol=0, atol=0.01 * period)
 
 
 @given(
