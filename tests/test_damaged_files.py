@@ -93,7 +93,7 @@ def test_a_whole_file_is_read_and_a_damaged_one_gives_one_line(name, copied, rmr
 
 PIPED = [
     ["report", "pipe.npz"], ["identify", "pipe.csv"],
-    ["run", "pipe.yaml"],
+    ["run", "pipe.yaml"], ["check", "pipe.xml"],
     ["sweep", "u.yaml", "--vary", "control.feedback=2,5", "--out", "pipes"],
 ]  # fmt: skip
 

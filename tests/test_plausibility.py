@@ -74,6 +74,13 @@ def test_a_value_in_another_unit_is_told_and_runs(scenario, override, line):
     assert warning == says(line)
 
 
+def test_a_coordinate_that_the_task_leaves_free_is_out_of_no_reach(scenario):
+    path = "target.path=[{line: {to: [1.5, 1.9]}}]"
+    assert told(scenario, "task.axes=[x]", path) == []
+    (warning,) = told(scenario, "task.axes=[x, y]", path)
+    assert "leads 2.421 m away" in warning
+
+
 def test_nothing_is_told_of_shipped_scenarios_but_of_those_that_lead_far_beyond_reach():
     lines = []
     with heard_by(lines.append):

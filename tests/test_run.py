@@ -29,8 +29,8 @@ def test_what_is_saved_is_read_back_bit_for_bit(tmp_path, ticks, divergence):
         run["tau"][0, 0] = np.nan
         run["q"][0, 0] = -0.0
     path = tmp_path / "new" / "folder" / "run.npz"
-    run.save(path)
-    back = Run.read(path)
+    run.save(str(path))
+    back = Run.read(str(path))  # a text is a path as well
     for field in fields(Run):
         if field.name != "columns":  # repr: equal in value and in type, tuples' items included
             assert repr(getattr(back, field.name)) == repr(getattr(run, field.name)), field.name

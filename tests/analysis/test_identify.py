@@ -7,7 +7,7 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from logs import DELAY, LAG, NOISE, RESOLUTION, answer, commands, log
+from logs import DELAY, LAG, NOISE, PERIOD, RESOLUTION, answer, commands, log
 
 import rmrc
 from project import examples
@@ -263,6 +263,17 @@ def test_a_log_as_people_have_them_tells_the_same(case, tmp_path):
     assert found.delay.value == pytest.approx(DELAY, abs=0.002)
     assert found.lag == pytest.approx([LAG] * 2, rel=0.1)
     assert all(joint.fit.gain.value == pytest.approx(1.0, abs=1e-3) for joint in found.joints)
+
+
+@pytest.mark.parametrize("digit", [0.01, 1.0])
+def test_stamps_with_few_digits_are_no_missing_rows(digit):
+    """Rows of 8 ms whose stamps are rounded to 10 ms, or to seconds."""
+    columns = log(3)
+    found = rmrc.identify(columns | {"t": np.round(columns["t"] / digit) * digit})
+    for joint in found.joints:
+        assert joint.fit.samples.commands.period == pytest.approx(PERIOD, rel=0.05 * digit)
+    assert found.delay.value == pytest.approx(DELAY, abs=0.002)
+    assert not [line for line in found.notes if "missing" in line]
 
 
 def test_commands_with_rows_of_their_own_are_taken_when_they_were_logged():

@@ -39,6 +39,8 @@ def load(
     Raises:
         ModelError: The file, the site, the body or a joint is missing or not usable.
     """
+    if path.exists() and not path.is_file():
+        raise ModelError(f"{path}: is not a regular file; give a file in MJCF or URDF")
     if not path.is_file():
         models = [*path.parent.glob("*.xml"), *path.parent.glob("*.urdf")]
         near = did_you_mean(path.name, [file.name for file in models]) or suggestion(path, "models")
@@ -146,7 +148,7 @@ def _driven(
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the joints to actuate, outward."""
     free = [name for name in chain if name not in links]
-    joints = free if joints is None else joints
+    joints = free if joints is None else [joints] if isinstance(joints, str) else joints
     for name in joints:
         if name not in free or joints.count(name) > 1:
             why = f'no hinge or slide joint "{name}" on the chain to site "{site}"{did_you_mean(name, free)}'

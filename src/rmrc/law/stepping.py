@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from numbers import Real
 from typing import Any, cast
 
 import numpy as np
@@ -339,7 +340,7 @@ def _steps(worlds: NDArray[np.void]) -> list[Callable[[], None]]:
 
 
 def _checked_time(seconds: float | None) -> float | None:
-    if seconds is not None and not 0.0 < seconds < math.inf:
+    if seconds is not None and not (isinstance(seconds, Real) and 0.0 < seconds < math.inf):
         raise QuestionError(f"watchdog must be > 0 and finite [s], or None, got {seconds}")
     return seconds
 

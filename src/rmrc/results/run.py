@@ -1,6 +1,7 @@
 """A run: its columns, the facts about it, its metrics, and its file."""
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -62,16 +63,16 @@ class Run(Recorded):
 
     # Its file -------------------------------------------------------------------------------------
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | os.PathLike[str]) -> None:
         """Write all columns and the facts about them to an npz file, atomically."""
         facts, arrays = self._facts(), dict(self.columns)
         if self.baseline is not None:
             facts["baseline"] = self.baseline._facts()
             arrays |= {f"{BASELINE}{name}": column for name, column in self.baseline.columns.items()}
-        _write(path, arrays, facts)
+        _write(Path(path), arrays, facts)
 
     @classmethod
-    def read(cls, path: Path) -> "Run":
+    def read(cls, path: str | os.PathLike[str]) -> "Run":
         """Return the run in a file that `save` wrote.
 
         Raises:
@@ -118,13 +119,14 @@ def save_runs(path: Path, runs: Mapping[str, Run]) -> None:
     _write(path, arrays, [{"label": label, **run._facts()} for label, run in runs.items()])
 
 
-def read_runs(path: Path) -> Runs:
+def read_runs(path: str | os.PathLike[str]) -> Runs:
     """Return the runs in a file of `save` or `save_runs`, by label; the label of a single run is its name.
 
     Raises:
         OSError: It cannot be opened.
         QuestionError: It is another kind of file, or damaged.
     """
+    path = Path(path)
     with reading(path, "the columns of a run"), path.open("rb") as opened, np.load(opened) as file:
         facts = json.loads(str(file["facts"]))
         if isinstance(facts, dict):

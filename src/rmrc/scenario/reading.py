@@ -20,6 +20,22 @@ from rmrc.support.errors import Key, Origin, Problem, ScenarioError, did_you_mea
 from rmrc.support.shipped import suggestion
 from rmrc.support.text import shortened, visible
 
+_TAG = "tag:yaml.org,2002:"
+# Numbers of YAML 1.2, and of this program, that YAML 1.1 takes for texts.
+_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+
+
+class _Loader(yaml.SafeLoader):
+    """A safe loader for which an exponent needs no point: `1e-5`."""
+
+
+class _Dumper(yaml.SafeDumper):
+    """A safe dumper that quotes texts which that loader would take for numbers."""
+
+
+for part in (_Loader, _Dumper):
+    part.add_implicit_resolver(_TAG + "float", _EXPONENT, [*"-+.0123456789"])
+
 # Words for values ---------------------------------------------------------------------------------
 #
 # Show values, foreign texts and similar names in messages: on one line, printable and short.
@@ -39,13 +55,17 @@ def show(value: object) -> str:
 
 def inline(value: object) -> str:
     """Return a value as YAML on one line, which is read back to an equal value."""
-    text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True, sort_keys=False)
+    text = _dumped(value, default_flow_style=True, width=math.inf)
     return text.strip().removesuffix("...").strip()
 
 
 def block(value: object, width: int = 100) -> str:
     """Return a value as readable YAML: one line per key, with the innermost values on one line."""
-    return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, default_flow_style=None, width=width)
+    return _dumped(value, default_flow_style=None, width=width)
+
+
+def _dumped(value: object, **layout: Any) -> str:
+    return str(yaml.dump(value, Dumper=_Dumper, allow_unicode=True, sort_keys=False, **layout))
 
 
 def brief(text: str) -> str:
@@ -69,7 +89,6 @@ _MAX_BYTES = 2**18
 _MAX_VALUES = 10_000
 _MAX_DEPTH = 50
 
-_TAG = "tag:yaml.org,2002:"
 _SCALARS = ("!!str", "!!timestamp", "!!null", "!!bool", "!!int", "!!float")
 
 # YAML's reasons, whether the mistake is where the value starts, and the mistake in words.
@@ -211,7 +230,7 @@ def _composed(text: str, source: str) -> tuple[yaml.SafeLoader, yaml.Node]:
     """Return the nodes of a text after their loader."""
     _check_size(len(text.encode(errors="surrogatepass")), source)
     try:
-        loader = yaml.SafeLoader(text)
+        loader = _Loader(text)
         root = loader.get_single_node()
     except yaml.reader.ReaderError as error:
         *above, line = text[: error.position].split("\n")

@@ -21,6 +21,7 @@ from rmrc.scenario import Scenario, inline
 from rmrc.scenario.values import Section
 from rmrc.support.errors import ScenarioError
 from rmrc.support.notices import tell
+from rmrc.support.spatial import AXES
 
 Array = NDArray[np.float64]
 Bounds: TypeAlias = dict[str, tuple[float, str, str]]
@@ -132,12 +133,14 @@ def _numbers(key: str, value: Any) -> Iterator[tuple[str, float]]:
 
 
 def check_points(scenario: Scenario, reach: Reach, number: int, points: Array) -> None:
-    """Warn of points of a segment of the path, (k, 3), that the arm does not reach.
+    """Warn of points of a segment of the path, (k, 3), that the arm does not reach along the task's axes.
 
     Raises:
         ScenarioError: They are so far away that their unit must be another.
     """
-    distance = float(np.linalg.norm(points - reach.center, axis=1).max())
+    task = scenario.task
+    rows = [i for i in range(3) if task.frame != "world" or not task.axes or AXES[i] in task.axes]
+    distance = float(np.linalg.norm((points - reach.center)[:, rows], axis=1).max())
     if not distance > reach.radius * (1.0 + MARGIN):
         return
     segment = scenario.target.path[number]

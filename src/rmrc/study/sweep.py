@@ -28,7 +28,7 @@ from rmrc.study.dataset import Dataset, Table, about_of, read_table, schema_of
 from rmrc.study.plan import plan_of
 from rmrc.study.runs import Parcel, Rows, Runs, columns_of, pack
 from rmrc.study.study import OnRuns, Values, validated
-from rmrc.support.errors import ScenarioError
+from rmrc.support.errors import QuestionError, ScenarioError
 from rmrc.support.files import reading, refuse_unwritable
 from rmrc.support.interruption import interruptible
 from rmrc.support.threads import side_by_side
@@ -267,6 +267,8 @@ class Swept:
         """
         table = read_table(path) if table is None else table
         rows, names = table.to_pydict(), table.column_names
+        if "seed" not in names:
+            raise QuestionError(f"{path}: holds no sweep; `rmrc report` shows what `tune` has left")
         with reading(path, "of a sweep"):
             units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
             varied = [key for key in names[1 : names.index("seed")] if len(set(map(str, rows[key]))) > 1]
