@@ -29,12 +29,12 @@ COLUMNS = "time", "q", "qdot_cmd", "pose", "pose_ref", "pose_error", "sigma", "d
 COURSES = """
 function coursesOf({data, law, addresses}) {
   const bytes = Uint8Array.from(atob(law), (letter) => letter.charCodeAt(0));
-  const course = new Course(new WebAssembly.Module(bytes), data), settings = new Settings(data);
+  const world = new World(new WebAssembly.Module(bytes), data.image), settings = new Settings(data);
   const text = (values) => btoa(Array.from(new Uint8Array(Float64Array.from(values).buffer),
     (code) => String.fromCharCode(code)).join(""));
   return addresses.map((address) => {
     settings.read(address);
-    const run = course.run(settings), ticks = Array.from({length: run.count}, (_, k) => k);
+    const run = world.run(settings.path, settings.effects, settings.ticks), ticks = Array.from({length: run.count}, (_, k) => k);
     const columns = NAMES.map((name) => [name, text(ticks.flatMap((k) => [...run.row(name, k)]))]);
     return {address, yaml: settings.yaml, columns: Object.fromEntries(columns), status: ticks.map(run.status)};
   });
@@ -49,7 +49,7 @@ console.log(JSON.stringify(coursesOf(JSON.parse(readFileSync(0, "utf8")))));
 def scripts():
     """Return the scripts of the page that need no page, and the function above."""
     names = f"const NAMES = {json.dumps(COLUMNS)};\n"
-    return "\n".join([names, *(file.read_text() for file in page.SCRIPTS[:3]), COURSES])
+    return "\n".join([names, *(file.read_text() for file in page.SCRIPTS[:2]), COURSES])
 
 
 def question(data, addresses):
@@ -177,8 +177,8 @@ def test_a_browser_computes_the_columns_of_a_run(name):
 
 def read(shown):
     """Return the figures of a page."""
-    rows = shown.locator("#table tr").all()
-    return {row.locator("th").inner_text(): float(row.locator("td").first.inner_text()) for row in rows}
+    figures = shown.locator("#figures").inner_text().split(", ")
+    return {name: float(value) for name, value, *_ in map(str.split, figures)}
 
 
 @pytest.mark.browser

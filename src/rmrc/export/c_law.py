@@ -6,7 +6,7 @@ object. `rmrc_law_init` copies it into the caller's memory; a step reads and wri
 
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -100,10 +100,11 @@ def export(scenario: Scenario, folder: Path) -> list[Path]:
         "words": str(world.nbytes // 8),
         "period": repr(controller.period),
         "start": ", ".join(map(repr, start.tolist())),
-        "places": _listed(
-            (name, _word(world, group, field), text) for name, (group, field, text) in _PLACES.items()
+        "places": "\n".join(
+            f"  RMRC_LAW_{name} = {_word(world, group, field)}, /* {text} */"
+            for name, (group, field, text) in _PLACES.items()
         ),
-        "statuses": _listed((str(bit.name), int(bit), "") for bit in Status),
+        "statuses": "\n".join(f"  RMRC_LAW_{bit.name} = {int(bit)}," for bit in Status),
     }
     entries, written = _entries(world, methods), list[Path]()
     for source in sorted(files("rmrc.export").joinpath("c").iterdir(), key=lambda file: file.name):
@@ -114,13 +115,6 @@ def export(scenario: Scenario, folder: Path) -> list[Path]:
         with written_whole(written[-1]) as temporary:
             temporary.write_bytes(object_file(code, triple, (INIT, STEP), entries))
     return written
-
-
-def _listed(rows: Iterable[tuple[str, int, str]]) -> str:
-    """Return the constants of an enumeration in C, each with what it is."""
-    return "\n".join(
-        f"  RMRC_LAW_{name} = {value}," + (f" /* {text} */" if text else "") for name, value, text in rows
-    )
 
 
 def _entries(world: np.void, methods: Mapping[str, Method]) -> str:

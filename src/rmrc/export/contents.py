@@ -4,16 +4,14 @@ The page has the ideal plant, as there is no MuJoCo in it. The run that MuJoCo m
 is beside it, thinned.
 """
 
-import base64
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rmrc.export.controls import Controls, written
-from rmrc.export.drawing import drawing, packed, skeleton
-from rmrc.export.image import CAPACITY, image, offset
-from rmrc.law.record import METHODS
+from rmrc.export.controls import Controls
+from rmrc.export.drawing import drawing, floats, skeletons
+from rmrc.export.image import image, packed
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import IN_RUNS, POLICIES
 from rmrc.scenario.lesson import Lesson
@@ -43,30 +41,36 @@ def contents(scenario: Scenario, lesson: Lesson | None = None) -> tuple[Controls
         QuestionError: A page cannot run it.
     """
     ideal = prepare(on_ideal_plant(scenario))
-    fitted, arm = ideal.scenario, ideal.arm
-    control, made = fitted.control, _image(ideal)
+    arm, control, world = ideal.arm, ideal.scenario.control, image(ideal)
+    if any(array["values"] for array in world["arrays"] if array["name"] == "chance"):
+        keys = "arm.encoder.noise, plant.jitter and plant.loss"
+        raise QuestionError(f"{scenario.name}: a page has no random numbers; leave out {keys}")
     controls = Controls(ideal, lesson.number.setting if lesson else {})
-    statuses = ((int(flag), in_words(flag), css(of_status(int(flag)))) for flag in IN_RUNS)
-    paths = ((speed, limits, faster.reference) for speed, limits, faster in controls.paths)
     return controls, {
-        "name": fitted.name, "scenario": to_paste(fitted), "period": control.period, "image": made,
+        "scenario": to_paste(ideal.scenario), "period": control.period, "image": world,
         "policy": control.at_singularity, "longest": control.slow.longest,
         "slow": [policy.name for policy in POLICIES.options if policy.slows],
         "controls": [each._asdict() for each in controls.controls], "groups": controls.groups,
         "paths": [
-            {"speed": speed, "changes": limits, "ticks": path.ticks, "pieces": packed(path.numbers, "<f8")}
-            for speed, limits, path in paths
+            {"speed": speed, "changes": limits, **path_of(faster)} for speed, limits, faster in controls.paths
         ],
         "joints": [
             {"name": name, "color": css(color)}
             for name, color in zip(arm.joints, distinct(arm.n), strict=True)
         ],
         "unit": " or ".join(f"{unit}/s" for unit in dict.fromkeys(arm.units)),
-        "places": arm.wiring.qpos.tolist(), "below": control.inverse.damping.below,
-        "statuses": [dict(zip(("bit", "name", "color"), each, strict=True)) for each in statuses],
+        "below": control.inverse.damping.below,
+        "statuses": [
+            {"bit": int(flag), "name": in_words(flag), "color": css(of_status(int(flag)))} for flag in IN_RUNS
+        ],
         "drawing": drawing(ideal), "shows": lesson.shows if lesson else ("velocity", "lost"),
         "written": _mujoco(prepare(scenario)), "lesson": lesson and _number(lesson, ideal),
     }  # fmt: skip
+
+
+def path_of(prepared: Prepared) -> dict[str, Any]:
+    """Return the path of a scenario: its ticks, and its pieces as the compiled function reads them."""
+    return {"ticks": prepared.reference.ticks, "pieces": packed(prepared.reference.numbers)}
 
 
 def on_ideal_plant(scenario: Scenario) -> Scenario:
@@ -85,38 +89,6 @@ def to_paste(scenario: Scenario) -> dict[str, Any]:
     return values
 
 
-def _image(prepared: Prepared) -> dict[str, Any]:
-    """Return the image of a world whose path, number of ticks and settings the page writes.
-
-    Raises:
-        QuestionError: It needs random numbers, or a page cannot run it.
-    """
-    plant, n = prepared.scenario.plant, prepared.arm.n
-    if prepared.hardware.encoders.is_noisy or plant.jitter or plant.loss:
-        keys = "arm.encoder.noise, plant.jitter and plant.loss"
-        raise QuestionError(f"{prepared.scenario.name}: a page has no random numbers; leave out {keys}")
-    J, frame = (offset(*field) // 8 for field in (("state", "J"), ("chain", "frame")))
-    made = image(prepared, {
-        "frame": frame + np.arange(7 * len(prepared.arm.axis_names)),
-        "J": (J + CAPACITY * np.arange(6)[:, None] + np.arange(n)).ravel(),
-        "limit": offset("limits", "rate") // 8 + np.arange(n),
-    })  # fmt: skip
-    words, arrays = made["words"], made["arrays"]
-    arrays.pop("positions", None)  # of joints that are not the arm's
-    for name in ("reference", "chance", "path"):
-        arrays[name] = [offset("engine", name), 0, ""]
-    for name in ("rows", "width", "path_ticks", "path_size", "past_rows", "chance"):
-        words[name] = offset("engine", name)
-    words["path_tick"] = offset("memory", "path_tick")
-    record = np.frombuffer(base64.b64decode(made["record"]), np.int64).copy()
-    record[[words[name] // 8 for name in ("path_ticks", "path_size")]] = 0
-    made["record"] = base64.b64encode(record.tobytes()).decode()
-    made["fields"] = {field: offset("methods", field) for field in METHODS.split()}
-    # the settings are differences from these
-    made["methods"] += [[made["fields"][field], name] for field, name in written(prepared).methods.items()]
-    return made
-
-
 def _mujoco(prepared: Prepared) -> dict[str, Any] | None:
     """Return the run that MuJoCo makes of a scenario as written, thinned; None where it has no physics."""
     if not prepared.plant.has_physics:
@@ -124,11 +96,17 @@ def _mujoco(prepared: Prepared) -> dict[str, Any] | None:
     (run,) = Simulation([prepared]).run()
     joint = int(np.abs(run["qdot"]).max(axis=0).argmax())
     moved, turned = (1e3 * np.linalg.norm(run["pose_error"][:, rows], axis=1) for rows in error_rows(run))
-    curves = {"rates": run["qdot"][:, joint], "sigma": run["sigma"][:, -1], "error": moved, "turn": turned}
+    curves = {
+        "rates": run["qdot"][:, joint], "sigma": run["sigma"][:, -1],
+        "position_error": moved, "orientation_error": turned,
+    }  # fmt: skip
     spans = POINTS // (2 * len(curves)) - 2  # beside the ends of each
     rows = np.unique(np.concatenate([extremes(curve, spans) for curve in curves.values()]))
-    thinned = {name: packed(curve[rows]) for name, curve in {"time": run["time"], **curves}.items()}
-    return {**thinned, "joint": run.joints[joint], "skeleton": skeleton(prepared, run)}
+    thinned = {name: floats(curve[rows]) for name, curve in {"time": run["time"], **curves}.items()}
+    return {
+        **thinned, "joint": run.joints[joint], "end": float(run["time"][-1]),
+        "skeletons": skeletons(prepared, run),
+    }  # fmt: skip
 
 
 def _number(lesson: Lesson, ideal: Prepared) -> dict[str, float]:

@@ -9,16 +9,15 @@ left out.
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.export.image import CAPACITY
+from rmrc.export.image import begun
 from rmrc.export.objects import name_of
-from rmrc.law.record import new_worlds
-from rmrc.plants.transmission import transmission
 from rmrc.scenario import schema_rows
 from rmrc.scenario.choices import (
     INVERSES,
@@ -35,8 +34,6 @@ from rmrc.simulation.prepare import Cache, Prepared, prepare
 from rmrc.simulation.reference import Spline
 from rmrc.support.errors import ScenarioError
 
-# What must be chosen so that the law reads a key: names of choices by the keys of their menus.
-Condition: TypeAlias = dict[str, Sequence[str]]
 # A key, and values to try.
 Trial: TypeAlias = tuple[str, Iterable[Any]]
 
@@ -61,25 +58,24 @@ class Control(NamedTuple):
         start: Number of the value of the scenario.
         unit: Unit of numbers; "" for none.
         meaning: What it is.
-        reads: The law reads the key if one of these conditions is met; none: always.
+        reads: Keys of menus, each with those of its names for which the law reads the key; none: always.
     """
 
     key: str
     values: Sequence[Any]
     start: int
-    unit: str
-    meaning: str
-    reads: Sequence[Condition]
+    unit: str = ""
+    meaning: str = ""
+    reads: Sequence[tuple[str, Sequence[str]]] = ()
 
 
 class Controls:
     """The controls of a scenario.
 
     Attributes:
-        base: What the scenario as it is writes.
         controls: The controls, in the order of the page.
         groups: Controls that act together, by their numbers, and their effects: by the numbers of their
-            values, with commas between them, the difference from the base.
+            values, with commas between them, the difference from the scenario as it is.
         paths: Each speed along the path, the limits that give it, and the scenario with them.
     """
 
@@ -91,16 +87,19 @@ class Controls:
             wanted: Values that the controls must have, by their keys.
         """
         self._prepared, self._cache, self._wanted = prepared, Cache(prepared.arm), wanted
-        self._rows, self._known = {row.key: row for row in schema_rows()}, dict[str, Prepared | None]()
-        self.base = written(prepared)
+        self._tried = cache(self._try)
+        self._rows, base = {row.key: row for row in schema_rows()}, written(prepared)
         self.controls, self.groups = list[Control](), list[tuple[list[int], dict[str, Any]]]()
         for trials in _trials(prepared):
-            self._add([control for trial in trials if len((control := self._control(*trial)).values) > 1])
+            group = [control for trial in trials if len((control := self._control(*trial)).values) > 1]
+            first = len(self.controls)
+            self.controls += group
+            self.groups.append(([*range(first, len(self.controls))], self._effects(base, group)))
         self.paths = list(self._paths())
         speeds = [speed for speed, _, _ in self.paths]
         if len(speeds) > 1:
             meaning = "speed along the path: scales target.limits"
-            self.controls.append(Control(SPEED, speeds, speeds.index(1.0), "×", meaning, ()))
+            self.controls.append(Control(SPEED, speeds, speeds.index(1.0), "×", meaning))
 
     def _paths(self) -> Iterator[tuple[float, dict[str, float], Prepared]]:
         has_rate = any(isinstance(piece, Spline) for piece in self._prepared.reference.pieces)
@@ -111,50 +110,44 @@ class Controls:
                 for name in type(limits).model_fields
                 if speed != 1.0
             }
-            if (faster := self._tried(changes)) is not None:
+            if (faster := self._tried(*changes.items())) is not None:
                 yield speed, changes, faster
 
-    def _tried(self, changes: Mapping[str, Any]) -> Prepared | None:
+    def _try(self, *changes: tuple[str, Any]) -> Prepared | None:
         """Return the scenario with other values, or None if it cannot have them."""
         if not changes:
             return self._prepared
-        key = repr(changes)
-        if key not in self._known:
-            try:
-                self._known[key] = prepare(self._prepared.scenario.set(changes), self._cache)
-            except ScenarioError:
-                self._known[key] = None
-        return self._known[key]
+        try:
+            return prepare(self._prepared.scenario.set(dict(changes)), self._cache)
+        except ScenarioError:
+            return None
 
     def _control(self, key: str, values: Iterable[Any]) -> Control:
-        """Return the control of a key."""
-        value, more = attrgetter(key)(self._prepared.scenario), [self._wanted.get(key)]
-        names = [each for each in (*values, *more) if each is not None and each != value]
-        names = [each for each in dict.fromkeys(names) if self._tried({key: each}) is not None]
-        if isinstance(value, float):
-            names = sorted([*names, value])
-        elif not isinstance(value, str):  # none, or one for each joint
-            names.insert(0, value)
-        else:
-            names = [each for each in values if each in (*names, value)]
-        row, turns, slides = self._rows[key], *self._rows[key].unit.partition(" or ")[::2]
-        kinds = set(self._prepared.arm.is_slide.tolist())
-        unit = row.unit if len(kinds) > 1 else slides or turns if kinds == {True} else turns
+        """Return the control of a key, with those values that it can have."""
+        value, row, wanted = attrgetter(key)(self._prepared.scenario), self._rows[key], self._wanted.get(key)
+        able = [each for each in dict.fromkeys((*values, wanted)) if each not in (value, None)]
+        able = [each for each in able if self._tried((key, each)) is not None]
+        if isinstance(value, str):
+            able = [each for each in values if each in (*able, value)]
+        else:  # a number; None, or numbers of all joints, come first
+            able = sorted([*able, value]) if isinstance(value, float) else [value, *able]
+        turns, _, slides = row.unit.partition(" or ")
+        is_slide = self._prepared.arm.is_slide
+        unit = (
+            row.unit if is_slide.any() != is_slide.all() else slides if slides and is_slide.all() else turns
+        )
         unit = "" if unit == "1" or unit.startswith("as ") else unit
-        return Control(key, names, names.index(value), unit, row.meaning, _reads(key))
+        return Control(key, able, able.index(value), unit, row.meaning, _reads(key))
 
-    def _add(self, controls: Sequence[Control]) -> None:
-        """Add a group of controls."""
+    def _effects(self, base: "Written", group: Sequence[Control]) -> dict[str, Any]:
+        """Return the effect of each combination of values of a group."""
         effects = {}
-        for numbers in itertools.product(*(range(len(control.values)) for control in controls)):
-            chosen = zip(controls, numbers, strict=True)
-            changes = {each.key: each.values[number] for each, number in chosen if number != each.start}
-            if (changed := self._tried(changes)) is not None:
-                effects[",".join(map(str, numbers))] = difference(self.base, written(changed))
-        if controls:
-            first = len(self.controls)
-            self.groups.append(([*range(first, first + len(controls))], effects))
-        self.controls += controls
+        for numbers in itertools.product(*(range(len(control.values)) for control in group)):
+            chosen = zip(group, numbers, strict=True)
+            changes = [(each.key, each.values[number]) for each, number in chosen if number != each.start]
+            if (changed := self._tried(*changes)) is not None:
+                effects[",".join(map(str, numbers))] = difference(base, written(changed))
+        return effects
 
 
 class Written(NamedTuple):
@@ -165,15 +158,8 @@ class Written(NamedTuple):
 
 
 def written(prepared: Prepared) -> Written:
-    """Return what the law and the hardware of a scenario write.
-
-    The stage between law and plant is there even where it does nothing, so that delay and lag, which both
-    need it, do not depend on each other.
-    """
-    records = new_worlds(1, prepared.arm.n, CAPACITY)
-    prepared.law.write(records[0])
-    prepared.hardware.write(records[0])
-    methods = {**prepared.law.methods, **prepared.hardware.methods, "transmission": transmission}
+    """Return what the law and the hardware of a scenario write."""
+    records, methods = begun(prepared)
     return Written(records.view(np.uint64), {field: name_of(each) for field, each in methods.items()})
 
 
@@ -182,8 +168,7 @@ def difference(base: Written, other: Written) -> dict[str, Any]:
     words: dict[str, list[int]] = {}
     for index in np.flatnonzero(base.words != other.words).tolist():
         words.setdefault(f"{other.words[index]:x}", []).append(index)
-    fields = sorted({*base.methods, *other.methods})
-    methods = {field: other.methods.get(field, "") for field in fields}
+    methods = {**dict.fromkeys(base.methods, ""), **other.methods}
     changed = {field: name for field, name in methods.items() if name != base.methods.get(field, "")}
     return {"words": words, "methods": changed}
 
@@ -222,18 +207,15 @@ def numbers(value: Any, usual: float = 1.0, steps: Sequence[float] = FINE) -> li
     return [each for each in grid if 0.1 <= each / middle <= 10.0]
 
 
-def _reads(key: str) -> list[Condition]:
-    """Return when the law reads a key: none for always."""
-    scheduled: Condition = {
-        f"control.{INVERSES.key}": [each.name for each in INVERSES.options if each.is_scheduled]
-    }
-    second: Condition = {f"control.{OBJECTIVES.key}": ["secondary"]}
-    above = {SCHEDULES.key: scheduled, PRIORITIES.key: second}
-    if key.removeprefix("control.") in above:
-        return [above[key.removeprefix("control.")]]
-    conditions = list[Condition]()
-    for menu in MENUS:
-        names = [each.name for each in menu.options if key in (f"control.{p.key}" for p in each.parameters)]
-        if names:
-            conditions.append({**above.get(menu.key, {}), f"control.{menu.key}": names})
-    return conditions
+def _reads(key: str) -> list[tuple[str, list[str]]]:
+    """Return menus with names for which the law reads a key, of a parameter or of another menu."""
+    key = key.removeprefix("control.")
+    readers = [
+        (menu.key, [each.name for each in menu.options if key in [read.key for read in each.parameters]])
+        for menu in MENUS
+    ]
+    if key == SCHEDULES.key:
+        readers = [(INVERSES.key, [each.name for each in INVERSES.options if each.is_scheduled])]
+    if key == PRIORITIES.key:
+        readers = [(OBJECTIVES.key, ["secondary"])]
+    return [(f"control.{menu}", names) for menu, names in readers if names]

@@ -4,7 +4,6 @@ A shape moves with an axis of the chain. The compiled kinematics give the frame 
 is on it, and whose axes are those of the world with all joints at 0: points are stored as they are then.
 """
 
-import base64
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Arm
 from rmrc.arm.geometry import even_points
+from rmrc.export.image import packed
 from rmrc.recording.scene import Scene
 from rmrc.results.run import Run
 from rmrc.show.palette import css, distinct
@@ -21,8 +21,8 @@ from rmrc.support.spatial import rotate
 
 Array = NDArray[np.float64]
 
-# Points on a round shape, and on each end of a cylinder.
-ROUND, CIRCLE = 60, 20
+# Points on a round shape.
+ROUND = 60
 # A shape has a color, and is not gray, if its red, green and blue differ by this much.
 COLORED = 0.3
 # MuJoCo's numbers of shapes, and the first group of those that its own viewer hides.
@@ -37,65 +37,54 @@ MARGIN = 0.5
 PATH, INSTANTS = 400, 240
 
 
-def packed(values: Any, kind: str = "<f4") -> str:
-    """Return values in base64, as little-endian floats, of 32 bits unless another kind is wanted."""
+def floats(values: Any) -> str:
+    """Return values as little-endian floats of 32 bits in base64."""
     with np.errstate(over="ignore"):  # numbers beyond the range have no place in a picture
-        return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
+        return packed(np.asarray(values, "<f4"))
 
 
 def drawing(prepared: Prepared) -> dict[str, Any]:
     """Return the shapes of an arm, its joints, its path, the rows of its task, and the view."""
-    arm, task, path = prepared.arm, prepared.task, prepared.reference.pose[:, :3]
+    arm, task, path, scene = prepared.arm, prepared.task, prepared.reference.pose[:, :3], Scene(prepared)
     chain, model, colors = arm.chain, arm.model, [css(color) for color in distinct(arm.n)]
     places, shapes = np.cumsum(chain.step, axis=0), []
-    still = arm.placed(prepared.qpos, np.zeros(arm.n))
-    bodies, behind = arm.frames(np.array([prepared.qpos, still]))[0], _axes_of_bodies(arm)
+    bodies, still = arm.frames(np.array([prepared.qpos, arm.placed(prepared.qpos, np.zeros(arm.n))]))[0]
+    behind = _axes_of_bodies(arm)
     for geom, points in _hulls(model):
         body, rgba = int(model.geom_bodyid[geom]), _rgba(model, geom)
         axis, color = behind[body], "#" + "".join(f"{round(255 * part):02x}" for part in rgba[:3])
-        if axis >= 0 and np.ptp(rgba[:3]) >= COLORED:
-            color = colors[chain.leader[axis]]
-        where = (
-            bodies[1, body, :3] + rotate(bodies[1, body, 3:], points) - (places[axis] if axis >= 0 else 0.0)
-        )
-        shapes.append({"axis": axis, "color": color, "points": packed(where)})
+        where = still[body, :3] + rotate(still[body, 3:], points)
+        if axis >= 0:
+            where -= places[axis]
+            color = colors[chain.leader[axis]] if np.ptp(rgba[:3]) >= COLORED else color
+        shapes.append({"axis": axis, "color": color, "points": floats(where)})
     moving = [body for body, axis in enumerate(behind) if axis >= 0]
-    seen = np.vstack(
-        [places[:1], path, prepared.arm.pose(prepared.qpos[arm.wiring.qpos])[:3], bodies[0, moving, :3]]
-    )
-    return {
-        "shapes": shapes, "foot": places[0].tolist(), "axes": chain.axis.tolist(),
-        "colors": [colors[leader] for leader in chain.leader],
-        "rows": task.rows.tolist(), "scale": task.joint_scale.tolist(), "frame": task.view.frame,
-        "base": np.asarray(task.view.base).tolist(),
-        "path": packed(path[np.linspace(0, len(path) - 1, PATH).round().astype(int)]),
-        **_view(prepared, seen),
-    }  # fmt: skip
-
-
-def _view(prepared: Prepared, seen: Array) -> dict[str, Any]:
-    """Return the axes of the screen, none in space, its center and extent, and the reach of the arm."""
-    scene, center = Scene(prepared), (seen.max(axis=0) + seen.min(axis=0)) / 2
+    seen = np.vstack([places[:1], path, arm.pose(prepared.qpos[arm.wiring.qpos])[:3], bodies[moving, :3]])
+    center = (seen.max(axis=0) + seen.min(axis=0)) / 2
     screen = None if scene.normal is None else SCREENS[scene.normal]
     if screen is None:
         extent = np.full(2, np.linalg.norm(seen - center, axis=1).max())
     else:
         extent = np.abs((seen - center) @ np.transpose(screen)).max(axis=0)[:2]
-    extent = 2.0 * extent + MARGIN * scene.reach
     return {
-        "screen": screen, "center": center.tolist(), "extent": extent.tolist(), "reach": scene.reach,
+        "shapes": shapes, "foot": places[0].tolist(), "axes": chain.axis.tolist(),
+        "colors": [colors[leader] for leader in chain.leader],
+        "rows": task.rows.tolist(), "scale": task.joint_scale.tolist(), "frame": task.view.frame,
+        "base": np.asarray(task.view.base).tolist(),
+        "path": floats(path[np.linspace(0, len(path) - 1, PATH).round().astype(int)]),
+        "screen": screen, "center": center.tolist(), "reach": scene.reach,
+        "extent": (2.0 * extent + MARGIN * scene.reach).tolist(),
     }  # fmt: skip
 
 
-def skeleton(prepared: Prepared, run: Run) -> dict[str, Any]:
-    """Return joints and site of an arm at some instants of a run, as lines."""
+def skeletons(prepared: Prepared, run: Run) -> str:
+    """Return joints and site of an arm at even instants of a run, as lines."""
     arm, rows = prepared.true_arm, np.linspace(0, len(run) - 1, INSTANTS).round().astype(int)
     model, bodies, points = arm.model, arm.frames(run["qpos"][rows])[0], []
     for joint in (model.joint(name).id for name in arm.chain.names):
         pose = bodies[:, model.jnt_bodyid[joint]]
         points.append(pose[:, :3] + rotate(pose[:, 3:], model.jnt_pos[joint]))
-    points.append(run["pose"][rows, :3])
-    return {"time": packed(run["time"][rows]), "points": packed(np.stack(points, axis=1))}
+    return floats(np.stack([*points, run["pose"][rows, :3]], axis=1))
 
 
 def _axes_of_bodies(arm: Arm) -> list[int]:
@@ -128,16 +117,16 @@ def hull(kind: int, size: Array) -> Array:
         kind: Its number, but for a mesh.
         size: Its half sizes.
     """
+    points, sides = _directions(), np.sign(_directions())
     if kind == BOX:
-        return np.array([*np.ndindex(2, 2, 2)]) * (2.0 * size) - size
+        return np.asarray(np.unique(sides * size, axis=0))
     if kind == CYLINDER:
-        angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE, endpoint=False)
-        edge = size[0] * np.transpose([np.cos(angle), np.sin(angle), 0.0 * angle])
-        end = np.array([0.0, 0.0, size[1]])
-        return np.vstack([edge + end, edge - end])
-    points: Array = _directions() * (size if kind == ELLIPSOID else size[0])
+        points[:, :2] *= size[0] / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
+        points[:, 2] = sides[:, 2] * size[1]
+        return points
+    points *= size if kind == ELLIPSOID else size[0]
     if kind == CAPSULE:
-        points[:, 2] += np.copysign(size[1], points[:, 2])
+        points[:, 2] += sides[:, 2] * size[1]
     return points
 
 

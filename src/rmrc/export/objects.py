@@ -1,8 +1,8 @@
 """The methods of a world in one object file, for another machine: WebAssembly, or a program in C.
 
-The functions of the law are compiled once more, for no machine yet and without reference counts: all arrays
-lie in the record of the world, which its caller owns. Numba wraps each method for Python. Here a function
-`void method(world)` takes the place of the wrapper, and everything that it does not reach goes.
+The functions of the law are compiled once more, for no machine yet, and count no references. Numba wraps each
+method for Python. Here a function `void method(world)` takes the place of the wrapper, and everything that it
+does not reach goes.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,18 +12,17 @@ from typing import Any
 
 import llvmlite.binding as llvm  # type: ignore[import-untyped]
 import numba
-from numba import types
-from numba.extending import intrinsic
-from numba.np.arrayobj import np_cfarray
 
-from rmrc.law.compiling import Array, Method, portably
+from rmrc.law.compiling import Method, portably
 
 _numba: Any = numba
-_types: Any = types
-_intrinsic: Any = intrinsic
 
 # A method that does nothing, in the place of one of MuJoCo's, which takes a model and its data.
 NOTHING = "nothing"
+# Numba counts references to arrays, of which nobody owns any: all lie in the record of the world.
+_UNCOUNTED = "".join(
+    f"define void @NRT_{count}(ptr %array) {{\n  ret void\n}}\n" for count in ("incref", "decref")
+)
 
 
 def name_of(method: Method) -> str:
@@ -48,7 +47,7 @@ def program(methods: Iterable[Method], capacity: int) -> bytes:
             part, mangled = llvm.parse_assembly(made.inspect_llvm()), made.native_name.removeprefix("cfunc.")
             part.get_function(mangled).linkage = "weak_odr"  # a weaker function could be dropped
             thunks.append(_thunk(name, mangled, part))
-            whole = whole or llvm.parse_assembly(_head(part))
+            whole = whole or llvm.parse_assembly(_head(part) + _UNCOUNTED)
             whole.link_in(part)
     whole.link_in(llvm.parse_assembly("\n".join([_head(whole), *thunks])))
     return bytes(whole.as_bitcode())
@@ -100,13 +99,11 @@ def object_file(code: bytes, triple: str, exports: Sequence[str], text: str = ""
 
 def _copy(function: Any, copies: dict[Any, Any], flags: Mapping[str, Any]) -> Any:
     """Return a copy of a function that calls copies of the functions that it calls, compiled with flags."""
-    names = {"carray": _carray}
+    names = {}
     for name in globals_of(function):
         called = getattr(function.__globals__.get(name), "py_func", None)
         if called is not None and called not in copies:
-            # without counts no function returns an array: such a one becomes a part of its callers
-            inline = "always" if called.__annotations__.get("return") == Array else "never"
-            copies[called] = _numba.njit(inline=inline, **flags)(_copy(called, copies, flags))
+            copies[called] = _numba.njit(**flags)(_copy(called, copies, flags))
         if called is not None:
             names[name] = copies[called]
     return FunctionType(
@@ -117,11 +114,3 @@ def _copy(function: Any, copies: dict[Any, Any], flags: Mapping[str, Any]) -> An
 def globals_of(function: Any) -> set[str]:
     """Return the names of modules that a function reads; attributes may have the same names."""
     return {step.argval for step in get_instructions(function) if step.opname == "LOAD_GLOBAL"}
-
-
-def _typed_array(typing: Any, address: Any, shape: Any, dtype: Any) -> Any:  # noqa: ARG001 - as numba calls it
-    return _types.Array(dtype.dtype, len(shape), "C")(address, shape, dtype), np_cfarray
-
-
-# As numba's own, which without counts could not return an array.
-_carray: Any = _intrinsic(_typed_array)

@@ -21,8 +21,8 @@ from rmrc.support.files import write_text
 # The largest page [bytes].
 LARGEST = 600_000
 ROOM = Path(__file__).parent
-# Scripts of the page; the first three need no page.
-SCRIPTS = tuple(ROOM / name for name in ("law.mjs", "settings.js", "course.js", "view.js", "explore.js"))
+# Scripts of the page; the first two need no page.
+SCRIPTS = tuple(ROOM / name for name in ("law.mjs", "settings.js", "view.js", "explore.js"))
 
 
 def read_lesson(name: str) -> Lesson:
@@ -60,7 +60,6 @@ def write(path: Path, scenario: Scenario, lesson: Lesson | None = None) -> None:
         "style": _texts(show / "uPlot.min.css", show / "page.css", ROOM / "explore.css"),
         "form": form(controls.controls),
         "lesson": questions(lesson),
-        "beside": " Dashed: MuJoCo's run of the scenario as written." if data["written"] else "",
         "blocks": _block("law", law) + _block("scenario", facts),
         "script": _texts(show / "uPlot.iife.min.js", show / "page.js"),
         "module": _texts(*SCRIPTS),

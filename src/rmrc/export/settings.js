@@ -2,52 +2,43 @@
 
 const SPEED = "target.speed";
 
-// Numbers as YAML reads them: with a point before an exponent.
-function inline(value) {
-  if (Array.isArray(value)) return `[${value.map(inline).join(", ")}]`;
-  if (value && typeof value === "object") {
-    return `{${Object.entries(value)
-      .map(([key, inner]) => `${key}: ${inline(inner)}`)
-      .join(", ")}}`;
-  }
-  return typeof value === "number"
-    ? JSON.stringify(value).replace(/^(-?\d+)e/, "$1.0e")
-    : JSON.stringify(value);
-}
+// A value on a line, as YAML reads it: numbers have a point before an exponent.
+const inline = (value) =>
+  JSON.stringify(value, null, 1)
+    .replace(/\s*\n\s*/g, " ")
+    .replace(/((?:^|[[,:] )-?\d+)e/g, "$1.0e");
 
-const isMapping = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
-
-// A mapping as YAML, the innermost values on one line.
+// A mapping as YAML, each key on a line.
 function yaml(mapping, indent = "") {
-  return Object.entries(mapping)
-    .map(([key, value]) => {
-      const isDeep = isMapping(value) && Object.values(value).some((inner) => typeof inner === "object");
-      return isDeep
-        ? `${indent}${key}:\n${yaml(value, `${indent}  `)}`
-        : `${indent}${key}: ${inline(value)}\n`;
-    })
-    .join("");
+  const row = ([key, value]) =>
+    value?.constructor === Object
+      ? `${indent}${key}:\n${yaml(value, `${indent}  `)}`
+      : `${indent}${key}: ${inline(value)}\n`;
+  return Object.entries(mapping).map(row).join("");
 }
 
 class Settings {
-  // `data` is what `rmrc.export.page` writes.
+  // `data` is what `rmrc.export.contents` writes.
   constructor(data) {
     Object.assign(this, { data, controls: data.controls });
-    this.reset();
+    this.read("");
   }
 
-  reset() {
+  // Choose what an address says after its #, and all else as the scenario has it.
+  read(address) {
+    const wanted = new URLSearchParams(address);
     this.chosen = this.controls.map((control) => control.start);
+    this.controls.forEach((control, i) => {
+      const number = control.values.findIndex((value) => String(value) === wanted.get(control.key));
+      if (number >= 0) this.choose(i, number);
+    });
   }
 
-  get isWritten() {
-    return this.chosen.every((number, i) => number === this.controls[i].start);
-  }
-
-  // The value of a key, or another one where it has no control.
-  value(key, otherwise) {
-    const i = this.controls.findIndex((control) => control.key === key);
-    return i < 0 ? otherwise : this.controls[i].values[this.chosen[i]];
+  // Choose the value with a number, unless it does not go with the others.
+  choose(i, number) {
+    const before = this.chosen[i];
+    this.chosen[i] = number;
+    if (!this.effects) this.chosen[i] = before;
   }
 
   // The differences from the image; undefined where values do not go together.
@@ -56,11 +47,16 @@ class Settings {
     return all.every(Boolean) ? all : undefined;
   }
 
-  // Choose the value with a number, unless it does not go with the others.
-  choose(i, number) {
-    const before = this.chosen[i];
-    this.chosen[i] = number;
-    if (!this.effects) this.chosen[i] = before;
+  // The value of a key, or another one where it has no control.
+  value(key, otherwise) {
+    const i = this.controls.findIndex((control) => control.key === key);
+    return i < 0 ? otherwise : this.controls[i].values[this.chosen[i]];
+  }
+
+  // The values that differ, by their keys.
+  get changes() {
+    const differ = this.controls.filter((control, i) => this.chosen[i] !== control.start);
+    return Object.fromEntries(differ.map((control) => [control.key, this.value(control.key)]));
   }
 
   get path() {
@@ -73,34 +69,19 @@ class Settings {
     return slows ? Math.ceil(this.data.longest * this.path.ticks) : this.path.ticks;
   }
 
-  isRead(control) {
-    const isMet = (condition) =>
-      Object.entries(condition).every(([key, names]) => names.includes(this.value(key)));
-    return control.reads.length === 0 || control.reads.some(isMet);
-  }
-
-  // The values that differ, by their keys.
-  get changes() {
-    const differ = this.controls.filter((control, i) => this.chosen[i] !== control.start);
-    return Object.fromEntries(differ.map((control) => [control.key, this.value(control.key)]));
-  }
-
-  // Choose what an address says after its #.
-  read(address) {
-    const wanted = new URLSearchParams(address);
-    this.reset();
-    this.controls.forEach((control, i) => {
-      const number = control.values.findIndex((value) => String(value) === wanted.get(control.key));
-      if (number >= 0) this.choose(i, number);
-    });
+  // Whether the law reads a key: one of its menus is read and has one of its names.
+  isRead(key) {
+    const control = this.controls.find((each) => each.key === key);
+    const reads = ([menu, names]) => this.isRead(menu) && names.includes(this.value(menu));
+    return !control || control.reads.length === 0 || control.reads.some(reads);
   }
 
   get yaml() {
-    const scenario = structuredClone(this.data.scenario),
-      { [SPEED]: _, ...changes } = this.changes;
+    const scenario = structuredClone(this.data.scenario);
+    const { [SPEED]: _, ...changes } = this.changes;
     for (const [key, value] of Object.entries({ ...changes, ...this.path.changes })) {
-      const steps = key.split("."),
-        last = steps.pop();
+      const steps = key.split(".");
+      const last = steps.pop();
       steps.reduce((node, step) => (node[step] ??= {}), scenario)[last] = value;
     }
     return yaml(scenario);

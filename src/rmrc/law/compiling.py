@@ -135,13 +135,13 @@ def _keeping() -> Iterator[dict[str, Any]]:
 def portably() -> Iterator[dict[str, Any]]:
     """Have numba make code for no machine yet; yield the flags of a function. One thread at a time.
 
-    It is neither kept nor optimized, and counts no references.
+    It is neither kept nor optimized.
     """
     settings = _numba.config
     with _compiling:
         before, settings.OPT = settings.OPT, type(settings.OPT)(0)
         try:
-            yield {"error_model": _FLAGS["error_model"], "_nrt": False}
+            yield {"error_model": _FLAGS["error_model"]}
         finally:
             settings.OPT = before
 

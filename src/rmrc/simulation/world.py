@@ -67,7 +67,7 @@ def compile_for(prepared: Prepared) -> None:
         prepared: The scenario.
     """
     joints = capacity(_room(prepared))
-    for field, method in _methods(prepared).items():
+    for field, method in methods(prepared).items():
         if field not in LATE:
             method.address(joints)
 
@@ -78,7 +78,7 @@ def _room(prepared: Prepared) -> int:
     return max(arm.n, len(arm.axis_names), len(arm.followers))
 
 
-def _methods(prepared: Prepared) -> Mapping[str, Method]:
+def methods(prepared: Prepared) -> Mapping[str, Method]:
     """Return all methods that a world calls, by their fields in its record."""
     misled = {"believe": believe} if prepared.hardware.is_misled else {}
     back = {"move_joints": return_first, "by_joint": by_joint} if prepared.starts_outside else {}
@@ -120,7 +120,7 @@ class World:
         world = self.record = self._records[0]
         prepared.law.write(world)
         hardware.write(world)
-        self.methods = _methods(prepared)
+        self.methods = methods(prepared)
         link(self._records, self.methods)
         self._begin(self._data)
         if not plant.knows_all:
