@@ -165,10 +165,13 @@ def test_the_largest_share_of_the_task_is_done_in_its_direction_by_the_least_rat
 # The direction kept by all bounds ---------------------------------------------------------------------------------------
 
 
-@given(seeds)
+@pytest.mark.parametrize("fields", [{"keep_direction": 1}, {"on_excess": OnExcess.SNS}], ids=["kept", "sns"])
+@given(seed=seeds)
 @examples(8, 80)
-def test_sns_does_the_largest_share_within_all_bounds_by_the_least_rates_and_scales_where_none_fits(seed):
-    found = solved(seed, on_excess=OnExcess.SNS)
+def test_the_largest_share_within_all_bounds_is_done_by_the_least_rates_and_scaled_where_none_fits(
+    seed, fields
+):
+    found = solved(seed, **fields)
     if found is None:
         return
     J, twist, lam, y, lower, upper, drift = found
@@ -244,3 +247,33 @@ def test_limits_come_first_by_the_closed_form_of_reverse_priority(seed):
     assert np.all((y >= lower) & (y <= upper))
     assert held.any()
     assert np.all((y[held] == lower[held]) | (y[held] == upper[held]))
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("part", [0.4, 0.9])
+def test_a_joint_that_is_held_damps_the_others_by_the_share_of_its_rate_that_is_left(seed, part):
+    """λ is that of the columns times these shares, so that it does not jump where a joint begins to be held."""
+    rng, most, below = np.random.default_rng(seed), 0.3, 2.0
+    J, twist = rng.normal(size=(2, 3)), 4.0 * rng.normal(size=2)
+
+    def damping(J):
+        return most * np.sqrt(max(0.0, 1.0 - (np.linalg.svd(J)[1][-1] / below) ** 2))
+
+    def damped(J, twist, lam):
+        return J.T @ np.linalg.solve(J @ J.T + lam**2 * np.eye(2), twist)
+
+    free = damped(J, twist, damping(J))
+    held = np.argmax(np.abs(free))
+    share, others = np.where(np.arange(3) == held, part, 1.0), np.arange(3) != held
+    y, *_ = answer(
+        *records(
+            J, most, schedule=Schedule.SMALLEST_SINGULAR_VALUE, damping_below=below, rank=2,
+            on_excess=OnExcess.REVERSE_PRIORITY, rate_limit=np.where(others, 1e3, part * np.abs(free[held])),
+        ),
+        twist,
+    )  # fmt: skip
+    lam = max(damping(J), damping(J * share))
+    assert y[held] == pytest.approx(part * free[held], rel=1e-12)
+    left = twist - J[:, held] * y[held]
+    assert_allclose(y[others], damped(J[:, others], left, lam), rtol=0, atol=1e-11)
+    assert lam > damping(J) + 1e-5  # or nothing would be tested

@@ -103,6 +103,10 @@ VARIANTS = {
         *FOLDED, DRIFT, "control.limits={rate: 0.4, acceleration: 2, braking: 1, on_excess: redistribute}",
         "control.joint_weights=[3, 1, 0.5]",
     ),
+    "redistributed near a singularity, redundant": (
+        *FOLDED, DRIFT, "control.limits={rate: 0.25, on_excess: redistribute}", METHOD + "damped",
+        "control.inverse.damping={maximum: 0.2, below: 1.2}", "plant.kind=ideal",
+    ),
     "at a stop": (*AT_STOP, "control.limits={acceleration: 30, braking: 10}"),
     "at two stops, constant damping, stuck": (*FOLDED_UP, SCHEDULE + "constant", "plant.kind=ideal"),
     "at a stop, redistributed": (*AT_STOP, ON_EXCESS + "redistribute", "control.limits.rate=[0.2, 3, 3]"),

@@ -74,7 +74,9 @@ def test_areas_of_a_gantry_are_the_sides_of_its_box(tmp_path):
     assert [*slices] == ["xz", "xy", "yz"]  # each of which one slide leaves alone
     for plane, area in (("xz", 1.0), ("xy", 2.0), ("yz", 0.5)):
         assert_area(slices[plane].limited, area, 2e-3)  # of a corner a quarter is reached, and not a half
-    assert workspace(space.task.arm, "xy", cells=20, samples=1000).others == ()
+    alone = workspace(space.task.arm, "xy", cells=20, samples=1000)
+    assert alone.others == ()
+    assert alone.limited.reached.shape == (20, 11)  # of a box of 2 m by 1 m, the outermost reached by half
 
 
 # Extents ----------------------------------------------------------------------------------------------

@@ -340,7 +340,9 @@ def _steps(worlds: NDArray[np.void]) -> list[Callable[[], None]]:
 
 
 def _checked_time(seconds: float | None) -> float | None:
-    if seconds is not None and not (isinstance(seconds, Real) and 0.0 < seconds < math.inf):
+    if seconds is None:
+        return None
+    if not isinstance(seconds, Real) or not 0.0 < seconds < math.inf:
         raise QuestionError(f"watchdog must be > 0 and finite [s], or None, got {seconds}")
     return seconds
 
