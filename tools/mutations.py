@@ -3,8 +3,8 @@
     python tools/mutations.py [--count 60] [--seed 1] [--out recordings/mutations.csv]
 
 A fault changes one operator, comparison, index or constant in a copy of this checkout. The tests then have a
-minute: those of its module and its room first, then those of whole runs, then all others. A fault survives if
-they pass, or find nothing in that time. All tests run once before, without a fault, which takes six minutes:
+minute: those of its module first, then those of its room and of whole runs. A fault survives if they pass, or
+find nothing in that time. All tests run once before, without a fault, which takes six minutes:
 so that only what a fault changes is compiled in its minute. Rows that the file already holds are not run
 again. The exit code is 1 if more than a tenth survive.
 """
@@ -79,7 +79,7 @@ def faults(path: Path) -> Iterator[Fault]:
 
 
 def nearest(file: str) -> list[str]:
-    """Return tests in their order: those that import the module, of its room, of whole runs, all others."""
+    """Return tests in their order: those that import the module, of its room, of whole runs."""
     _, _, room, *folders, module = Path(file).with_suffix("").parts
     names = [f"rmrc.{'.'.join([room, *folders, module])}", f"rmrc.{'.'.join([room, *folders])} import"]
     paths = sorted((ROOT / "tests").rglob("*.py"), key=lambda path: (len(path.parts), path))
@@ -89,7 +89,7 @@ def nearest(file: str) -> list[str]:
     importing += [path for path, text in texts.items() if any(line in text for line in helped)]
     named = [path for path in texts if path.stem == f"test_{module}"]
     beside = [path for path in texts if path.parent.name == room]
-    ordered = dict.fromkeys([*named, *importing, *beside, *(ROOT / test for test in RUNS), *texts])
+    ordered = dict.fromkeys([*named, *importing, *beside, *(ROOT / test for test in RUNS)])
     edits_copies = ROOT / "tests/law/test_compiling.py"
     tests = [path for path in ordered if path.stem.startswith("test_") and path != edits_copies]
     return [path.relative_to(ROOT).as_posix() for path in tests]
