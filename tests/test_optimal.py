@@ -198,6 +198,19 @@ def test_the_largest_share_within_all_bounds_is_done_by_the_least_rates_and_scal
         assert excess_of_norm(J, done, y, lower, upper, drift) <= 1e-6
 
 
+def test_the_limits_of_all_joints_that_are_held_are_named():
+    """Of a task of 3, joints at 0.5 and 1.1 leave 1.4 to the last one, which does 1.2; its share is a rate's."""
+    y, *_, status = answer(
+        *records(
+            np.ones((1, 3)), 0.0, half=[1e6, 1.1, 1e6], method=Method.PSEUDOINVERSE, rank=1,
+            on_excess=OnExcess.REDISTRIBUTE, rate_limit=np.array([0.5, 1e3, 1.2]),
+        ),
+        np.array([3.0]),
+    )  # fmt: skip
+    assert_allclose(y, [0.5, 1.1, 1.2], rtol=1e-12)
+    assert status & LIMITED == Status.RATE_LIMITED | Status.ACCELERATION_LIMITED
+
+
 # Limits first -------------------------------------------------------------------------------------------------------
 
 

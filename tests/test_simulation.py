@@ -68,6 +68,9 @@ VARIANTS = {
         METHOD + "truncated", "control.inverse.cutoff=0.1",
     ),
     "damped": NEAR,
+    "held a little beyond reach, not stuck": (
+        COARSE, "arm.start=[4 deg, -8 deg]", "target.path=[{line: {to: [2.01, 0]}}, {hold: {for: 1.5}}]",
+    ),
     "about a free axis of the site, manipulability": (
         *STANDING, "task={frame: site, axes: [x, z, ry, rz]}", OBJECTIVE + "manipulability",
     ),

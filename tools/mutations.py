@@ -88,10 +88,11 @@ def nearest(file: str) -> list[str]:
     helped = tuple(f"from {path.stem} import" for path in importing if not path.stem.startswith("test_"))
     importing += [path for path, text in texts.items() if any(line in text for line in helped)]
     named = [path for path in texts if path.stem == f"test_{module}"]
-    beside = [path for path in texts if path.parent.name == room]
-    ordered = dict.fromkeys([*named, *importing, *beside, *(ROOT / test for test in RUNS)])
-    edits_copies = ROOT / "tests/law/test_compiling.py"
-    tests = [path for path in ordered if path.stem.startswith("test_") and path != edits_copies]
+    beside = [path for path, text in texts.items() if path.parent.name == room or f"rmrc.{room}." in text]
+    apart = [path for path in texts if path.parent.name == "tests" and not (ROOT / "tests" / room).exists()]
+    ordered = dict.fromkeys([*named, *importing, *beside, *(ROOT / test for test in RUNS), *apart])
+    apart_from = ROOT / "tests/law/test_compiling.py", ROOT / "tests/test_commands.py"  # which take long
+    tests = [path for path in ordered if path.stem.startswith("test_") and path not in apart_from]
     return [path.relative_to(ROOT).as_posix() for path in tests]
 
 

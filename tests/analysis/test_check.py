@@ -101,6 +101,13 @@ def test_a_sound_model_has_nothing_to_be_mended(tmp_path):
     assert found.is_ready and found.findings == ()
 
 
+@pytest.mark.parametrize(("half", "is_told"), [(0.05, True), (0.07, False)])
+def test_ranges_of_six_degrees_and_less_are_told(tmp_path, half, is_told):
+    axes = {"first": "0 0 1", "second": "0 1 0", "third": "0 1 0"}
+    parts = {name: f'axis="{axis}" range="-{half} {half}"' for name, axis in axes.items()}
+    assert ("range-suspicious" in found_in(written(tmp_path, **parts, home="0 0.01 0.02"))) == is_told
+
+
 def test_a_plant_differs_by_a_hundred_times_the_ideal_error_or_a_rate_beyond_its_limit():
     """An ideal error below a millionth of the arm's size counts as that."""
     found = scales(load(ROOT / "models/planar_2link.xml"))

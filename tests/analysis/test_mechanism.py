@@ -42,6 +42,24 @@ def test_rates_of_the_drives_are_along_the_lines_of_their_legs(arm, pose):
     assert_allclose(found.inverse, platform_inverse_jacobian(BASE, PLATFORM, pose), atol=1e-8)
 
 
+def test_the_table_has_these_numbers_and_zero_for_rounding(rmrc):
+    code, out, _ = rmrc("inspect", str(PATH), "--site", "tool")
+    assert code == 0
+    found = arms.load(PATH, "tool")
+    mechanism = find_mechanism(found, found.configuration("home")[found.wiring.qpos])
+    lines = [line.split() for line in out.splitlines()]
+    for name, length, rates in zip(mechanism.drives, mechanism.lengths, mechanism.inverse, strict=True):
+        (cells,) = [cells for cells in lines if name in cells and len(cells) >= 5 and _numbers(cells[-4:])]
+        assert_allclose(_numbers(cells[-4:]), [length, *rates], rtol=1e-3, atol=1e-12)
+
+
+def _numbers(cells):
+    try:
+        return [float(cell.replace("\N{MINUS SIGN}", "-")) for cell in cells]
+    except ValueError:
+        return []
+
+
 def test_the_physics_moves_the_platform_as_the_lines_of_the_legs_say():
     model = mujoco.MjModel.from_xml_path(str(PATH))
     data, site = mujoco.MjData(model), model.site("tool").id

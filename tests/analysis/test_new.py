@@ -1,5 +1,7 @@
 """A first scenario for an arm: it runs as it is, its numbers are scaled to the arm, and the singularity is the arm's."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ import yaml
 import rmrc
 from project import ROOT
 from rmrc.analysis.new import LEAST, SLACK
-from rmrc.analysis.new_motion import begin
+from rmrc.analysis.new_motion import begin, judged
 from rmrc.analysis.scaling import ASSUMED_RATE, nearest_singularity, scales
 from rmrc.arm import load
 from rmrc.scenario.choices import PLANTS, Status
@@ -61,6 +63,10 @@ def test_it_damps_near_the_singularity_alone_and_no_rate_is_cut(name):
     assert (np.abs(run["qdot_cmd"]) < found.scales.rate).all()
     assert not (run["status"] & (Status.RATE_LIMITED | Status.POSITION_LIMITED | Status.STUCK)).any()
     assert found.move.faults == () and "fault" not in found.text
+    # the motion must go below half of ε
+    for times, names in ((1.9, ("sigma_min stays above half of `below`",)), (2.1, ())):
+        move = replace(found.move, epsilon=times * least.min())
+        assert judged(found.scales, move, run).faults == names
 
 
 def test_the_size_is_the_rms_distance_of_the_site_from_the_axes():

@@ -118,6 +118,13 @@ def test_damped_begins_where_each_method_begins_to_damp(name, parameters, sigma,
     assert bool(status_of((1.0, sigma), name, **parameters) & Status.DAMPED) == damped
 
 
+@pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
+def test_a_status_does_not_depend_on_the_unit_of_lengths(scale):
+    for sigma, damped in ((0.11, False), (0.09, True)):
+        status = status_of((scale, scale * sigma), "pseudoinverse", tolerance=0.1)
+        assert status == Status.DAMPED * damped
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
