@@ -6,7 +6,7 @@ import tokenize
 
 from project import ROOT
 
-SOURCE_LINES = 23_200
+SOURCE_LINES = 23_150
 SOURCE_MODULES = 235
 TEST_LINES = 20_000
 
