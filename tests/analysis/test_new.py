@@ -10,7 +10,7 @@ import yaml
 import rmrc
 from project import ROOT
 from rmrc.analysis.new import LEAST, SLACK
-from rmrc.analysis.new_motion import begin, judged
+from rmrc.analysis.new_motion import begin, judged, moves
 from rmrc.analysis.scaling import ASSUMED_RATE, nearest_singularity, scales
 from rmrc.arm import load
 from rmrc.scenario.choices import PLANTS, Status
@@ -67,6 +67,17 @@ def test_it_damps_near_the_singularity_alone_and_no_rate_is_cut(name):
     for times, names in ((1.9, ("sigma_min stays above half of `below`",)), (2.1, ())):
         move = replace(found.move, epsilon=times * least.min())
         assert judged(found.scales, move, run).faults == names
+
+
+@pytest.mark.parametrize("name", ["planar_2link", "puma560"])
+def test_a_motion_aside_is_a_fifth_of_the_arms_size_long(name):
+    """Its rotation counts with the task's length; four digits are written."""
+    found = scales(load(model(name)))
+    aside = [each for each in moves(found) if each.how == "aside"]
+    for each in aside:
+        way = np.linalg.norm([*each.by, *(found.task.length * each.turn)])
+        assert way == pytest.approx(0.2 * found.size, rel=1e-3)
+    assert len(aside) == 2  # there and back
 
 
 def test_the_size_is_the_rms_distance_of_the_site_from_the_axes():
