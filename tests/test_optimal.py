@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import linprog
 
 from codes import Method, OnExcess, Schedule
+from oracle_limits import redistributed
 from project import examples
 from records import blank, put, resolve
 from rmrc.scenario.choices import Status
@@ -196,6 +197,28 @@ def test_the_largest_share_within_all_bounds_is_done_by_the_least_rates_and_scal
     assert best is None or share == pytest.approx(best, abs=1e-6)
     if best is not None:
         assert excess_of_norm(J, done, y, lower, upper, drift) <= 1e-6
+
+
+def test_redistributed_rates_are_those_of_a_plain_loop_over_the_saturated_joints():
+    compared = 0
+    for seed in range(200):
+        if (case := solved(seed, on_excess=OnExcess.REDISTRIBUTE)) is None:
+            continue
+        J, twist, lam, y, *bounds, drift = case
+
+        def invert(J, lam=lam):
+            return (
+                np.linalg.pinv(J, 1e-14)
+                if lam == 0
+                else J.T @ np.linalg.inv(J @ J.T + lam**2 * np.eye(len(J)))
+            )
+
+        rates, _ = redistributed(J, twist, drift, *bounds, lambda J: J, invert)
+        if rates is not None:  # or all are scaled
+            compared += 1
+            # by two ways to the inverse, which λ keeps bounded
+            assert_allclose(y, rates, rtol=0, atol=1e-9 * (1.0 + np.abs(rates).max()), err_msg=str(seed))
+    assert compared > 60
 
 
 def test_the_limits_of_all_joints_that_are_held_are_named():
