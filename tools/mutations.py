@@ -4,9 +4,9 @@
 
 A fault changes one operator, comparison, index or constant in a copy of this checkout. The tests then have a
 minute: those of its module first, then those of its room and of whole runs. A fault survives if they pass, or
-find nothing in that time. All tests run once before, without a fault, which takes six minutes:
-so that only what a fault changes is compiled in its minute. Rows that the file already holds are not run
-again. The exit code is 1 if more than a tenth survive.
+find nothing in that time. All tests run once before, without a fault, which takes six minutes, so that only
+what a fault changes is compiled in its minute. Rows that the file already holds are not run again. The exit
+code is 1 if more than a tenth survive.
 """
 
 import argparse

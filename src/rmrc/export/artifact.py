@@ -8,32 +8,44 @@ import hashlib
 import inspect
 import io
 import tokenize
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from rmrc.export.image import CAPACITY
 from rmrc.export.objects import NOTHING, globals_of, name_of, object_file, program
+from rmrc.law import (
+    active_set,
+    damping,
+    inertia,
+    inverses,
+    jerk,
+    joint_motion,
+    law,
+    limits,
+    metric,
+    nullspace,
+    policies,
+    priority,
+    svd,
+)
 from rmrc.law.compiling import Method
 from rmrc.law.record import world_type
+from rmrc.plants import ideal, sensing, transmission
+from rmrc.simulation import reference, ticks
 
 FILE = Path(__file__).with_name("law.wasm")
 
-# Rooms and their modules with methods that a world of the ideal plant may call.
-_MODULES = {
-    "law": "active_set damping inertia inverses jerk joint_motion law limits metric nullspace policies "
-    "priority svd",
-    "plants": "ideal sensing transmission",
-    "simulation": "reference ticks",
-}
+_MODULES = (
+    *(active_set, damping, inertia, inverses, jerk, joint_motion, law, limits, metric, nullspace, policies),
+    *(priority, svd, ideal, sensing, transmission, reference, ticks),
+)
 # What means something in a compiled function; comments and texts do not.
 _TOKENS = tokenize.NAME, tokenize.NUMBER, tokenize.OP
 
 
 def methods() -> dict[str, Method]:
     """Return the methods by their names."""
-    modules = [import_module(f"rmrc.{room}.{name}") for room in _MODULES for name in _MODULES[room].split()]
-    values = [value for module in modules for value in vars(module).values()]
+    values = [value for module in _MODULES for value in vars(module).values()]
     return {name_of(value): value for value in values if isinstance(value, Method)}
 
 
