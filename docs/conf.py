@@ -107,14 +107,14 @@ def write_explored(app: Any, error: Exception | None) -> None:
     """Write the pages of `rmrc explore` that are linked: of lessons, and of shipped scenarios."""
     from rmrc.export.page import read_lesson, write
     from rmrc.scenario import load
-    from rmrc.scenario.lesson import SHIPPED
+    from rmrc.scenario.draft import LESSONS
 
     if error or app.builder.name != "html":
         return
     folder = Path(app.outdir) / "explore"
     folder.mkdir(exist_ok=True)
     for name in sorted(EXPLORED):
-        lesson = read_lesson(name) if name in SHIPPED else None
+        lesson = read_lesson(name) if name in LESSONS else None
         write(folder / f"{name}.html", load(lesson.scenario if lesson else name), lesson)
 
 

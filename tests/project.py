@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from rmrc.support.notices import COMPILING
+from rmrc.support.errors import COMPILING
 
 ROOT = Path(__file__).parent.parent
 

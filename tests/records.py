@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 from codes import field
-from rmrc.law import active_set, damping, inverses, jerk, limits, metric, nullspace, policies, priority, svd
+from rmrc.law import active_set, damping, inverses, jerk, limits, metric, nullspace, policies, svd
 from rmrc.law.metric import INERTIA
 from rmrc.law.record import new_worlds
 from rmrc.law.settings import link, schedule_of
@@ -115,7 +115,7 @@ def methods(world):
         "damping": getattr(damping, schedule_of(method, names[SCHEDULES.field])),
         "null_space": nullspace.move_in_null_space if objective != "none" else None,
         "objective": getattr(nullspace, objective) if objective != "none" else None,
-        "priority": getattr(priority, names[PRIORITIES.field]) if second else None,
+        "priority": getattr(nullspace, names[PRIORITIES.field]) if second else None,
         "policy": getattr(policies, policy) if POLICIES[policy].acts else None,
         "hold_off": policies.hold_off if policy == "keep_out" else None,
         "weigh": metric.weigh if world["law"]["inverse_metric"] == INERTIA else None,

@@ -35,7 +35,7 @@ OWNERS = {
         "rmrc.analysis.workspace_report",
     ),
     "contourpy": ("rmrc.analysis.workspace",),  # comes with matplotlib
-    "rich": ("rmrc.cli", "rmrc.show.tables", "rmrc.show.terminal"),
+    "rich": ("rmrc.cli", "rmrc.show.tables"),
     "typer": ("rmrc.cli",),
     "distributed": ("rmrc.study.dask",),
     "PIL": ("rmrc.recording",),
@@ -59,7 +59,7 @@ def read_sources():
 
 
 SOURCES = read_sources()
-assert {"rmrc", "rmrc.cli", "rmrc.law.law", "rmrc.textbook.dh"} <= SOURCES.keys()  # else all rules hold
+assert {"rmrc", "rmrc.cli", "rmrc.law.law", "rmrc.textbook.chains"} <= SOURCES.keys()  # else all rules hold
 
 
 def is_within(module, *packages):

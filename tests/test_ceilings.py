@@ -6,8 +6,8 @@ import tokenize
 
 from project import ROOT
 
-SOURCE_LINES = 23_150
-SOURCE_MODULES = 235
+SOURCE_LINES = 22_900
+SOURCE_MODULES = 182
 TEST_LINES = 20_000
 
 # Tokens that make no line a line of code.

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from project import ROOT
 from replacing import replaced
 from rmrc import arm as arms
-from rmrc.scenario.arm import ToolSection
+from rmrc.scenario.sections import ToolSection
 
 MODELS = ROOT / "tests/models"
 

@@ -14,12 +14,12 @@ from chains import random_chain, random_followers, seeds
 from physics import moved as run_along
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.routes import jacobians as routes
+from rmrc.analysis.singularities import jacobians as routes
 from rmrc.analysis.statics import balance
 from rmrc.analysis.survey import jacobians, survey
 from rmrc.law.task import choose
 from rmrc.support.errors import ModelError
-from rmrc.textbook.screws import geometric_from_screws, space_jacobian
+from rmrc.textbook.chains import geometric_from_screws, space_jacobian
 from screws import screw_chain
 from wording import says
 

@@ -9,7 +9,7 @@ import pytest
 
 from processes import TELLS_OF_TICKS
 from project import ROOT
-from rmrc.support.interruption import interruptible, signal_that_came, stops_like_ctrl_c
+from rmrc.support.process import interruptible, signal_that_came, stops_like_ctrl_c
 
 ALL = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 

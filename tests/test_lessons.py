@@ -7,15 +7,15 @@ import pytest
 import rmrc
 from pages import page
 from project import ROOT
-from rmrc.scenario.lesson import SHIPPED, Lesson
+from rmrc.scenario.draft import LESSONS, Lesson
 from rmrc.scenario.messages import checked
 from rmrc.scenario.reading import Document
 from rmrc.support.errors import ScenarioError
 
 
-@pytest.mark.parametrize("name", sorted(SHIPPED))
+@pytest.mark.parametrize("name", sorted(LESSONS))
 def test_the_number_to_find_is_what_the_setting_gives(name):
-    lesson = checked(Lesson, Document.read(str(SHIPPED[name])))
+    lesson = checked(Lesson, Document.read(str(LESSONS[name])))
     number, written = lesson.number, rmrc.load(lesson.scenario)
     for scenario, is_met in ((written.set(number.setting), True), (written, False)):
         value = rmrc.run(scenario).scorecard[number.figure].value / number.per
@@ -23,9 +23,9 @@ def test_the_number_to_find_is_what_the_setting_gives(name):
     assert len(lesson.questions) == 3
 
 
-@pytest.mark.parametrize("name", sorted(SHIPPED))
+@pytest.mark.parametrize("name", sorted(LESSONS))
 def test_the_lecture_has_each_lesson_as_a_command_and_its_rows_are_of_the_textbook(name):
-    lesson = checked(Lesson, Document.read(str(SHIPPED[name])))
+    lesson = checked(Lesson, Document.read(str(LESSONS[name])))
     settings = "".join(f" --set {key}={value}" for key, value in lesson.number.setting.items())
     assert f"\nrmrc run {lesson.scenario}{settings}\n" in page("A lecture")
     numbers = re.findall(r"^\| ([A-D]\d+) \|", (ROOT / "docs/textbook.md").read_text("utf-8"), re.MULTILINE)

@@ -7,7 +7,7 @@ import pytest
 
 from project import ROOT
 from rmrc.simulation.footprint import LIBRARIES
-from rmrc.support import memory
+from rmrc.support import process
 from wording import says
 
 GB = 10**9
@@ -31,16 +31,16 @@ def test_it_is_what_the_limit_of_a_container_leaves(tmp_path):
     put(tmp_path, "sys/fs/cgroup/memory.max", "3000000000\n")
     put(tmp_path, "sys/fs/cgroup/memory.current", "2000000000\n")
     put(tmp_path, "sys/fs/cgroup/memory.stat", "anon 1\ninactive_file 500000000\n")  # cached files
-    assert memory.room(tmp_path) == (3 * GB - 2 * GB + GB / 2, "the container")
+    assert process.room(tmp_path) == (3 * GB - 2 * GB + GB / 2, "the container")
     put(tmp_path, "sys/fs/cgroup/memory.max", "max\n")
-    assert memory.room(tmp_path).bound == "the machine"
-    assert memory.room(tmp_path / "nothing").size == math.inf
+    assert process.room(tmp_path).bound == "the machine"
+    assert process.room(tmp_path / "nothing").size == math.inf
 
 
 @pytest.fixture
 def small(monkeypatch, tmp_path):
     """Leave one gigabyte, and write the scenario."""
-    monkeypatch.setattr(memory, "room", lambda: memory.Room(GB, "the machine"))
+    monkeypatch.setattr(process, "room", lambda: process.Room(GB, "the machine"))
     (tmp_path / "long.yaml").write_text(BASE)
 
 

@@ -16,15 +16,19 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from rmrc.support.spatial import shift_twist
-from rmrc.textbook.anthropomorphic import anthropomorphic_chain, anthropomorphic_jacobian
-from rmrc.textbook.dh import DHChain
-from rmrc.textbook.helical import helical_jacobian
-from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian
-from rmrc.textbook.planar_rp import planar_rp_chain, planar_rp_jacobian
-from rmrc.textbook.puma import puma_chain, puma_gravity_torques
-from rmrc.textbook.spherical_wrist import spherical_wrist_chain, spherical_wrist_jacobian, three_roll_jacobian
-from rmrc.textbook.stanford import stanford_chain, stanford_jacobian
-from rmrc.textbook.torus import torus_chain, torus_jacobian
+from rmrc.textbook.chains import DHChain
+from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian, planar_rp_chain, planar_rp_jacobian
+from rmrc.textbook.six_joint import puma_chain, puma_gravity_torques, stanford_chain, stanford_jacobian
+from rmrc.textbook.spatial import (
+    anthropomorphic_chain,
+    anthropomorphic_jacobian,
+    helical_jacobian,
+    spherical_wrist_chain,
+    spherical_wrist_jacobian,
+    three_roll_jacobian,
+    torus_chain,
+    torus_jacobian,
+)
 from twins import TWINS
 
 MODELS = Path(__file__).parent.parent / "models"

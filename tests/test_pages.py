@@ -9,7 +9,7 @@ import pytest
 
 from pages import blocks
 from project import ROOT
-from rmrc.analysis.findings import CODES
+from rmrc.analysis.check import CODES
 from rmrc.scenario import loads
 from rmrc.scenario.profile import SHIPPED, load_profile
 

@@ -9,8 +9,7 @@ from rmrc.arm import load
 from rmrc.scenario import draft_of
 from rmrc.simulation.plausibility import reach_of
 from rmrc.simulation.prepare import prepare
-from rmrc.support.errors import ScenarioError
-from rmrc.support.notices import heard_by
+from rmrc.support.errors import ScenarioError, heard_by
 from rmrc.support.shipped import shipped
 from wording import says
 

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from project import ROOT, told
-from rmrc.results.events import CONDITIONS
+from rmrc.results.metrics import CONDITIONS
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load, loads
 from rmrc.scenario.profile import SHIPPED, Profile, load_profile

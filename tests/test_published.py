@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 
 from project import ROOT
 from rmrc import Controller, resolve_rates
-from rmrc.textbook.dh import DHChain
+from rmrc.textbook.chains import DHChain
 
 QUARTER = np.pi / 2
 REVOLUTE = ("revolute",) * 7

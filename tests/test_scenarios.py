@@ -9,7 +9,7 @@ from rmrc import arm as arms
 from rmrc import textbook
 from rmrc.results.expectations import check
 from rmrc.scenario import load
-from rmrc.textbook.redundancy import weighted_left_inverse
+from rmrc.textbook.inverse import weighted_left_inverse
 from shipped import shipped
 from verdicts import denied
 

@@ -10,10 +10,9 @@ import pytest
 from browsers import chromium
 from pages import CONTENTS, PAGES, page
 from project import ROOT
-from rmrc.export.contents import contents
-from rmrc.export.page import read_lesson
+from rmrc.export.page import contents, read_lesson
 from rmrc.scenario import load
-from rmrc.scenario.lesson import SHIPPED
+from rmrc.scenario.draft import LESSONS
 
 SPEC = importlib.util.spec_from_file_location("site_tool", ROOT / "tools/site.py")
 site = importlib.util.module_from_spec(SPEC)
@@ -73,9 +72,9 @@ def test_a_link_to_a_page_with_sliders_sets_what_the_page_has(conf):
     texts = [path.read_text("utf-8") for path in (ROOT / "docs").glob("*.md")]
     links = {link[1:] for text in texts for link in conf["IN_BROWSER"].findall(text)}
     told = set(re.findall(r"explore\.md\?([\w-]+)", page("A page with sliders")))
-    assert {*SHIPPED} < told and {name for name, _ in links} == told
+    assert {*LESSONS} < told and {name for name, _ in links} == told
     for name, settings in links:
-        scenario = load(read_lesson(name).scenario if name in SHIPPED else name)
+        scenario = load(read_lesson(name).scenario if name in LESSONS else name)
         if settings:
             key, value = settings[1:].split("=")
             (control,) = (each for each in contents(scenario, None)[0].controls if each.key == key)

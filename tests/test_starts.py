@@ -9,8 +9,7 @@ from rmrc.arm import load
 from rmrc.scenario import StartPose
 from rmrc.simulation.configuration import start_positions
 from rmrc.simulation.prepare import prepare
-from rmrc.support.errors import ScenarioError, TargetError
-from rmrc.support.notices import heard_by
+from rmrc.support.errors import ScenarioError, TargetError, heard_by
 from rmrc.support.spatial import pose_error
 
 PUMA = load(ROOT / "models/puma560.xml")

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 
 from project import ROOT
 from rmrc.arm import load
-from rmrc.textbook.statics import equilibrium_torques, joint_torques
+from rmrc.textbook.chains import equilibrium_torques, joint_torques
 
 MODELS = {"planar_2link": "tip", "planar_3link": "tip", "stanford": "tool"}
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from project import ROOT
 from replacing import replaced
 from rmrc import arm as arms
-from rmrc.recording.shapes import shapes_of
+from rmrc.recording.picture import shapes_of
 from rmrc.support.errors import ModelError
 from stl import tetrahedron
 

@@ -3,7 +3,7 @@
 import dataclasses
 
 from rmrc.results.columns import Divergence
-from rmrc.results.verdict import warnings
+from rmrc.results.scorecard import warnings
 from rmrc.scenario.choices import Status
 from shipped import shipped
 from verdicts import denied

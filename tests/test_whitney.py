@@ -9,7 +9,7 @@ from project import ROOT
 from rmrc.scenario import load
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
-from rmrc.textbook.stanford import stanford_chain
+from rmrc.textbook.six_joint import stanford_chain
 from rmrc.textbook.two_link import two_link_rates
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rmrc.textbook.dh import DHChain
+from rmrc.textbook.chains import DHChain
 
 RIGHT = np.pi / 2
 

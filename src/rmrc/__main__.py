@@ -4,14 +4,14 @@ import sys
 
 try:
     from rmrc.cli import main as command_line
-    from rmrc.support import interruption
+    from rmrc.support import process
 except KeyboardInterrupt:  # while modules are read, which takes a while: no traceback of them
     sys.exit(130)
 
 
 def main() -> None:
     """Run the command line, and end the process."""
-    interruption.ends_with_job = True
+    process.ends_with_job = True
     command_line()
 
 

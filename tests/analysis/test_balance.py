@@ -14,7 +14,7 @@ from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis.statics import FEEDBACK, STILL, balance, elsewhere, statics
-from rmrc.scenario.arm import ToolSection
+from rmrc.scenario.sections import ToolSection
 from rmrc.support.spatial import quat_to_matrix
 from screws import screw_chain
 

@@ -8,7 +8,7 @@ import pytest
 
 import rmrc
 from project import ROOT
-from rmrc.analysis.findings import CODES, difference
+from rmrc.analysis.check import CODES, difference
 from rmrc.analysis.scaling import scales
 from rmrc.arm import load
 from rmrc.arm.inventory import contacts, other_joints

@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 from project import ROOT
 from rmrc import arm as arms
 from rmrc import textbook
-from rmrc.analysis.factors import factors
 from rmrc.analysis.inspection import inspect
+from rmrc.analysis.singularities import factors
 from rmrc.law.task import choose
-from rmrc.textbook.puma import UPPER_ARM
+from rmrc.textbook.six_joint import UPPER_ARM
 
 TERMS = {
     "planar_2link": "elbow", "planar_6_3": "elbow", "planar_3link": "elbow", "selig_211": "elbow",

@@ -13,7 +13,7 @@ from rmrc import arm as arms
 from rmrc.analysis.inspection_figure import figure
 from rmrc.analysis.workspace_report import picture
 from rmrc.show import figures
-from rmrc.show.picture_size import sized
+from rmrc.show.palette import sized
 
 
 def drawn(inspection):

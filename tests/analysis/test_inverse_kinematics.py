@@ -18,7 +18,7 @@ from rmrc import arm as arms
 from rmrc.analysis.ik import goal_pose, solve_ik
 from rmrc.law.task import choose
 from rmrc.simulation import inverse_kinematics
-from rmrc.textbook.newton import newton_raphson
+from rmrc.textbook.inverse import newton_raphson
 from rmrc.textbook.planar import three_link_jacobian, three_link_position
 
 TOLERANCE = 1e-9

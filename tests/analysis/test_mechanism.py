@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.arm.inventory import find_mechanism
-from rmrc.textbook.parallel import platform_inverse_jacobian, platform_leg_lengths
+from rmrc.textbook.planar import platform_inverse_jacobian, platform_leg_lengths
 
 PATH = ROOT / "models/mechanisms/planar_3rpr.xml"
 BASE = np.array([[0.0, 0.0], [3.0, 0.0], [1.5, 2.6]])

@@ -9,7 +9,7 @@ from rmrc import arm as arms
 from rmrc.analysis.ik import find_postures, goal_pose
 from rmrc.law.task import choose
 from rmrc.support.spatial import pose_error
-from rmrc.textbook.torus import torus_postures
+from rmrc.textbook.spatial import torus_postures
 
 
 def load(name, site=None):

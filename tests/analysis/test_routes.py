@@ -6,8 +6,8 @@ from hypothesis import given
 
 from chains import random_chain, seeds
 from rmrc import arm as arms
-from rmrc.analysis import routes
-from rmrc.analysis.routes import jacobians, link_transforms
+from rmrc.analysis import singularities
+from rmrc.analysis.singularities import jacobians, link_transforms
 from rmrc.support.spatial import quat_to_matrix
 from screws import screw_chain
 
@@ -61,9 +61,9 @@ def test_routes_agree_for_a_screw(tmp_path, order, axis):
 
 
 def test_screws_without_pitch_disagree(screw, monkeypatch):
-    whole = routes.joint_screw
+    whole = singularities.joint_screw
     monkeypatch.setattr(
-        routes,
+        singularities,
         "joint_screw",
         lambda axis, point, pitch: whole(axis, point, np.where(np.isinf(pitch), pitch, 0.0)),
     )

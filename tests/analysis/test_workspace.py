@@ -11,9 +11,8 @@ from project import examples
 from rmrc import arm as arms
 from rmrc.analysis.workspace import workspace
 from rmrc.support.errors import QuestionError
-from rmrc.textbook.torus import torus_tube
-from rmrc.textbook.two_link import two_link_position, two_link_postures
-from rmrc.textbook.two_link_workspace import two_link_boundary, two_link_free_area
+from rmrc.textbook.spatial import torus_tube
+from rmrc.textbook.two_link import two_link_boundary, two_link_free_area, two_link_position, two_link_postures
 
 SIX_THREE = (6.0, 3.0)
 LIMITS = np.radians([[0, 135], [0, 120]])

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import pytest
 
 from project import ROOT
-from rmrc.analysis.findings import CODES
+from rmrc.analysis.check import CODES
 from rmrc.results.run import Run
 from wording import says
 

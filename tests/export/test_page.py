@@ -17,8 +17,8 @@ import pytest
 import rmrc
 from browsers import chromium, widths
 from rmrc.export import page
-from rmrc.export.contents import contents
 from rmrc.export.drawing import BOX, CAPSULE, CYLINDER, ELLIPSOID, SPHERE, hull
+from rmrc.export.page import contents
 from rmrc.support.errors import QuestionError
 
 NODE = shutil.which("node")

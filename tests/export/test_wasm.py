@@ -11,8 +11,8 @@ import pytest
 
 from project import ROOT
 from rmrc.export import artifact
-from rmrc.export.contents import path_of
 from rmrc.export.image import image, offset
+from rmrc.export.page import path_of
 from rmrc.results.columns import COLUMNS
 from rmrc.scenario import load, loads
 from rmrc.simulation.prepare import prepare

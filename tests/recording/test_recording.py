@@ -16,11 +16,10 @@ from rerun.chunk import RrdReader
 
 import rrd
 from project import ROOT
-from rmrc.recording.picture import PALE, ramp
+from rmrc.recording.picture import PALE, Shape, geometry, ramp, shapes_of
 from rmrc.recording.plots import EDGE
 from rmrc.recording.recorder import VIEW_ANGLE, VIEW_ASPECT, write
 from rmrc.recording.scene import THICKNESS, VELOCITY_SECONDS, Scene
-from rmrc.recording.shapes import Shape, geometry, shapes_of
 from rmrc.results.columns import Divergence
 from rmrc.results.run import Run
 from rmrc.scenario import loads

@@ -12,7 +12,7 @@ from project import ROOT
 from rmrc.results.run import Run
 from rmrc.scenario import load
 from rmrc.show.figure import SPANS, plot
-from rmrc.show.shadows import skeleton
+from rmrc.show.figures import skeleton
 from rmrc.simulation.prepare import prepare
 from rmrc.study.run import run as run_scenario
 from rmrc.support.spatial import AXES

@@ -16,7 +16,7 @@ from rmrc.scenario import Check
 from rmrc.scenario.choices import Status
 from rmrc.show import tables
 from rmrc.show.sheets import Sheet, number
-from rmrc.show.terminal import render
+from rmrc.show.tables import render
 from shipped import shipped
 
 NUMBER = r"(?<![\w.])-?(?:\d+(?:\.\d+)?(?:e-?\d+)?|inf)(?![\w.])"

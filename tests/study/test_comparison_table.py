@@ -10,8 +10,7 @@ from rmrc.results.expectations import check
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, scorecard
 from rmrc.show.sheets import as_markdown
-from rmrc.study import compare_table
-from rmrc.study.compare_table import flipped
+from rmrc.study.run import flipped, tables
 from rmrc.study.study import Result
 
 
@@ -41,7 +40,7 @@ def row(label="inverse", run=None, expect=None, **values):
 
 
 def sheets(rows):
-    return compare_table.tables("case", *zip(*rows, strict=True))
+    return tables("case", *zip(*rows, strict=True))
 
 
 def markdown(rows):

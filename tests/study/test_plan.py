@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmrc.study.plan import Plan, plan_of, sobol_point
+from rmrc.study.runs import Plan, plan_of, sobol_point
 
 values = st.lists(st.integers(-9, 9), min_size=1, max_size=4, unique=True).map(tuple)
 plans = st.builds(

@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from differences import DIFFERENCE, slopes
-from rmrc.textbook import anthropomorphic, helical, planar, planar_rp, puma, spherical_wrist, stanford, torus
+from rmrc.textbook import planar, six_joint, spatial
 from rmrc.textbook import two_link as two
-from rmrc.textbook.dh import DHChain
+from rmrc.textbook.chains import DHChain
 
 # Products of six rotations and lengths of order one.
 ROUNDING = 1e-12
@@ -65,22 +65,22 @@ ARMS = {
     "3 links": Arm(3, (LINK,) * 3, planar.three_link_position, planar.three_link_jacobian, PLANE,
                    lambda lengths, q: two.two_link_determinant(lengths[:2], q[..., :2]), chain_of_links),
     "5 links": Arm(5, (LINK,) * 5, planar.planar_position, planar.planar_jacobian, PLANE, None, chain_of_links),
-    "RP": Arm(2, ((0.0, 2.0),), lambda size, q: planar_rp.planar_rp_position(q, size[0]),
-              lambda size, q: planar_rp.planar_rp_jacobian(q, size[0]), PLANE, lambda size, q: planar_rp.planar_rp_determinant(q, size[0]),
-              lambda size: (planar_rp.planar_rp_chain(), (0, 0, size[0]), np.eye(2))),
-    "anthropomorphic": Arm(3, (LINK,) * 2, anthropomorphic.anthropomorphic_position, anthropomorphic.anthropomorphic_jacobian,
-                           EVERY, anthropomorphic.anthropomorphic_determinant,
-                           lambda size: (anthropomorphic.anthropomorphic_chain(size), (0, 0, 0), np.eye(3))),
-    "torus": Arm(3, (LINK,) * 3, torus.torus_position, torus.torus_jacobian, EVERY, torus.torus_determinant,
-                 lambda size: (torus.torus_chain(size), (size[2], 0, 0), np.eye(3))),
-    "helical": Arm(3, ((-0.3, 0.3), LINK), lambda size, q: helical.helical_position(*size, q),
-                   lambda size, q: helical.helical_jacobian(*size, q), EVERY, lambda size, q: helical.helical_determinant(*size, q),
+    "RP": Arm(2, ((0.0, 2.0),), lambda size, q: planar.planar_rp_position(q, size[0]),
+              lambda size, q: planar.planar_rp_jacobian(q, size[0]), PLANE, lambda size, q: planar.planar_rp_determinant(q, size[0]),
+              lambda size: (planar.planar_rp_chain(), (0, 0, size[0]), np.eye(2))),
+    "anthropomorphic": Arm(3, (LINK,) * 2, spatial.anthropomorphic_position, spatial.anthropomorphic_jacobian,
+                           EVERY, spatial.anthropomorphic_determinant,
+                           lambda size: (spatial.anthropomorphic_chain(size), (0, 0, 0), np.eye(3))),
+    "torus": Arm(3, (LINK,) * 3, spatial.torus_position, spatial.torus_jacobian, EVERY, spatial.torus_determinant,
+                 lambda size: (spatial.torus_chain(size), (size[2], 0, 0), np.eye(3))),
+    "helical": Arm(3, ((-0.3, 0.3), LINK), lambda size, q: spatial.helical_position(*size, q),
+                   lambda size, q: spatial.helical_jacobian(*size, q), EVERY, lambda size, q: spatial.helical_determinant(*size, q),
                    screw_as_hinge_and_slide),
-    "stanford": Arm(6, ((-0.5, 0.5),), stanford_wrist, lambda size, q: stanford.stanford_jacobian(q, size[0]), EVERY,
-                    lambda _, q: stanford.stanford_determinant(q),
-                    lambda size: (stanford.stanford_chain(size[0]), (0, 0, 0), np.eye(6))),
-    "puma": Arm(6, (), lambda _, q: puma.puma_wrist_position(q), lambda _, q: puma.puma_chain().jacobian(q), EVERY,
-                lambda _, q: puma.puma_determinant(q), lambda _: (puma.puma_chain(), (0, 0, 0), np.eye(6))),
+    "stanford": Arm(6, ((-0.5, 0.5),), stanford_wrist, lambda size, q: six_joint.stanford_jacobian(q, size[0]), EVERY,
+                    lambda _, q: six_joint.stanford_determinant(q),
+                    lambda size: (six_joint.stanford_chain(size[0]), (0, 0, 0), np.eye(6))),
+    "puma": Arm(6, (), lambda _, q: six_joint.puma_wrist_position(q), lambda _, q: six_joint.puma_chain().jacobian(q), EVERY,
+                lambda _, q: six_joint.puma_determinant(q), lambda _: (six_joint.puma_chain(), (0, 0, 0), np.eye(6))),
 }  # fmt: skip
 
 every_arm = pytest.mark.parametrize("name", ARMS)
@@ -120,11 +120,11 @@ def test_determinant_is_its_closed_form(name):
     ("name", "wrong"),
     [
         ("5 links", lambda size, q: planar.planar_jacobian(size, np.diff(q, prepend=0.0))),  # absolute angles
-        ("RP", lambda _, q: planar_rp.planar_rp_jacobian(q)),  # a reach of 1 m
+        ("RP", lambda _, q: planar.planar_rp_jacobian(q)),  # a reach of 1 m
         ("anthropomorphic", lambda size, q: ARMS["anthropomorphic"].jacobian(size, q - [np.pi / 2, 0, 0])),
-        ("torus", lambda size, q: torus.torus_jacobian(size * [0, 1, 1], q)),  # which is the arm above
-        ("helical", lambda size, q: helical.helical_jacobian(0.0, size[1], q)),
-        ("stanford", lambda size, q: stanford.stanford_jacobian(q, -size[0])),
+        ("torus", lambda size, q: spatial.torus_jacobian(size * [0, 1, 1], q)),  # which is the arm above
+        ("helical", lambda size, q: spatial.helical_jacobian(0.0, size[1], q)),
+        ("stanford", lambda size, q: six_joint.stanford_jacobian(q, -size[0])),
     ],
 )  # fmt: skip
 def test_another_jacobian_is_seen(name, wrong):
@@ -141,11 +141,14 @@ def puma_at(elbow=2.97, wrist=0.52):
 
 
 # a₃ = −R sin δ, d₄ = R cos δ; the shoulder is singular where a₂ c₂ + R sin(θ₂₃ − δ) = 0.
-ELBOW, DELTA = np.hypot(puma.ELBOW_OFFSET, puma.FOREARM), np.arctan2(-puma.ELBOW_OFFSET, puma.FOREARM)
-SHOULDER = DELTA - np.arcsin(puma.UPPER_ARM * np.cos(np.radians(50)) / ELBOW) + np.radians(50)
-STRETCHED = np.arctan2(puma.FOREARM, puma.ELBOW_OFFSET)
+ELBOW, DELTA = (
+    np.hypot(six_joint.ELBOW_OFFSET, six_joint.FOREARM),
+    np.arctan2(-six_joint.ELBOW_OFFSET, six_joint.FOREARM),
+)
+SHOULDER = DELTA - np.arcsin(six_joint.UPPER_ARM * np.cos(np.radians(50)) / ELBOW) + np.radians(50)
+STRETCHED = np.arctan2(six_joint.FOREARM, six_joint.ELBOW_OFFSET)
 TIP_ON_WAIST = np.arccos(-0.4 / 0.6) - np.pi / 3  # 0.8 cos 60° + 0.6 cos(60° + θ₃) = 0
-HELICAL = helical.helical_singular_crank(0.1, 0.8)
+HELICAL = spatial.helical_singular_crank(0.1, 0.8)
 
 
 @pytest.mark.parametrize(
@@ -197,7 +200,7 @@ def test_gravity_torques_of_the_puma_are_the_slope_of_a_potential():
 
     for _, q in drawn(ARMS["puma"]):
         # Third derivatives of up to 40 N·m.
-        assert_allclose(puma.puma_gravity_torques(g, q), slopes(potential, q)[0], atol=10 * DIFFERENCE)
+        assert_allclose(six_joint.puma_gravity_torques(g, q), slopes(potential, q)[0], atol=10 * DIFFERENCE)
 
 
 # Wrists ------------------------------------------------------------------------------------------
@@ -215,19 +218,19 @@ def angular_velocities(rotation, q):
 
 
 def test_printed_columns_of_both_wrists_turn_the_hand():
-    chain, rng = spherical_wrist.spherical_wrist_chain(), np.random.default_rng(0)
+    chain, rng = spatial.spherical_wrist_chain(), np.random.default_rng(0)
     for _ in range(20):
         q, tilt = rng.uniform(-3.1, 3.1, 3), rng.uniform(0.1, 3.0, 2)
         assert_allclose(chain.frames(q)[3, :3, :3], Rotation.from_euler("ZYZ", q).as_matrix(), atol=ROUNDING)
-        J = spherical_wrist.spherical_wrist_jacobian(q)
+        J = spatial.spherical_wrist_jacobian(q)
         assert_allclose(chain.jacobian(q), np.vstack([np.zeros((3, 3)), J]), atol=ROUNDING)
-        rolls = spherical_wrist.three_roll_jacobian(q, tilt)
+        rolls = spatial.three_roll_jacobian(q, tilt)
         turning = angular_velocities(lambda q: three_roll(q, tilt), q)  # noqa: B023
         assert_allclose(rolls, turning, atol=DIFFERENCE)
-        assert np.abs(spherical_wrist.three_roll_jacobian(q, tilt * [1, -1]) - turning).max() > 1e-3
+        assert np.abs(spatial.three_roll_jacobian(q, tilt * [1, -1]) - turning).max() > 1e-3
         determinants = (
-            spherical_wrist.spherical_wrist_determinant(q),
-            spherical_wrist.three_roll_determinant(q, tilt),
+            spatial.spherical_wrist_determinant(q),
+            spatial.three_roll_determinant(q, tilt),
         )
         assert_allclose(determinants, np.linalg.det([J, rolls]), atol=ROUNDING)
 
@@ -235,8 +238,8 @@ def test_printed_columns_of_both_wrists_turn_the_hand():
 @pytest.mark.parametrize(("theta2", "rank"), [(0.0, 2), (np.pi, 2), (1.0, 3)])
 def test_wrists_are_singular_where_theta_2_is_k_pi(theta2, rank):
     q = np.array([0.3, theta2, 0.7])
-    rolls = [spherical_wrist.three_roll_jacobian(q, tilt) for tilt in ([1.0, 1.0], [1.0, 0.8])]
-    for J in (spherical_wrist.spherical_wrist_jacobian(q), *rolls):
+    rolls = [spatial.three_roll_jacobian(q, tilt) for tilt in ([1.0, 1.0], [1.0, 0.8])]
+    for J in (spatial.spherical_wrist_jacobian(q), *rolls):
         assert np.linalg.matrix_rank(J, tol=1e-9) == rank
     # Only equal tilts align the first and the third axis; else they are |β − γ| apart.
     if theta2 == 0.0:

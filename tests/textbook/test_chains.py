@@ -8,19 +8,19 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
 from rmrc.support.spatial import exp_rotation, quat_to_matrix
-from rmrc.textbook.dh import DHChain, dh_transform, modified_dh_transform
-from rmrc.textbook.propagation import (
+from rmrc.textbook.chains import (
+    DHChain,
     actuator_torques,
+    dh_transform,
+    exp_screw,
     inward_wrenches,
     jacobian_by_propagation,
+    joint_screw,
+    modified_dh_transform,
     outward_velocities,
 )
-from rmrc.textbook.reference_frame import rotate_jacobian, shift_jacobian
-from rmrc.textbook.screws import (
-    exp_screw,
-    joint_screw,
-)
-from rmrc.textbook.stanford import stanford_jacobian
+from rmrc.textbook.motion import rotate_jacobian, shift_jacobian
+from rmrc.textbook.six_joint import stanford_jacobian
 
 # Products of a dozen matrices of order one.
 ROUNDING = 1e-12

@@ -13,18 +13,32 @@ from rmrc.support.spatial import (
     twist_transform,
     wrench_transform,
 )
-from rmrc.textbook.anthropomorphic import anthropomorphic_jacobian, anthropomorphic_position
-from rmrc.textbook.dh import DHChain
-from rmrc.textbook.ellipsoid import velocity_ellipsoid
+from rmrc.textbook.chains import DHChain
+from rmrc.textbook.inverse import (
+    newton_raphson,
+    resolved_rates,
+    weighted_left_inverse,
+    weighted_right_inverse,
+)
 from rmrc.textbook.motion import point_velocity, written_in
-from rmrc.textbook.newton import newton_raphson
-from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian, planar_position, three_link_jacobian
-from rmrc.textbook.planar_rp import planar_rp_chain, planar_rp_determinant
-from rmrc.textbook.redundancy import resolved_rates, weighted_left_inverse, weighted_right_inverse
-from rmrc.textbook.singularity import minors, rank_by_minors
-from rmrc.textbook.spherical_wrist import spherical_wrist_chain
-from rmrc.textbook.stanford import stanford_jacobian
-from rmrc.textbook.torus import torus_chain, torus_determinant, torus_position
+from rmrc.textbook.planar import (
+    embed_planar_jacobian,
+    planar_jacobian,
+    planar_position,
+    planar_rp_chain,
+    planar_rp_determinant,
+    three_link_jacobian,
+)
+from rmrc.textbook.singularity import minors, rank_by_minors, velocity_ellipsoid
+from rmrc.textbook.six_joint import stanford_jacobian
+from rmrc.textbook.spatial import (
+    anthropomorphic_jacobian,
+    anthropomorphic_position,
+    spherical_wrist_chain,
+    torus_chain,
+    torus_determinant,
+    torus_position,
+)
 from rmrc.textbook.two_link import two_link_jacobian, two_link_postures, two_link_rates
 
 # All numbers here are of order 1; a dozen operations leave errors of some 1e-16.

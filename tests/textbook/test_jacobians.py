@@ -7,25 +7,23 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.textbook.ellipsoid import (
-    force_ellipsoid,
-    manipulability,
-    velocity_ellipsoid,
-)
-from rmrc.textbook.planar import planar_jacobian
-from rmrc.textbook.redundancy import (
+from rmrc.textbook.chains import joint_torques
+from rmrc.textbook.inverse import (
     null_space_projector,
     resolved_rates,
     weighted_left_inverse,
     weighted_right_inverse,
 )
+from rmrc.textbook.planar import planar_jacobian
 from rmrc.textbook.singularity import (
+    force_ellipsoid,
+    manipulability,
     manipulability_by_minors,
     minors,
     rank_by_minors,
     rank_by_singular_values,
+    velocity_ellipsoid,
 )
-from rmrc.textbook.statics import joint_torques
 from rmrc.textbook.two_link import two_link_jacobian, two_link_position
 
 # Conditions are at most 1e2: J Jᵀ squares it, 1e4 · 1e-16, some dozen terms.

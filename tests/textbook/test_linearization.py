@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.textbook.displacement import taylor_remainder, tip_covariance
-from rmrc.textbook.newton import newton_raphson
+from rmrc.textbook.inverse import newton_raphson
+from rmrc.textbook.motion import taylor_remainder, tip_covariance
 from rmrc.textbook.planar import planar_jacobian, planar_position, three_link_jacobian, three_link_position
 
 LENGTHS = np.array([2.0, 1.0, 1.0])

@@ -7,21 +7,19 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from rmrc.textbook.euler import (
-    analytic_jacobian,
-    zyz_angles,
-    zyz_determinant,
-    zyz_matrix,
-    zyz_rate_matrix,
-)
 from rmrc.textbook.motion import (
+    analytic_jacobian,
     angular_velocity,
     angular_velocity_matrix,
     point_velocity,
     rotation_rate,
     vee,
+    zyz_angles,
+    zyz_determinant,
+    zyz_matrix,
+    zyz_rate_matrix,
 )
-from rmrc.textbook.stanford import stanford_chain
+from rmrc.textbook.six_joint import stanford_chain
 
 # A few dozen products of order ten.
 ROUNDING = 1e-12

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from differences import rounded
-from rmrc.textbook.torus import (
+from rmrc.textbook.spatial import (
     torus_factors,
     torus_jacobian,
     torus_position,

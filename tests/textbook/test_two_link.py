@@ -9,9 +9,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 
 from rmrc.textbook import two_link
-from rmrc.textbook.dh import DHChain
-from rmrc.textbook.two_link import two_link_position
-from rmrc.textbook.two_link_workspace import Arc, two_link_boundary, two_link_free_area
+from rmrc.textbook.chains import DHChain
+from rmrc.textbook.two_link import Arc, two_link_boundary, two_link_free_area, two_link_position
 
 # Sums of a few products of order one.
 ROUNDING = 1e-12

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Figure
-from rmrc.tuning.front import Point, dominates, front
 from rmrc.tuning.space import Setting, Structure, all_structures
-from rmrc.tuning.trials import Limits, Outcome, worst
+from rmrc.tuning.trials import Limits, Outcome, Point, dominates, front, worst
 from rmrc.tuning.verdict import Trial, best, judge
 
 # few values, so that ties are frequent

@@ -7,10 +7,9 @@ import pytest
 
 from project import ROOT
 from rmrc.textbook.stability import edge_gain
-from rmrc.tuning.robot import DELAY, GAIN_MARGIN, LAG, NOISE, read_range
+from rmrc.tuning.robot import DELAY, GAIN_MARGIN, LAG, LOOPS, NOISE, read_range
 from rmrc.tuning.trials import Trials
 from rmrc.tuning.tune import Tuning
-from rmrc.tuning.worlds import LOOPS
 
 TEXT = f"""
 name: quick

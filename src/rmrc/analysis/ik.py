@@ -280,7 +280,7 @@ def ik(
         to_q: The goal instead: the pose of the site at these joint positions, (n,) [rad or m].
         keyframe: Name of the joint positions to begin at; None: the start of a scenario, or else `home`.
         site: The site to bring there; None: that of the arm or scenario, or else of the hand: see
-            `rmrc.arm.frames`.
+            `rmrc.arm.tree`.
         body: The body whose frame to bring there, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         axes: Rows that count, of x y z rx ry rz; None: those of a scenario, or else those that the arm can

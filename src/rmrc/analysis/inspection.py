@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rmrc.analysis.directions import LOST, Direction, direction, examine
-from rmrc.analysis.factors import factors
-from rmrc.analysis.routes import jacobians
+from rmrc.analysis.singularities import LOST, Direction, direction, examine, factors, jacobians
 from rmrc.analysis.subject import Model, Packages, axes_of, numbers, subject
 from rmrc.arm import Arm
 from rmrc.arm.inventory import Mechanism, find_mechanism
@@ -20,11 +18,15 @@ from rmrc.law.task import Array, Task
 from rmrc.show.sheets import Sheet, as_markdown, number
 from rmrc.support.spatial import AXES, quat_to_matrix
 from rmrc.support.text import brief
-from rmrc.textbook.displacement import tip_covariance, tip_error
-from rmrc.textbook.ellipsoid import force_ellipsoid, velocity_ellipsoid
-from rmrc.textbook.euler import zyz_angles, zyz_is_singular, zyz_rate_matrix
-from rmrc.textbook.reference_frame import rotate_jacobian
-from rmrc.textbook.singularity import rank_by_minors
+from rmrc.textbook.motion import (
+    rotate_jacobian,
+    tip_covariance,
+    tip_error,
+    zyz_angles,
+    zyz_is_singular,
+    zyz_rate_matrix,
+)
+from rmrc.textbook.singularity import force_ellipsoid, rank_by_minors, velocity_ellipsoid
 
 # A limit in degrees, rounded to radians in a file of eight digits, is not exceeded by less than this.
 AT_LIMIT = 1e-6
@@ -51,7 +53,7 @@ class Inspection:
         jacobian: J of the site's origin, rows [v; ω] along the axes of the frame, (6, n).
         disagreement: Largest entry of the difference from MuJoCo's J, by method [m or 1].
         determinant: Determinant of the task's rows of J along their axes; None if they are not square.
-        factors: Its factors: name, term, family, where, power, value, vanishes; see `rmrc.analysis.factors`.
+        factors: Its factors: name, term, family, where, power, value, vanishes; see `Product`.
         sigma: Singular values of A = S_x J S_q, descending, (k,).
         rank: Rank of A, by its singular values.
         rank_by_minors: By its determinants; None if they are too many.
@@ -124,7 +126,7 @@ def inspect(
         q: Joint positions, (n,) [rad or m]; a warning reports those outside limits. None: the keyframe.
         keyframe: Joint positions by name; None: the start of a scenario, or else `home`.
         site: The site in question; None: that of the arm or scenario, or else of the hand: see
-            `rmrc.arm.frames`.
+            `rmrc.arm.tree`.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         axes: Rows that count, of x y z rx ry rz; None: those of a scenario, or else those that the arm

@@ -11,7 +11,7 @@ from rmrc.arm import Arm
 from rmrc.law.task import Array
 from rmrc.show.figures import explain, lettering, plain, save, sheet
 from rmrc.show.sheets import number
-from rmrc.textbook.ellipsoid import Ellipsoid, ellipsoid_points, force_ellipsoid, velocity_ellipsoid
+from rmrc.textbook.singularity import Ellipsoid, ellipsoid_points, force_ellipsoid, velocity_ellipsoid
 
 # Shares of the arm's length: the longest velocity, the middle force, and where longer forces are cut off.
 VELOCITY_SHARE, FORCE_SHARE, CUT_SHARE = 0.25, 0.15, 0.4

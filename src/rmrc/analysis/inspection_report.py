@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rmrc.analysis.directions import direction
 from rmrc.analysis.inspection import Inspection
+from rmrc.analysis.singularities import direction
 from rmrc.arm.inventory import Mechanism
 from rmrc.show.sheets import UNDEFINED, Report, Sheet, number, plain
 from rmrc.support.spatial import AXES

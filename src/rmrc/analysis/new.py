@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from rmrc.analysis.directions import impossible
 from rmrc.analysis.new_motion import MET, WITHIN, Move, judged, moves
 from rmrc.analysis.scaling import ASSUMED_RATE, Scales, scales
+from rmrc.analysis.singularities import impossible
 from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.analysis.trial import Seen, identity, overlaps, tried
 from rmrc.arm import Arm
-from rmrc.arm.frames import code_of
 from rmrc.arm.geometry import damping_maximum, tidy
 from rmrc.arm.inventory import other_joints, shape_masses
+from rmrc.arm.tree import code_of
 from rmrc.law.task import Array
 from rmrc.results.scorecard import Figure
 from rmrc.scenario import Scenario, block
@@ -182,7 +182,7 @@ def new(
     Args:
         model: An arm, an MJCF file, the name of a shipped one, or a scenario, whose arm and length count.
         site: The site to control; None: that of the arm, or else of the hand: see
-            `rmrc.arm.frames`.
+            `rmrc.arm.tree`.
         body: The body whose frame to control, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         joints: The joints to actuate; None: those of the arm or scenario, or else all on the chain.

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.analysis.directions import Direction, examine
+from rmrc.analysis.singularities import Direction, examine
 from rmrc.analysis.subject import Model, Packages, axes_of, numbers, subject
 from rmrc.analysis.trial import identity
 from rmrc.arm import Arm
@@ -33,14 +33,14 @@ from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import DivergenceError, QuestionError, did_you_mean
 from rmrc.support.spatial import AXES, quat_to_matrix, twist_transform, wrench_transform
 from rmrc.support.text import brief
-from rmrc.textbook.statics import joint_torques
+from rmrc.textbook.chains import joint_torques
 
 # Balance of the arm at rest -----------------------------------------------------------------------
 #
 # Actuator torques and link loads of an arm at rest under a wrench.
 #
 # The wrench is the one that acts *on* the arm. Jᵀ F is equivalent to it, −Jᵀ F balances it, see
-# `rmrc.textbook.statics`. The load on a link is what acts on all bodies that its joint moves: the wrench,
+# `rmrc.textbook.chains`. The load on a link is what acts on all bodies that its joint moves: the wrench,
 # and their weight if the actuators bear it. The loads need no Jacobian, and are the second route to the
 # same torques.
 
@@ -225,7 +225,7 @@ class Statics:
 
     Attributes:
         balance: Actuator torques and link loads.
-        free: Wrenches that need no torque here, which span all others: see `rmrc.analysis.directions`.
+        free: Wrenches that need no torque here, which span all others: see `rmrc.analysis.singularities`.
         elsewhere: The wrench at another site: see `rmrc.analysis.statics.elsewhere`; None if no other
             was named.
         held: The result of holding the wrench in the physics: see `hold_wrench`; None if that was not
@@ -262,7 +262,7 @@ def statics(
         q: Joint positions, (n,) [rad or m]; None: the keyframe.
         keyframe: Joint positions by name; None: the start of a scenario, or else `home`.
         site: The site in question; None: that of the arm or scenario, or else of the hand: see
-            `rmrc.arm.frames`.
+            `rmrc.arm.tree`.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         frame: Frame of the wrench: `world`, `base` or `site`.

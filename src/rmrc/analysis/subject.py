@@ -71,7 +71,7 @@ def subject(
         q: Joint positions, (n,) [rad or m]; None: the keyframe.
         keyframe: Joint positions by name; None: the start of a scenario, or else `home`.
         site: The site in question; None: that of the arm or scenario, or else of the hand: see
-            `rmrc.arm.frames`.
+            `rmrc.arm.tree`.
         axes: Of x y z rx ry rz; None: those of a scenario, or else the question chooses.
         length: Characteristic length [m]; None: that of a scenario, or else of the arm.
         body: The body whose frame is in question, instead of a site.

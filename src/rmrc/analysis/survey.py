@@ -12,7 +12,7 @@ from rmrc.law.compiling import Record, compiled
 from rmrc.law.kinematics import follow_chain, geometric_jacobian
 from rmrc.law.record import copied, new_worlds
 from rmrc.law.task import Array, Task
-from rmrc.support.threads import work_in_shares
+from rmrc.support.process import work_in_shares
 
 # Configurations per work item of a thread: a millisecond.
 SHARE = 4096

@@ -14,7 +14,7 @@ import numpy as np
 from contourpy import contour_generator
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.analysis.factors import Product, Rule, product
+from rmrc.analysis.singularities import Product, Rule, product
 from rmrc.analysis.slices import Slice, choose_slices
 from rmrc.analysis.subject import Model, Packages, subject
 from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
@@ -23,7 +23,7 @@ from rmrc.law.task import Array, Task, choose
 from rmrc.show.sheets import Sheet, as_markdown, number
 from rmrc.simulation.footprint import LIBRARIES
 from rmrc.support.errors import QuestionError
-from rmrc.support.memory import excess
+from rmrc.support.process import excess
 from rmrc.support.spatial import AXES
 from rmrc.support.text import brief
 
@@ -188,7 +188,7 @@ def workspace(
         q: Positions, (n,) [rad or m], of joints that do not change the slice; None: the keyframe.
         keyframe: Joint positions by name; None: the start of a scenario, or else `home`.
         site: The site in question; None: that of the arm or scenario, or else of the hand: see
-            `rmrc.arm.frames`.
+            `rmrc.arm.tree`.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         axes: Rows of the twist whose singular values are taken; None: those of a scenario, or else the linear

@@ -148,7 +148,7 @@ class Arm:
     def pitch(self) -> Array:
         """Translation along its axis for each radian that a joint turns, (n,) [m/rad].
 
-        It is 0 for a hinge, inf for a slide, and else the pitch of a screw, as in `rmrc.textbook.screws`.
+        It is 0 for a hinge, inf for a slide, and else the pitch of a screw, as in `rmrc.textbook.chains`.
         """
         pitch = np.where(self.is_slide, np.inf, 0.0)
         for each in self.followers:

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.arm.wiring import SLIDE, joints_above
-from rmrc.textbook.screws import joint_screw
+from rmrc.textbook.chains import joint_screw
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from rmrc.arm.compiling import Read, compiled, in_our_words, opened, read
 from rmrc.arm.equalities import Follower, find_links, find_ties, followers
 from rmrc.arm.mounting import NamedFrame, keyframes, mounted
 from rmrc.arm.wiring import HINGE, SLIDE, joints_above
-from rmrc.scenario.arm import ArmSection, ToolSection
+from rmrc.scenario.sections import ArmSection, ToolSection
 from rmrc.support.errors import ModelError, did_you_mean
 from rmrc.support.shipped import suggestion
 from rmrc.support.text import listed
@@ -33,7 +33,7 @@ def load(
         joints: Names of the joints to actuate, all on the chain to the site; None for all of them.
         body: Name of the body whose frame to control.
         tool: The tool to attach, whose frame to control. Give one of site, body and tool, or none for the
-            frame of the hand: see `rmrc.arm.frames`.
+            frame of the hand: see `rmrc.arm.tree`.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
 
     Raises:

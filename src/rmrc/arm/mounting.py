@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.compiling import compiled, in_our_words, read
-from rmrc.arm.frames import default_frame, note
+from rmrc.arm.tree import default_frame, note
 from rmrc.arm.urdf import assumed_masses
 from rmrc.arm.wiring import find, joints_above
-from rmrc.scenario.arm import ToolSection
+from rmrc.scenario.sections import ToolSection
 from rmrc.support.errors import ModelError
 from rmrc.support.spatial import quat_multiply, rotate
 from rmrc.support.text import listed

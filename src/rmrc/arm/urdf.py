@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.frames import note
+from rmrc.arm.tree import note
 from rmrc.support.errors import ModelError
 from rmrc.support.text import listed, shortened, visible
 

@@ -26,11 +26,10 @@ from typing import Annotated, Any, NoReturn, TypeAlias
 import typer
 
 import rmrc
-from rmrc.cli import arms, catalog, console, export, models, pictures, run, search
+from rmrc.cli import arms, console, models, pictures, run, search
 from rmrc.cli.console import complain
-from rmrc.support.errors import RmrcError, ScenarioError
-from rmrc.support.interruption import signal_that_came, stops_like_ctrl_c
-from rmrc.support.notices import heard_by
+from rmrc.support.errors import RmrcError, ScenarioError, heard_by
+from rmrc.support.process import signal_that_came, stops_like_ctrl_c
 from rmrc.support.text import command, shortened, visible
 
 # The error of the command line's library for a wrong option or argument; it only exports this subclass of it.
@@ -42,7 +41,7 @@ FIRST: Verbs = (run.run, run.compare, search.tune, models.check, models.new, pic
 OTHERS: dict[str, Verbs] = {
     "runs": (search.sweep, search.margins, pictures.plot, pictures.report, pictures.render, pictures.explore),
     "arms": (arms.inspect, arms.ik, arms.statics, arms.workspace, models.identify),
-    "files": (export.export, catalog.examples, catalog.schema),
+    "files": (pictures.export, models.examples, models.schema),
 }
 MORE = "\n".join(f"  {about:7}{', '.join(verb.__name__ for verb in some)}" for about, some in OTHERS.items())
 # Large libraries that only pictures and recordings need, and their packages.

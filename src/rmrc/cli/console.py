@@ -54,7 +54,7 @@ def show(
     if as_json:
         print_json(report.json | {"files": paths} if paths else report.json)
     elif not quiet:
-        from rmrc.show.terminal import render
+        from rmrc.show.tables import render
 
         is_known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()
         screen = Console(width=None if is_known else PIPE_WIDTH)

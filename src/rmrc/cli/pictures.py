@@ -1,4 +1,4 @@
-"""The verbs that show results: `plot`, `report`, `render`, `replay` and `explore`."""
+"""The verbs that show results: `plot`, `report`, `render`, `replay` and `explore`; and `export`."""
 
 import os
 import re
@@ -10,9 +10,9 @@ from typing import Annotated
 from typer import Argument, Option
 
 from rmrc.cli import options
-from rmrc.cli.console import progress
-from rmrc.cli.files import PICTURES, expect, result_of, target
-from rmrc.cli.options import Count, Number, Text, within
+from rmrc.cli.console import progress, working
+from rmrc.cli.options import PICTURES, Count, File, Number, Text, expect, result_of, target, within
+from rmrc.scenario import load
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.text import quoted
 
@@ -167,3 +167,29 @@ def explore(
     has_display = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if output is None and has_display:
         webbrowser.open(file.absolute().as_uri())
+
+
+def export(
+    scenario: options.Scenario,
+    set_: options.Overrides = None,
+    to: Annotated[str, Option("--to", metavar="c", help="The language of the program.")] = "c",
+    output: Annotated[
+        File,
+        Option("--output", "-o", metavar="FOLDER", help="Folder; default: recordings/NAME_law."),
+    ] = None,
+    quiet: options.Quiet = False,
+) -> None:
+    """Write the law of a scenario for a program in C: a header, objects for Linux, an example and CMake.
+
+    It is the law that `run` uses, with the scenario's arm, method, gains and limits. It compiles for about
+    half a minute. Test it on your robot: it has no certificate.
+    """
+    from rmrc.export.c_law import export as write
+
+    if to != "c":
+        raise QuestionError(f"--to must be c, got {quoted(to)}")
+    folder = output or Path("recordings", f"{scenario.stem}_law")
+    with working("compiling the law"):
+        files = write(load(scenario, set_ or ()), folder)
+    if not quiet:
+        print("\n".join(f"wrote {file}" for file in files))

@@ -33,20 +33,20 @@ def run(
     Writes NAME.rrd (recording), NAME.npz (all columns) and NAME.json (scorecard). Exit code 1: an expectation
     was missed; 3: it diverged.
     """
-    from rmrc.results import ci
-    from rmrc.results.verdict import warnings
+    from rmrc.results import expectations
+    from rmrc.results.scorecard import warnings
     from rmrc.show import tables
     from rmrc.show.sheets import Report, Sheet
     from rmrc.study.run import Job  # imports numba and mujoco, which other verbs do not need
 
-    with ci.files(scenario.stem, junit, summary) as results:
+    with expectations.files(scenario.stem, junit, summary) as results:
         job = Job(scenario, out, record, overrides=set_ or ())
         _run(job, job.name, quiet or as_json)
         first = job.results[0]
         ran, beside = first.run, first.run.baseline.scorecard if first.run.baseline else None
         results.name = job.name
         results.figures = tables.markdown(first.scorecard, (), beside).partition("\n\n")[2]  # below its title
-        results.suites = [ci.suite(job.name, ran, first.outcomes, job.interrupted, job.failures)]
+        results.suites = [expectations.suite(job.name, ran, first.outcomes, job.interrupted, job.failures)]
     notes = [ran.verdict]
     notes += [f"assumed: {assumed.text}" for assumed in first.prepared.assumed if assumed.is_otherwise]
     notes += [f"touching from the start, not counted as CONTACT: {' – '.join(pair)}" for pair in ran.resting]
@@ -93,17 +93,17 @@ def compare(
     Writes NAME.compare.rrd, .npz and .json. Expectations do not change the exit code; the table counts those
     that were missed. Exit code 3: a variant diverged.
     """
-    from rmrc.results import ci
-    from rmrc.results.verdict import warnings
+    from rmrc.results import expectations
+    from rmrc.results.scorecard import warnings
     from rmrc.show.sheets import Report, as_markdown
     from rmrc.study.run import Job
 
-    with ci.files(scenario.stem, junit, summary) as results:
+    with expectations.files(scenario.stem, junit, summary) as results:
         job = Job(scenario, out, record, scenarios.variants(vary or ()), set_ or ())
         _run(job, f"{job.name}: {len(job.variants)} variants", quiet or as_json)
         results.name, results.figures = job.name, "\n\n".join(map(as_markdown, job.tables()))
         results.suites = [
-            ci.suite(f"{job.name} {label}", each.run, each.outcomes, job.interrupted, job.failures)
+            expectations.suite(f"{job.name} {label}", each.run, each.outcomes, job.interrupted, job.failures)
             for label, each in zip(job.labels, job.results, strict=True)
         ]
     files = [*job.files, junit, summary]

@@ -124,7 +124,7 @@ def tune(
     paste. Writes NAME.tune.yaml, .png and .parquet. Exit code 1: no setting keeps the limits.
     """
     from rmrc.scenario import angle
-    from rmrc.show.picture_size import sized
+    from rmrc.show.palette import sized
     from rmrc.show.sheets import Report, Sheet, plain
     from rmrc.support.files import refuse_unwritable
     from rmrc.tuning.answer import about, rows_of, sheets
@@ -180,19 +180,19 @@ def margins(
     response keeps ringing. For comparison, prints the rule K <= 1/(delay + T/2 + lag) and the exact limit of
     the ideal plant. Exit code 1: the loop is unstable as written.
     """
-    from rmrc.results import ci
+    from rmrc.results import expectations
     from rmrc.show.sheets import as_markdown
     from rmrc.study.margins import margins as search
     from rmrc.study.margins_report import report
 
-    with ci.files(scenario.stem, junit, summary) as results:
+    with expectations.files(scenario.stem, junit, summary) as results:
         loaded = scenarios.load(scenario, set_ or ())
         with progress(f"{loaded.name}: margins", _RUNS, quiet or as_json) as on_runs:
             result = search(loaded, accuracy=accuracy, threads=threads, on_runs=on_runs)
         answer = report(result)
         cut = f"interrupted after {result.runs} runs" if result.interrupted else ""
         results.name = loaded.name
-        results.suites = [ci.Suite(loaded.name, answer.cases, cut, answer.problem)]
+        results.suites = [expectations.Suite(loaded.name, answer.cases, cut, answer.problem)]
         results.figures = "\n\n".join(map(as_markdown, answer.sheets))
     show(answer, as_json, quiet, [junit, summary])
     if cut:

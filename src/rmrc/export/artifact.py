@@ -16,7 +16,6 @@ from rmrc.export.objects import NOTHING, globals_of, name_of, object_file, progr
 from rmrc.law import (
     active_set,
     damping,
-    inertia,
     inverses,
     jerk,
     joint_motion,
@@ -25,19 +24,18 @@ from rmrc.law import (
     metric,
     nullspace,
     policies,
-    priority,
     svd,
 )
 from rmrc.law.compiling import Method
 from rmrc.law.record import world_type
-from rmrc.plants import ideal, sensing, transmission
+from rmrc.plants import ideal, stages
 from rmrc.simulation import reference, ticks
 
 FILE = Path(__file__).with_name("law.wasm")
 
 _MODULES = (
-    *(active_set, damping, inertia, inverses, jerk, joint_motion, law, limits, metric, nullspace, policies),
-    *(priority, svd, ideal, sensing, transmission, reference, ticks),
+    *(active_set, damping, inverses, jerk, joint_motion, law, limits, metric, nullspace, policies),
+    *(svd, ideal, stages, reference, ticks),
 )
 # What means something in a compiled function; comments and texts do not.
 _TOKENS = tokenize.NAME, tokenize.NUMBER, tokenize.OP

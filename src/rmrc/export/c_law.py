@@ -17,9 +17,8 @@ import rmrc
 from rmrc.export.objects import name_of, object_file, program
 from rmrc.law.compiling import Method, Record, at
 from rmrc.law.controller import Controller
-from rmrc.law.periods import TIMED
 from rmrc.law.record import POSE, TWIST, field_offset
-from rmrc.law.step import PLACED, RATES, step
+from rmrc.law.step import PLACED, RATES, TIMED, step
 from rmrc.law.svd import copy
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status

@@ -15,7 +15,7 @@ from rmrc.export.objects import NOTHING, name_of
 from rmrc.law.compiling import Method
 from rmrc.law.record import METHODS, field_offset, new_worlds, world_type
 from rmrc.plants.engine import BAD_LAST
-from rmrc.plants.transmission import transmission
+from rmrc.plants.stages import transmission
 from rmrc.results.columns import COLUMNS
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.reference import TWIST

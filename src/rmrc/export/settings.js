@@ -18,7 +18,7 @@ function yaml(mapping, indent = "") {
 }
 
 class Settings {
-  // `data` is what `rmrc.export.contents` writes.
+  // `data` is what `rmrc.export.page` writes.
   constructor(data) {
     Object.assign(this, { data, controls: data.controls });
     this.read("");

@@ -31,7 +31,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from rmrc.law.record import spectrum_type, world_type
-from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
+from rmrc.support.errors import COMPILING, KEPT, NOT_KEPT, tell
 
 Array: TypeAlias = NDArray[np.float64]
 Record: TypeAlias = Any  # one element of a structured array, see rmrc.law.record

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from rmrc.arm import Arm, DriveKind, is_model, load, load_model
 from rmrc.arm.location import Freshness
 from rmrc.arm.others import Servo
-from rmrc.law import fit
+from rmrc.law import settings
 from rmrc.law.active_set import give_way
 from rmrc.law.command import Command
 from rmrc.law.compiling import Array
@@ -97,7 +97,7 @@ class Controller(SteppedLaw):
         Args:
             model: The arm, or the model that contains it.
             site: Name of the site to control. None: that of the scenario given as `control`, or else that of
-                the hand, see `rmrc.arm.frames`.
+                the hand, see `rmrc.arm.tree`.
             control: The law: a mapping or a YAML file with the keys of the section `control`, or with that
                 section, as `rmrc tune` prints it; a scenario, whose task, frame and joints apply where none
                 are given here; or a ControlSection. None: all defaults.
@@ -124,18 +124,18 @@ class Controller(SteppedLaw):
         wanted = sections.task if task is None else task
         section = wanted if isinstance(wanted, Task | None) else read_task(wanted)
         self.task = self._task(section)
-        fit.refuse([
-            *fit.misfits(self.control, len(self.task.rows), self.arm),
-            *fit.second_task_misfits(self.control, self.arm),
-            *fit.scale_misfits("task.length", (self.task.length,), is_list=False),
-            *fit.scale_misfits("task.weights", tuple(self.task.weights or ())),
+        settings.refuse([
+            *settings.misfits(self.control, len(self.task.rows), self.arm),
+            *settings.second_task_misfits(self.control, self.arm),
+            *settings.scale_misfits("task.length", (self.task.length,), is_list=False),
+            *settings.scale_misfits("task.weights", tuple(self.task.weights or ())),
         ])  # fmt: skip
         self.control, by_arm = fitted(self.control, self.task, section.length if section else None)
         self.assumed = (*self.arm.notes, *filter(None, [by_arm]))
         super().__init__(self.arm.joints, self.control.period, watchdog, clock)
         self._drives = actuators
         self.reset()
-        slow = fit.slow_servos(rate_limit(self.arm, self.control.limits), self.arm) if actuators else ""
+        slow = settings.slow_servos(rate_limit(self.arm, self.control.limits), self.arm) if actuators else ""
         if slow:
             warnings.warn(f"{self.arm.path}: {slow}", ModelWarning, stacklevel=2)
 

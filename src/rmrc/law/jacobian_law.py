@@ -20,7 +20,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.law import damping, fit, inverses, nullspace
+from rmrc.law import damping, inverses, nullspace, settings
 from rmrc.law.command import Command
 from rmrc.law.compiling import Array
 from rmrc.law.measurement import JACOBIAN_ALONE
@@ -104,7 +104,7 @@ class Law(SteppedLaw):
             raise QuestionError(f"weights must be {m} numbers > 0, got {list(weights)}")
         self.n, self.m, self.control = n, m, read_controls(control, period).control
         bare = BareJoints(names, limit, rate)
-        fit.refuse(_misfits(self.control, m, bare))
+        settings.refuse(_misfits(self.control, m, bare))
         self._task = Task(
             cast(Any, bare), np.arange(m), weights=weights, joint_weights=self.control.joint_weights
         )
@@ -240,7 +240,7 @@ def _limits(name: str, given: ArrayLike | None, shape: tuple[int, ...], nothing:
 
 def _misfits(control: ControlSection, m: int, joints: BareJoints) -> list[tuple[str, str]]:
     """Return the keys that do not fit, and why."""
-    problems = list(fit.misfits(control, m, joints))
+    problems = list(settings.misfits(control, m, joints))
     needs = "needs the arm's kinematics, which a Jacobian alone does not give; use rmrc.Controller"
     objective, policy = control.nullspace.objective, control.at_singularity
     if objective == "secondary":

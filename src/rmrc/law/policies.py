@@ -3,9 +3,9 @@
 import math
 
 from rmrc.law.compiling import Array, Method, Record, compiled
-from rmrc.law.gradient import sigma_gradient
 from rmrc.law.inverses import push_fading
 from rmrc.law.metric import backward, factor, forward, scale_gradient, scale_joints
+from rmrc.law.nullspace import sigma_gradient
 from rmrc.law.svd import RANK_FLOOR, ROUNDING, clear, combine, copy, dot, project
 from rmrc.scenario.choices import Status
 

@@ -14,10 +14,9 @@ from rmrc.law.compiling import Array, Method
 from rmrc.law.joint_motion import POSITION_TARGET, RATE_TARGET, move_joints
 from rmrc.law.limits import by_joint
 from rmrc.law.measurement import CHAIN_ALONE
-from rmrc.law.periods import TIMED
 from rmrc.law.record import POSE, TWIST, new_worlds, reset
 from rmrc.law.settings import TaskLaw, link
-from rmrc.law.step import LARGEST, OVERDUE, PLACED, RATES, REFUSED, STOPPED, step
+from rmrc.law.step import LARGEST, OVERDUE, PLACED, RATES, REFUSED, STOPPED, TIMED, step
 from rmrc.support.errors import QuestionError
 from rmrc.support.text import shortened
 

@@ -3,6 +3,8 @@
 Compiled code calls MuJoCo itself, on the data of its own world. Called bare, an error of the engine, such as
 a full stack, would end the process. `mjb_apply` runs a C function under MuJoCo's own guard: an error ends the
 function, and MuJoCo reports its message.
+
+The record of a world has the addresses of arrays: fields of MuJoCo's data, and tables.
 """
 
 import ctypes
@@ -11,8 +13,10 @@ from functools import cache
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
-from rmrc.support import interruption
+from rmrc.law.compiling import Array, Record, at, carray, compiled, pointer
+from rmrc.support import process
 
 _POINTER, _INT, _TEXT, _FLAG = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_bool
 _NOTHING = "<mujoco/>"
@@ -37,7 +41,7 @@ def _library() -> ctypes.CDLL:
     ):
         function = getattr(found, name)
         function.restype, function.argtypes = result, arguments
-    if interruption.ends_with_job:
+    if process.ends_with_job:
         # Nothing here reads MuJoCo's timers, which take a fifth of a step; other processes keep them.
         _POINTER.in_dll(found, "mjcb_time").value = None
     return found
@@ -84,3 +88,38 @@ def run_guarded(function: int, argument: int) -> str:
         return ""
     message = library.mjb_error(batch, 0).decode(errors="replace")
     return " ".join(message.split()) or "MuJoCo cannot step this model"
+
+
+@compiled
+def qpos_of(world: Record) -> Array:
+    """Return the positions of all joints of the model, (nq,)."""
+    return at(world.engine.qpos, world.engine.nq)
+
+
+@compiled
+def qvel_of(world: Record) -> Array:
+    """Return the velocities of all degrees of freedom of the model, (nv,)."""
+    return at(world.engine.qvel, world.engine.nv)
+
+
+@compiled
+def ctrl_of(world: Record) -> Array:
+    """Return the controls of all actuators of the model, (nu,)."""
+    return at(world.engine.ctrl, world.engine.nu)
+
+
+@compiled
+def past_of(world: Record) -> Array:
+    """Return past ticks, (rows, 2 n + 1): true positions, commands, and the arrival of the command, in ticks.
+
+    Tick t is in row t modulo rows.
+    """
+    engine = world.engine
+    return carray(pointer(engine.past), (engine.past_rows, 2 * world.n + 1), np.float64)  # type: ignore[no-any-return]
+
+
+@compiled
+def chance_of(world: Record) -> Array:
+    """Return the random numbers of this tick, (n + 2,): see `rmrc.plants.hardware.Hardware.chance`."""
+    engine, size = world.engine, world.n + 2
+    return at(engine.chance + 8 * size * engine.next, size)

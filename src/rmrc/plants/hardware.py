@@ -10,10 +10,9 @@ from rmrc.law.compiling import Array, Method
 from rmrc.plants.ideal import Ideal
 from rmrc.plants.model import Model
 from rmrc.plants.plant import Plant
-from rmrc.plants.sensing import Encoders, readings
 from rmrc.plants.servo import Servo
+from rmrc.plants.stages import Encoders, Transmission, readings, transmission
 from rmrc.plants.torque import Torque
-from rmrc.plants.transmission import Transmission, transmission
 from rmrc.scenario import Scenario
 
 KINDS: Mapping[str, type[Plant]] = {kind.name: kind for kind in (Ideal, Servo, Torque, Model)}

@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 
 from rmrc.law.compiling import Method, Record
-from rmrc.plants.fields import qpos_of, qvel_of
+from rmrc.plants.engine import qpos_of, qvel_of
 from rmrc.plants.plant import Plant
 from rmrc.scenario.choices import PLANTS
-from rmrc.scenario.plant import TIMESTEP
+from rmrc.scenario.sections import TIMESTEP
 
 
 @Method

@@ -13,7 +13,7 @@ from rmrc.arm.actuators import terms_of
 from rmrc.law.compiling import Array, Method, Record, at, carray, compiled, pointer
 from rmrc.law.metric import backward, factor, forward
 from rmrc.law.svd import dot
-from rmrc.plants.fields import ctrl_of
+from rmrc.plants.engine import ctrl_of
 from rmrc.plants.physics import Physical
 from rmrc.plants.plant import Assumed
 from rmrc.plants.servo import Servo

@@ -14,7 +14,7 @@ from rmrc.arm.adapting import PAYLOAD, UNSAID
 from rmrc.law.compiling import Array, Record, at, compiled
 from rmrc.law.kinematics import turned
 from rmrc.plants.plant import Assumed, Plant
-from rmrc.scenario.plant import TIMESTEP
+from rmrc.scenario.sections import TIMESTEP
 
 # Resistance of joints -----------------------------------------------------------------------------
 #

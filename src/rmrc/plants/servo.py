@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from rmrc.arm import Wiring
 from rmrc.law.compiling import Array, Method, Record
 from rmrc.law.measurement import read_at_joints
-from rmrc.plants.fields import ctrl_of
+from rmrc.plants.engine import ctrl_of
 from rmrc.plants.physics import Physical, damping_at, friction_at, push
 
 

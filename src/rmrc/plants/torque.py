@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rmrc.arm import Arm, Wiring
 from rmrc.law.compiling import Array, Method, Record, at, call, carray, compiled, pointer
 from rmrc.law.metric import backward, factor, forward
-from rmrc.plants.fields import ctrl_of, qpos_of, qvel_of
+from rmrc.plants.engine import ctrl_of, qpos_of, qvel_of
 from rmrc.plants.physics import Physical, friction_at, push
 
 # A degree of freedom: its joint of the arm, or -1, and its speed at unit rate of that joint; those that give

@@ -1,28 +1,149 @@
 """The picture of a run: the arm, its path, trail and ellipsoids, and the direction that it loses first.
 
 Entities of a run: `arm/<body>` and, where the law is misled, `believed/<body>`; `target/..` and `tip/..`.
-They change sixty times a second.
+They change sixty times a second. The arm has its visible geoms, in their form in rerun.
+
+Values lie over two timelines: `tick` counts control ticks; `sim_time` is the time rounded to nanoseconds,
+while the column `time` keeps all its bits.
 """
 
 from collections import defaultdict
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pyarrow as untyped
 import rerun as rr
 from numpy.typing import NDArray
 from rerun.components import FillMode as Fill
 
 from rmrc.arm import Arm
 from rmrc.recording.scene import Scene
-from rmrc.recording.shapes import Shape, geometry, shapes_of, xyzw
-from rmrc.recording.stream import Stream
 from rmrc.results.run import Run
 from rmrc.show.palette import GREEN, RED, WHITE, hue, mix
 from rmrc.show.panels import grouped
 from rmrc.simulation.prepare import Prepared
+from rmrc.support.spatial import rotate
 
 Array = NDArray[np.float64]
+
+# By MuJoCo's numbers, without planes, height fields and distance fields.
+_KINDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A visible geom, fixed to a body.
+
+    Attributes:
+        name: Its name in the model, or its number.
+        body: Index into the body poses.
+        kind: `sphere`, `capsule`, `cylinder`, `ellipsoid`, `box` or `mesh`.
+        size: MuJoCo's half sizes, (3,) [m].
+        pose: In the body's frame, [p, quat w x y z], (7,).
+        rgba: Color, (4,), 0 to 1.
+        vertices: Vertices of a mesh, (v, 3) [m].
+        faces: Faces of a mesh, (f, 3).
+    """
+
+    name: str
+    body: int
+    kind: str
+    size: Array
+    pose: Array
+    rgba: Array
+    vertices: Array
+    faces: NDArray[np.int32]
+
+
+def shapes_of(arm: Arm) -> list[Shape]:
+    """Return the visible geoms of an arm's model, stretched as its bodies are."""
+    model, shapes = arm.model, []
+    for geom in map(model.geom, range(model.ngeom)):
+        kind, body = _KINDS.get(int(geom.type[0])), int(geom.bodyid[0])
+        # groups 3 to 5 are hidden by MuJoCo's own viewer, collision geometry by custom
+        if kind is None or geom.group[0] > 2 or geom.rgba[3] == 0.0:
+            continue
+        rgba = geom.rgba if geom.matid[0] < 0 else model.mat_rgba[geom.matid[0]]
+        vertices, faces = np.empty((0, 3)), np.empty((0, 3), np.int32)
+        if kind == "mesh":  # only meshes keep the sizes that their author gave them
+            mesh = model.mesh(geom.dataid[0])
+            first, face = mesh.vertadr[0], mesh.faceadr[0]
+            vertices = np.array(model.mesh_vert[first : first + mesh.vertnum[0]], np.float64)
+            vertices *= arm.stretch.get(model.body(body).name, 1.0)
+            faces = np.array(model.mesh_face[face : face + mesh.facenum[0]], np.int32)
+        pose = np.concatenate([geom.pos, geom.quat])
+        name, color = geom.name or f"geom{geom.id}", np.array(rgba, np.float64)
+        shapes.append(Shape(name, body, kind, np.array(geom.size), pose, color, vertices, faces))
+    return shapes
+
+
+def geometry(shape: Shape) -> rr.AsComponents:
+    """Return a geom in rerun's form; MuJoCo's sizes are half sizes."""
+    place, quat, color = shape.pose[:3], shape.pose[3:], (255 * shape.rgba).round().astype(np.uint8)
+    if shape.kind == "mesh":
+        vertices = place + rotate(quat, shape.vertices)
+        return rr.Mesh3D(vertex_positions=vertices, triangle_indices=shape.faces, albedo_factor=color)
+    radius, half, _ = shape.size
+    look: dict[str, Any] = {"quaternions": [xyzw(quat)], "colors": [color], "fill_mode": "solid"}
+    if shape.kind == "capsule":  # rerun's begins at its origin, MuJoCo's is centered
+        start = place - rotate(quat, np.array([0.0, 0.0, half]))
+        return rr.Capsules3D(lengths=[2 * half], radii=[radius], translations=[start], **look)
+    if shape.kind == "cylinder":
+        return rr.Cylinders3D(lengths=[2 * half], radii=[radius], centers=[place], **look)
+    if shape.kind == "box":
+        return rr.Boxes3D(half_sizes=[shape.size], centers=[place], **look)
+    half_sizes = np.full(3, radius) if shape.kind == "sphere" else shape.size
+    return rr.Ellipsoids3D(half_sizes=[half_sizes], centers=[place], **look)
+
+
+def xyzw(quat: Array) -> Array:
+    """Return quaternions w x y z in rerun's order."""
+    return quat[..., [1, 2, 3, 0]]
+
+
+pa: Any = untyped
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Writes the entities of one run.
+
+    Attributes:
+        recording: Where to write.
+        prefix: Begins the path of each entity; "" or ends with a slash.
+    """
+
+    recording: rr.RecordingStream
+    prefix: str = ""
+
+    def log(self, path: str, *values: rr.AsComponents) -> None:
+        """Write values that stay the same."""
+        self.recording.log(self.prefix + path, *values, static=True)
+
+    def send(self, path: str, ticks: NDArray[np.int64], time: NDArray[np.float64], columns: Any) -> None:
+        """Write values at some ticks, (T,), and their time [s]."""
+        nanoseconds = np.rint(1e9 * time).astype("timedelta64[ns]")
+        index = [rr.TimeColumn("sim_time", duration=nanoseconds), rr.TimeColumn("tick", sequence=ticks)]
+        self.recording.send_columns(self.prefix + path, index, columns)
+
+
+def struct(columns: Mapping[str, NDArray[Any]], part: slice) -> Any:
+    """Return some ticks of columns, (T,) or (T, width) each, as structs, bit for bit.
+
+    No item may be null: the viewer draws nothing from a list that may hold nulls.
+    """
+    arrays, fields = [], []
+    for name, values in columns.items():
+        array = pa.array(np.ascontiguousarray(values[part]).reshape(-1))
+        if values.ndim > 1:
+            items = pa.list_(pa.field("item", array.type, nullable=False), values.shape[1])
+            array = pa.FixedSizeListArray.from_arrays(array, type=items)
+        arrays.append(array)
+        fields.append(pa.field(name, array.type, nullable=False))
+    return pa.StructArray.from_arrays(arrays, fields=fields)
+
 
 # Interval between two pictures [s].
 FRAME_PERIOD = 1.0 / 60.0

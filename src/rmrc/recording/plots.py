@@ -15,7 +15,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 from rerun.blueprint.encodings import VisualizerComponentMapping
 
-from rmrc.recording.stream import Stream
+from rmrc.recording.picture import Stream
 from rmrc.results.columns import COLUMNS
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status

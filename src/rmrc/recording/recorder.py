@@ -21,10 +21,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from rmrc.recording.picture import PALE, Array, Picture
+from rmrc.recording.picture import PALE, Array, Picture, Stream, struct
 from rmrc.recording.plots import BASELINE, Plot, write_numbers, write_strip
 from rmrc.recording.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS
-from rmrc.recording.stream import Stream, struct
 from rmrc.results.run import Run
 from rmrc.show.palette import distinct
 from rmrc.show.panels import panels

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rmrc.results.run import Run
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import matrix_to_quat, rotate
-from rmrc.textbook.ellipsoid import holding_jacobian
+from rmrc.textbook.singularity import holding_jacobian
 
 Array = NDArray[np.float64]
 

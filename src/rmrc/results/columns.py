@@ -124,7 +124,7 @@ class Recorded:
         touching: The two bodies of the first contact; none: there was no contact.
         resting: Pairs of bodies that touch from the start, which is no contact while it lasts.
         chatter_floor: Acceleration of each joint above which a change of sign counts as chatter [rad/s² or
-            m/s²]; none: `rmrc.results.events.CHATTER_FLOOR` for all.
+            m/s²]; none: `rmrc.results.metrics.CHATTER_FLOOR` for all.
         profile: The profile that the commands are checked against, or None.
         damping_below: ε, below which damping begins, in the units of σ; 0 where damping depends on something
             else.

@@ -1,11 +1,13 @@
-"""A run: its columns, the facts about it, its metrics, and its file."""
+"""A run: its columns, the facts about it, its metrics, and its files."""
 
 import json
 import os
+import platform
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
-from importlib import import_module
+from functools import cache, cached_property
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +16,9 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from rmrc.results.columns import COLUMNS, Recorded, no_ticks
-from rmrc.results.scorecard import Scorecard, scorecard
-from rmrc.results.verdict import verdict
+from rmrc.results.scorecard import Scorecard, scorecard, verdict
 from rmrc.support.errors import QuestionError, did_you_mean
-from rmrc.support.files import reading, written_whole
+from rmrc.support.files import reading, write_text, written_whole
 from rmrc.support.text import brief, cut
 
 # Prefix of the columns of a baseline in the file of its run.
@@ -154,3 +155,28 @@ def _read(facts: Mapping[str, Any], file: Mapping[str, Any], prefix: str = "") -
 def _write(path: Path, arrays: Mapping[str, NDArray[np.generic]], facts: Any) -> None:
     with written_whole(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays, facts=np.array(json.dumps(facts)))  # type: ignore[arg-type]
+
+
+# The libraries that determine the bits and the appearance of a result.
+LIBRARIES = ("rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk")
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of the software that determines the bits of a result."""
+    versions = {"python": platform.python_version()}
+    for library in LIBRARIES:
+        with suppress(metadata.PackageNotFoundError):  # a worker of a sweep needs no rerun
+            versions[library] = metadata.version(library)
+    return versions
+
+
+def save_facts(path: Path, facts: Mapping[str, Any]) -> None:
+    """Write facts atomically.
+
+    Args:
+        path: Path of the file; its folder is created if missing.
+        facts: Strict JSON.
+    """
+    text = json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False)
+    write_text(path, f"{text}\n")

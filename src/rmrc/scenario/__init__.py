@@ -17,15 +17,23 @@ Only this package uses YAML and pydantic. A section made directly in Python repo
 a file, a text or a change never does.
 """
 
-from rmrc.scenario.arm import ArmSection, StartPose
 from rmrc.scenario.changes import Change, Variant, changes_of, grid, variants
 from rmrc.scenario.control import ControlSection, LimitsSection, SecondarySection, TaskSection
-from rmrc.scenario.draft import Draft, Problems, Scenario, Source, draft_of, load, loads
-from rmrc.scenario.law import ControlSource, read_controls, read_task
-from rmrc.scenario.plant import PlantSection
+from rmrc.scenario.draft import (
+    ControlSource,
+    Draft,
+    Problems,
+    Scenario,
+    Source,
+    draft_of,
+    load,
+    loads,
+    read_controls,
+    read_task,
+)
 from rmrc.scenario.reading import block, inline
 from rmrc.scenario.schema import SchemaRow, json_schema, schema_rows
-from rmrc.scenario.sections import Check
+from rmrc.scenario.sections import ArmSection, Check, PlantSection, StartPose
 from rmrc.scenario.target import Segment, TargetLimitsSection, TargetSection
 from rmrc.scenario.values import Frame, angle
 

@@ -1,23 +1,29 @@
-"""A scenario and its source: plain values from a file, options or Python, validated as a whole."""
+"""A scenario and its source: plain values from a file, options or Python, validated as a whole.
+
+Two relatives are read here: a control law without the rest of a scenario, and a lesson, which is a scenario
+with questions, hints, and a number to find.
+"""
 
 import copy
+import math
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self, TypeAlias
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import PrivateAttr
 
 from rmrc.scenario.changes import Change, applied, changes_of, deeper_last, read_change, read_setting
-from rmrc.scenario.control import ControlSection
+from rmrc.scenario.control import ControlSection, TaskSection
 from rmrc.scenario.messages import checked
 from rmrc.scenario.profile import SHIPPED
 from rmrc.scenario.reading import Document, block, split
-from rmrc.scenario.sections import PROFILE, Sections, parse_key
+from rmrc.scenario.sections import PROFILE, ArmSection, Sections, parse_key
+from rmrc.scenario.values import Number, Positive, Section, Text, count, key
 from rmrc.support import shipped
-from rmrc.support.errors import Origin, Problem, ScenarioError, join
+from rmrc.support.errors import Origin, Problem, QuestionError, ScenarioError, join
 from rmrc.support.text import cut
 
 # Keys of files and folders, at the end of dotted keys, which may begin with `sweep.vary` or `baseline`.
@@ -206,8 +212,8 @@ class Problems:
 
     def extend(self, problems: Iterable[tuple[str, str]]) -> None:
         """Add problems of several values: a dotted key and a text each."""
-        for key, text in problems:
-            self.add(key, text)
+        for place, text in problems:
+            self.add(place, text)
 
     def raise_any(self) -> None:
         """Raise the collected problems, if any.
@@ -272,3 +278,133 @@ def loads(text: str, source: str = "<text>", overrides: Iterable[str] = ()) -> S
         ScenarioError: With all mistakes at once.
     """
     return Draft.read(source, text).overridden(overrides).scenario()
+
+
+ControlSource: TypeAlias = "ControlSection | Scenario | Mapping[str, Any] | str | os.PathLike[str] | None"
+"""A section, a scenario, a mapping with the section `control` or with its keys, or a YAML file of these."""
+
+
+class Controls(Section):
+    """The part of a scenario that a loop outside a run needs.
+
+    Attributes:
+        control: The law.
+        task: The controlled components of the site's motion; None if it is not given.
+        arm: The controlled frame and the actuated joints; None if it is not given.
+    """
+
+    control: ControlSection = ControlSection()
+    task: TaskSection | None = None
+    arm: ArmSection | None = None
+
+
+def read_controls(source: ControlSource, period: float | None = None) -> Controls:
+    """Return a control law, checked.
+
+    Args:
+        source: The source; None: all defaults. A file is a scenario, a file with only `control:` (and
+            `task:`), as `tune` prints it, or one with the keys of the section.
+        period: Replaces `period` [s]; None: no change.
+
+    Raises:
+        ScenarioError: Lists all problems at once.
+        QuestionError: The period is not a positive time.
+    """
+    controls = _controls(source)
+    if period is None:
+        return controls
+    if not (isinstance(period, int | float) and 0.0 < period < math.inf):
+        raise QuestionError(f"period must be > 0 and finite [s], got {period}")
+    control = controls.control.model_copy(update={"period": float(period)})
+    return controls.model_copy(update={"control": control})
+
+
+def _controls(source: ControlSource) -> Controls:
+    if isinstance(source, ControlSection | None):
+        return Controls(control=source or ControlSection())
+    if isinstance(source, Mapping):
+        document = Document(dict(source))
+    elif isinstance(source, Scenario):
+        return Controls(control=source.control, task=source.task, arm=source.arm)
+    elif isinstance(source, str | os.PathLike):
+        name = os.fspath(shipped.found(source, "scenarios"))
+        document = Document.read(name)
+        if "arm" in document.value:
+            return _controls(load(name))
+    else:
+        wanted = "a mapping, a file, a ControlSection or a Scenario"
+        raise QuestionError(f"control must be {wanted}, got {type(source).__name__}")
+    if not document.value.keys() & {"control", "task"}:  # the keys of the section control itself
+        places = {("control", *key): place for key, place in document.places.items()}
+        document = replace(document, value={"control": document.value}, places=places)
+    return checked(Controls, document)
+
+
+def read_task(source: TaskSection | Mapping[str, Any]) -> TaskSection:
+    """Return a checked task from its keys.
+
+    Raises:
+        ScenarioError: Lists all problems at once.
+    """
+    if isinstance(source, TaskSection):
+        return source
+    return checked(Controls, Document({"task": dict(source)})).task or TaskSection()
+
+
+LESSONS = {file.stem: file for file in sorted(Path(__file__).with_name("lessons").glob("*.yaml"))}
+
+
+class Question(Section):
+    """A question to answer on the page.
+
+    Attributes:
+        ask: The question.
+        do: What to try on the page.
+    """
+
+    ask: Text
+    do: Text
+
+
+class Sought(Section):
+    """The number to find: a metric of the scorecard for a setting.
+
+    Attributes:
+        ask: What to set, and which number to read.
+        setting: The setting that has it: a value for each key that is changed.
+        figure: Its name in the scorecard.
+        unit: Unit in which it is told.
+        per: How many SI units are one of that.
+        value: The right answer.
+        within: How far from it an answer may be.
+    """
+
+    ask: Text
+    setting: dict[str, Any] = key(alias="with")
+    figure: Text
+    unit: Text
+    per: Positive = 1.0
+    value: Number
+    within: Positive
+
+
+class Lesson(Section):
+    """A scenario with questions and a number to find.
+
+    Attributes:
+        title: Above the lesson.
+        scenario: A shipped scenario by its name, or a file beside the lesson.
+        about: The scene, in a sentence.
+        shows: Of the marks in the picture, those that are shown.
+        questions: Three of them.
+        number: The number to find.
+        rows: Rows of docs/textbook.md beside those of the scenario, such as A39.
+    """
+
+    title: Text
+    scenario: Text
+    about: Text
+    shows: tuple[Literal["velocity", "force", "lost"], ...] = ("velocity", "lost")
+    questions: Annotated[tuple[Question, ...], count(3, 3)]
+    number: Sought
+    rows: tuple[Text, ...] = ()

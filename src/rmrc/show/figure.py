@@ -16,12 +16,11 @@ from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.ticker import MaxNLocator
 
 from rmrc.results.run import Run
-from rmrc.show.figures import Picture, plain, save
+from rmrc.show.figures import Picture, closest, plain, save, shadows, skeleton
 from rmrc.show.palette import GRAY, GREEN, SLATE, css, distinct
 from rmrc.show.panels import DASHES, LOOKS, Lane, Panel, Runs, decades, is_point, lanes, thinned
 from rmrc.show.panels import NAMES as QUANTITIES
 from rmrc.show.panels import panels as panels_over_time
-from rmrc.show.shadows import closest, shadows, skeleton
 from rmrc.support.errors import QuestionError
 
 # Panels in their order from the top; `arm` and `joints` are drawn only where they are named. Those over time.

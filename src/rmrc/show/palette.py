@@ -1,10 +1,15 @@
-"""Colors, 0xRRGGBBAA, one for each thing, for a dark and a light background and for all color vision.
+"""Colors, 0xRRGGBBAA, one for each thing, and the size of pictures: their width, and their font size.
 
-Each has a contrast of at least 3 against white and against the viewer's dark background. Any two that share a
-panel differ by a ΔE of at least 20 (CIE 1976), also for deuteranopes and protanopes; those of the first six
-joints by 35, and by 23 for these. Joints have no green, magenta, bright red or turquoise: these are for
-σ_min, λ, serious statuses, and active ones.
+They suit a dark and a light background, and all color vision. Each has a contrast of at least 3 against
+white and against the viewer's dark background. Any two that share a panel differ by a ΔE of at least 20 (CIE
+1976), also for deuteranopes and protanopes; those of the first six joints by 35, and by 23 for these. Joints
+have no green, magenta, bright red or turquoise: these are for σ_min, λ, serious statuses, and active ones.
 """
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import NamedTuple
 
 from rmrc.scenario.choices import Status
 
@@ -58,3 +63,33 @@ def mix(first: int, second: int, part: float) -> int:
     """Return the color at this part of the way from the first to the second, 0xRRGGBBAA."""
     channels = [((first >> s) & 255, (second >> s) & 255, s) for s in (24, 16, 8, 0)]
     return sum(round(a + (b - a) * part) << s for a, b, s in channels)
+
+
+class Asked(NamedTuple):
+    """The requested size of pictures.
+
+    Attributes:
+        width: Width of the picture [in]; None: its own.
+        font: Font size [pt]; None: its own.
+    """
+
+    width: float | None = None
+    font: float | None = None
+
+
+ASKED: ContextVar[Asked] = ContextVar("ASKED", default=Asked())  # noqa: B039 (frozen)
+
+
+@contextmanager
+def sized(width: float | None, font: float | None) -> Iterator[None]:
+    """Draw pictures meanwhile with this width and font size.
+
+    Args:
+        width: Width [in]; None: the own width of each picture.
+        font: Font size [pt]; None: the own sizes of each picture.
+    """
+    token = ASKED.set(Asked(width, font))
+    try:
+        yield
+    finally:
+        ASKED.reset(token)

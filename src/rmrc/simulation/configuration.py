@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm
-from rmrc.law.fit import wrong_length
+from rmrc.law.settings import wrong_length
 from rmrc.law.task import Task
 from rmrc.scenario import Problems, Scenario, StartPose, angle
 from rmrc.simulation.inverse_kinematics import search, unwound
 from rmrc.support import spatial
-from rmrc.support.errors import ModelError, TargetError
-from rmrc.support.notices import tell
+from rmrc.support.errors import ModelError, TargetError, tell
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from rmrc.arm import Wiring
 from rmrc.results.columns import widths
 from rmrc.simulation.prepare import Prepared
-from rmrc.support import memory
+from rmrc.support import process
 from rmrc.support.errors import ScenarioError
 
 Array = NDArray[np.float64]
@@ -53,8 +53,8 @@ def footprint(
 
 
 def excess(need: Array) -> str | None:
-    """Return the reason why a footprint is too much, or None: see `rmrc.support.memory.excess`."""
-    return memory.excess(LIBRARIES + float(need[0]))
+    """Return the reason why a footprint is too much, or None: see `rmrc.support.process.excess`."""
+    return process.excess(LIBRARIES + float(need[0]))
 
 
 def refuse_excess(

@@ -19,7 +19,7 @@ from rmrc.law.kinematics import HALF_TURN, follow_chain, geometric_jacobian, pos
 from rmrc.law.record import copied, new_worlds
 from rmrc.law.settings import link
 from rmrc.law.task import Task
-from rmrc.support.threads import work_in_shares
+from rmrc.support.process import work_in_shares
 
 # λ² starts at this share of |e|². Among 0.001 to 1, 0.03 and 0.1 need the fewest steps for six joints.
 FIRST_SHARE = 0.03

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from rmrc.arm import Arm
 from rmrc.scenario import Scenario, inline
 from rmrc.scenario.values import Section
-from rmrc.support.errors import ScenarioError
-from rmrc.support.notices import tell
+from rmrc.support.errors import ScenarioError, tell
 from rmrc.support.spatial import AXES
 
 Array = NDArray[np.float64]

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Arm, load_asked
 from rmrc.arm.adapting import check_stretch
-from rmrc.law import fit
+from rmrc.law import settings
 from rmrc.law.defaults import fitted
 from rmrc.law.settings import TaskLaw
 from rmrc.law.task import Task, choose
 from rmrc.plants.hardware import Hardware
 from rmrc.plants.plant import Assumed, Plant
-from rmrc.results.events import CHATTER_FLOOR
+from rmrc.results.metrics import CHATTER_FLOOR
 from rmrc.scenario import ArmSection, Problems, Scenario, inline
 from rmrc.scenario.choices import PLANTS, POLICIES
 from rmrc.scenario.profile import Profile, load_profile
@@ -32,8 +32,7 @@ from rmrc.simulation.configuration import assumed_configuration, true_configurat
 from rmrc.simulation.plausibility import Reach, bounds_of, check_points, doubt, reach_of
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import Places, make_reference
-from rmrc.support.errors import ModelError, ScenarioError, TargetError
-from rmrc.support.notices import tell_assumed
+from rmrc.support.errors import ModelError, ScenarioError, TargetError, tell_assumed
 from rmrc.support.text import brief, listed
 
 Array = NDArray[np.float64]
@@ -116,14 +115,14 @@ class Prepared:
 
     @property
     def chatter_floor(self) -> tuple[float, ...]:
-        """Acceleration above which a change of sign counts as chatter, (n,); see `rmrc.results.events`."""
+        """Acceleration above which a change of sign counts as chatter, (n,); see `rmrc.results.metrics`."""
         floor = np.minimum(self.law.rate_limit, 0.1 * self.law.acceleration_limit)
         return tuple(np.where(np.isfinite(floor), floor, CHATTER_FLOOR).tolist())
 
     @property
     def assumed(self) -> tuple[Assumed, ...]:
         """The deviations of the run from the model as its author wrote it, and the missing limits."""
-        slow = fit.slow_servos(self.law.rate_limit, self.arm) if PLANTS[self.plant.name].own else ""
+        slow = settings.slow_servos(self.law.rate_limit, self.arm) if PLANTS[self.plant.name].own else ""
         texts = (
             self.springs, self.by_arm, _by_profile(self.scenario), _not_shown(self), slow,
             *dict.fromkeys(self.reference.notes),
@@ -211,7 +210,7 @@ def prepare_hardware(scenario: Scenario, arm: Arm, problems: Problems) -> Hardwa
         for key in keys:
             values = getattr(section, key)
             if isinstance(values, tuple) and len(values) != arm.n:
-                problems.add(f"{name}.{key}", fit.wrong_length(len(values), arm))
+                problems.add(f"{name}.{key}", settings.wrong_length(len(values), arm))
     try:
         check_stretch(arm.path, arm.model, plant.stretch)
     except ModelError as error:
@@ -225,9 +224,9 @@ def prepare_hardware(scenario: Scenario, arm: Arm, problems: Problems) -> Hardwa
 def prepare_task(scenario: Scenario, arm: Arm, cache: Cache, problems: Problems) -> Task:
     """Return the task of a scenario; variants share it, because finding its rank takes a millisecond."""
     section, weights = scenario.task, scenario.control.joint_weights
-    problems.extend(fit.scale_misfits("task.length", (section.length or 1.0,), is_list=False))
-    problems.extend(fit.scale_misfits("task.weights", section.weights or ()))
-    problems.extend(fit.scale_misfits("control.joint_weights", weights or ()))
+    problems.extend(settings.scale_misfits("task.length", (section.length or 1.0,), is_list=False))
+    problems.extend(settings.scale_misfits("task.weights", section.weights or ()))
+    problems.extend(settings.scale_misfits("control.joint_weights", weights or ()))
 
     def make() -> Task:
         task = choose(arm, section.axes, section.length, section.frame)
@@ -244,10 +243,10 @@ def prepare_law(scenario: Scenario, task: Task, q: Array, problems: Problems) ->
     """
     control, arm = scenario.control, task.arm
     problems.extend(_profile_misfits(scenario, arm))
-    problems.extend(fit.length_misfits(control, arm))
-    problems.extend(fit.method_misfits(control, len(scenario.task.axes), arm))
-    problems.extend(fit.second_task_misfits(control, arm))
-    problems.extend(fit.slow_misfits(control, arm, arm.path))
+    problems.extend(settings.length_misfits(control, arm))
+    problems.extend(settings.method_misfits(control, len(scenario.task.axes), arm))
+    problems.extend(settings.second_task_misfits(control, arm))
+    problems.extend(settings.slow_misfits(control, arm, arm.path))
     problems.raise_any()
     control, by_arm = fitted(control, task, scenario.task.length)
     return TaskLaw(task, control, q), by_arm
@@ -263,7 +262,7 @@ def prepare_reference(scenario: Scenario, arm: Arm, q: Array, reach: Reach, cach
 
     def pose_at(start: Any) -> Array:
         if not isinstance(start, str) and len(start) != arm.n:
-            raise TargetError(fit.wrong_length(len(start), arm))
+            raise TargetError(settings.wrong_length(len(start), arm))
         try:
             return arm.pose(arm.configuration(start)[arm.wiring.qpos])
         except ModelError as error:
@@ -325,10 +324,10 @@ def _profile_misfits(scenario: Scenario, arm: Arm) -> Iterator[tuple[str, str]]:
     """Yield a profile of another robot, or with conditions for another period."""
     key, period, expected = "expect.profile", scenario.control.period, expected_profile(scenario)
     name = scenario.control.limits.profile
-    yield from fit.profile_misfits("control.limits.profile", name, arm)
+    yield from settings.profile_misfits("control.limits.profile", name, arm)
     if expected is None:
         return
-    yield from fit.profile_misfits(key, str(scenario.expect[PROFILE]), arm)
+    yield from settings.profile_misfits(key, str(scenario.expect[PROFILE]), arm)
     published = expected.period.value if expected.period else period
     has_differences = bool(expected.acceleration or expected.jerk)
     if expected.joints == arm.n and has_differences and abs(published - period) > 1e-9 * period:

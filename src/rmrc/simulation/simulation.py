@@ -19,7 +19,7 @@ from rmrc.scenario.choices import DAMPING_BELOW, read_by
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared, expected_profile
 from rmrc.simulation.world import World, compile_for
-from rmrc.support.threads import side_by_side
+from rmrc.support.process import side_by_side
 
 # Between two pieces of ticks there is time for stops and progress. A piece is at most a second at 1 kHz, and
 # takes about this long [s]; the first is one tick, and each is at most some times as long as the last.

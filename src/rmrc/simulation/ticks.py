@@ -14,10 +14,9 @@ from rmrc.law.measurement import (
     read_forces,
     read_joints,
 )
-from rmrc.law.priority import second_error
+from rmrc.law.nullspace import second_error
 from rmrc.law.svd import copy, dot
-from rmrc.plants.engine import BAD_FIRST, BAD_LAST
-from rmrc.plants.fields import qpos_of
+from rmrc.plants.engine import BAD_FIRST, BAD_LAST, qpos_of
 from rmrc.scenario.choices import Status
 from rmrc.simulation.reference import POSE, TWIST
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from rmrc.scenario import inline
 from rmrc.study.runs import Parcel, Rows, Runs
-from rmrc.support import interruption
+from rmrc.support import process
 from rmrc.support.errors import ClusterError
 from rmrc.support.text import shortened
 
@@ -143,7 +143,7 @@ def _work(parcel: Parcel, key: str, piece: Sequence[int]) -> Rows:
     """Return the rows of some runs, with the files unpacked once into Dask's own temporary folder."""
     from distributed import get_worker
 
-    interruption.ends_with_job = True
+    process.ends_with_job = True
     with _unpacking:
         if key not in _runs:
             root = Path(tempfile.mkdtemp(prefix="rmrc-", dir=get_worker().local_directory)).resolve()

@@ -22,7 +22,7 @@ from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
-from rmrc.support.interruption import interruptible
+from rmrc.support.process import interruptible
 from rmrc.support.text import brief
 from rmrc.textbook.stability import edge_delay, edge_frequency, edge_gain, edge_lag
 

@@ -25,13 +25,11 @@ from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.study import dask
 from rmrc.study.dataset import Dataset, Table, about_of, read_table, schema_of
-from rmrc.study.plan import plan_of
-from rmrc.study.runs import Parcel, Rows, Runs, columns_of, pack
+from rmrc.study.runs import Parcel, Rows, Runs, columns_of, pack, plan_of
 from rmrc.study.study import OnRuns, Values, validated
 from rmrc.support.errors import QuestionError, ScenarioError
 from rmrc.support.files import reading, refuse_unwritable
-from rmrc.support.interruption import interruptible
-from rmrc.support.threads import side_by_side
+from rmrc.support.process import interruptible, side_by_side
 
 # The metrics of most interest.
 METRICS = (

@@ -1,4 +1,4 @@
-"""The tree of errors; every branch is also the matching builtin exception.
+"""The tree of errors, each also the matching builtin exception; and notices to a user during the work.
 
     RmrcError
     ├── ScenarioError    (ValueError)       a scenario is wrong; all its problems at once
@@ -11,12 +11,15 @@
 ModelWarning (UserWarning) is a message of MuJoCo about a model that it accepts.
 A singularity is not an error: it is a status, recorded at every control tick.
 Messages are one line: the thing, the value, the bound and the way out.
+
+A notice tells that something takes long, and why. It needs a listener, such as the command line.
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 from rmrc.support.text import shortened, visible
@@ -172,3 +175,48 @@ def did_you_mean(name: str, options: Iterable[str]) -> str:
     """
     near = difflib.get_close_matches(name, list(options), n=1)
     return f'; did you mean "{near[0]}"?' if near else ""
+
+
+# Sent by `rmrc.law.compiling` while it compiles, with the name of the compiled part.
+COMPILING = "compiling {} ({}) ..."
+KEPT, NOT_KEPT = "once; kept for the next time", "this time and each other time; it cannot be kept"
+
+_listeners: list[Callable[[str, str], None]] = []
+
+
+def tell(text: str, once: str = "") -> None:
+    """Send a notice to the present listener.
+
+    Args:
+        text: A line.
+        once: Its subject; only the first notice about it is heard. Default: the line itself.
+    """
+    for listener in tuple(_listeners):
+        listener(text, once or text)
+
+
+def tell_assumed(notes: Iterable[str]) -> None:
+    """Send assumptions, each once: `rmrc.arm.tree` has notes that are warnings."""
+    for note in notes:
+        tell(f"{getattr(note, 'level', 'note')}: {note}")
+
+
+@contextmanager
+def heard_by(listener: Callable[[str], None]) -> Iterator[None]:
+    """Have a function called with the notices, once for each subject.
+
+    Args:
+        listener: Called with a line; threads may call it.
+    """
+    said = set[str]()
+
+    def once(text: str, about: str) -> None:
+        if about not in said:
+            said.add(about)
+            listener(text)
+
+    _listeners.append(once)
+    try:
+        yield
+    finally:
+        _listeners.remove(once)

@@ -1,13 +1,23 @@
-"""Planar arms with revolute joints: n links in general, three as printed in the notes.
+"""Planar arms: n links, three as printed in the notes, a sliding joint, and a platform on three legs.
 
 All links move in the x-y plane, joint axes along +z, q = 0 stretched out along x. The rows of a
 planar Jacobian are x, y and the rotation about z; `lengths` is l_1..l_n in m, `q` is in radians.
+
+The arm of exercise 6.3 has a revolute joint at the origin, then a sliding one [Selig92]. At home the rod
+lies along x and its point Q is at (r₀, 0), with r₀ = 1 in the exercise. q = (θ, d): the angle, and the
+displacement of the rod from home.
+
+The 3-RPR platform is a triangle on three legs that slide, hinged at both ends. For a parallel mechanism, the
+inverse kinematics is a function: the pose of the platform determines the lengths of the legs. The inverse
+Jacobian therefore has a closed form.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from rmrc.textbook.chains import DHChain
 
 
 def planar_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
@@ -160,3 +170,151 @@ def three_link_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]
 
 def _each(values: ArrayLike) -> tuple[NDArray[np.float64], ...]:
     return tuple(np.moveaxis(np.asarray(values, dtype=np.float64), -1, 0))
+
+
+def planar_rp_chain() -> DHChain:
+    """Return the arm's modified table; Q is the point (0, 0, r₀) of frame 2.
+
+    The sliding joint's axis is z of its frame: along the rod.
+
+    Returns:
+        The chain of rows (α_i-1, a_i-1, d_i, θ_i).
+
+    Example:
+        >>> (planar_rp_chain().frames([0, 0.5])[2] @ [0, 0, 1, 1]).round(3) + 0.0
+        array([1.5, 0. , 0. , 1. ])
+    """
+    square = np.pi / 2
+    return DHChain(table=((0.0, 0.0, 0.0, square), (square, 0.0, 0.0, 0.0)), kinds=("revolute", "prismatic"))
+
+
+def planar_rp_position(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[np.float64]:
+    """Return the position of Q: (r cos θ, r sin θ) with r = r₀ + d [Selig92, exercise 6.3].
+
+    Args:
+        q: θ, d, (..., 2) [rad, m].
+        home_reach: r₀, (...) [m].
+
+    Returns:
+        [x, y], (..., 2) [m].
+
+    Example:
+        >>> planar_rp_position([np.pi / 2, 0.5]).round(3)
+        array([0. , 1.5])
+    """
+    q = np.asarray(q, dtype=np.float64)
+    r = np.asarray(home_reach, dtype=np.float64) + q[..., 1]
+    return np.stack([r * np.cos(q[..., 0]), r * np.sin(q[..., 0])], axis=-1)
+
+
+def planar_rp_jacobian(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[np.float64]:
+    """Return the Jacobian of Q: the column of a sliding joint is its direction, without a rotation.
+
+    J = [[−r sin θ, cos θ], [r cos θ, sin θ], [1, 0]] with r = r₀ + d [Selig92, exercise 6.3].
+
+    Args:
+        q: θ, d, (..., 2) [rad, m].
+        home_reach: r₀, (...) [m].
+
+    Returns:
+        Rows x, y, rz in frame {0}, (..., 3, 2).
+
+    Example:
+        >>> planar_rp_jacobian([0, 0.5]).round(3) + 0.0
+        array([[0. , 1. ],
+               [1.5, 0. ],
+               [1. , 0. ]])
+    """
+    q = np.asarray(q, dtype=np.float64)
+    x, y = np.moveaxis(planar_rp_position(q, home_reach), -1, 0)
+    c, s, zero, one = np.cos(q[..., 0]), np.sin(q[..., 0]), np.zeros_like(x), np.ones_like(x)
+    rows = ((-y, c), (x, s), (one, zero))
+    return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
+
+
+def planar_rp_determinant(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[np.float64]:
+    """Return det J = −r = −(r₀ + d), of the rows x and y: singular where Q is on the pivot.
+
+    There the rotation does not move Q. It is not a boundary, because Q can leave it along the rod in both
+    directions.
+
+    Args:
+        q: θ, d, (..., 2) [rad, m].
+        home_reach: r₀, (...) [m].
+
+    Returns:
+        det J, (...) [m].
+
+    Example:
+        >>> planar_rp_determinant([0.3, -1.0])
+        np.float64(0.0)
+    """
+    return np.asarray(-np.asarray(home_reach, dtype=np.float64) - np.asarray(q, dtype=np.float64)[..., 1])[()]
+
+
+def platform_leg_lengths(base: ArrayLike, platform: ArrayLike, pose: ArrayLike) -> NDArray[np.float64]:
+    """Return the lengths of the legs that hold the platform in a pose.
+
+    d_i = |p + R(φ) b_i − a_i|: the inverse kinematics [Selig92, exercise 6.2].
+
+    Args:
+        base: Hinges a_i on the ground, (..., 3, 2) [m].
+        platform: Hinges b_i in the frame of the platform, (..., 3, 2) [m].
+        pose: [x, y, φ] of the platform's frame, (..., 3) [m, m, rad].
+
+    Returns:
+        d_1..d_3, (..., 3) [m].
+
+    Example:
+        >>> base, platform = [[0, 0], [6, 0], [3, 5]], [[-1, -1], [1, -1], [0, 1]]
+        >>> platform_leg_lengths(base, platform, [3, 2, 0]).round(3)
+        array([2.236, 2.236, 2.   ])
+    """
+    legs, _ = _legs(base, platform, pose)
+    return np.asarray(np.linalg.norm(legs, axis=-1))
+
+
+def platform_inverse_jacobian(base: ArrayLike, platform: ArrayLike, pose: ArrayLike) -> NDArray[np.float64]:
+    """Return K with ḋ = K (ẋ, ẏ, φ̇), the inverse of the Jacobian of the platform.
+
+    Row i is the line of leg i: its unit vector u_i from the ground to the platform, and its moment
+    (R b_i) × u_i about the origin of the platform's frame [Selig92, exercise 6.2]. K loses rank if the three
+    lines meet in one point or are parallel. The platform can then move although all legs are locked.
+
+    Args:
+        base: Hinges a_i on the ground, (..., 3, 2) [m].
+        platform: Hinges b_i in the frame of the platform, (..., 3, 2) [m].
+        pose: [x, y, φ] of the platform's frame, (..., 3) [m, m, rad].
+
+    Returns:
+        K, columns x, y, φ, (..., 3, 3) [1, 1, m].
+
+    Raises:
+        numpy.linalg.LinAlgError: A leg has length 0, and therefore no line.
+
+    Example:
+        Three vertical legs lift or tilt the platform, but do not move it along x:
+
+        >>> base, platform = [[-1, 0], [0, 0], [1, 0]], [[-1, 0], [0, 0], [1, 0]]
+        >>> platform_inverse_jacobian(base, platform, [0, 2, 0])
+        array([[ 0.,  1., -1.],
+               [ 0.,  1.,  0.],
+               [ 0.,  1.,  1.]])
+    """
+    legs, arms = _legs(base, platform, pose)
+    length = np.linalg.norm(legs, axis=-1, keepdims=True)
+    if np.any(length == 0.0):
+        raise np.linalg.LinAlgError("3-RPR platform: a leg has length 0 and no line; move its hinges apart")
+    u = legs / length
+    moment = arms[..., :1] * u[..., 1:] - arms[..., 1:] * u[..., :1]
+    return np.concatenate([u, moment], axis=-1)
+
+
+def _legs(
+    base: ArrayLike, platform: ArrayLike, pose: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the legs as vectors, and the hinges on the platform from its origin, along frame {0}."""
+    base, b, pose = (np.asarray(value, dtype=np.float64) for value in (base, platform, pose))
+    c, s = np.cos(pose[..., 2])[..., None], np.sin(pose[..., 2])[..., None]
+    arms = np.stack([c * b[..., 0] - s * b[..., 1], s * b[..., 0] + c * b[..., 1]], axis=-1)
+    return pose[..., None, :2] + arms - base, arms

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from rmrc.results.facts import versions
+from rmrc.results.run import versions
 from rmrc.show.sheets import Sheet, number
 from rmrc.support.text import listed
 from rmrc.tuning.space import AT_SINGULARITY, NUMBERS, WORDS

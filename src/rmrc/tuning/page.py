@@ -7,9 +7,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from rmrc.show import run_page
 from rmrc.show.figures import MARKERS, entitle, explain, lettering, plain, sheet
-from rmrc.show.page import Page, Section, code, items, picture, table
+from rmrc.show.page import Page, Section, code, items, page_of_run, picture, table
 from rmrc.show.palette import paints
 from rmrc.study.dataset import Table, about_of, read_table
 from rmrc.study.pictures import sweep_page
@@ -34,7 +33,7 @@ def page(path: Path) -> Page:
     """
     with reading(path, "an output of run, compare, sweep or tune"):
         if path.suffix != ".parquet":
-            return run_page.page(path)
+            return page_of_run(path)
         rows = read_table(path)
         return _of_search(rows) if "on_front" in rows.column_names else sweep_page(Swept.of(path, rows))
 

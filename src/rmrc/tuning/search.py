@@ -11,9 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rmrc.tuning.front import Point, front
 from rmrc.tuning.space import Setting, Space
-from rmrc.tuning.trials import Outcome, Trials
+from rmrc.tuning.trials import Outcome, Point, Trials, front
 from rmrc.tuning.verdict import ALIKE, HAIR, LESS, Trial, Verdict, best, judge
 
 # Dampings and feedbacks of a grid, the finest first, and its middle feedback, relative to that as written.

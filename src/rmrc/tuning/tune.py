@@ -11,16 +11,15 @@ from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.study import Study
 from rmrc.support.errors import Problem, ScenarioError
-from rmrc.support.interruption import interruptible
+from rmrc.support.process import interruptible
 from rmrc.support.text import brief
 from rmrc.textbook.stability import edge_gain
 from rmrc.tuning import space
-from rmrc.tuning.robot import GAIN_MARGIN, Options, Robot, robot_of
+from rmrc.tuning.robot import GAIN_MARGIN, Options, Robot, draw_scenarios, loops_between, robot_of
 from rmrc.tuning.search import Search
 from rmrc.tuning.space import Setting, Space, Structure, own_setting, read_only
 from rmrc.tuning.trials import OnRuns, Trials, ends
 from rmrc.tuning.verdict import Trial, Verdict
-from rmrc.tuning.worlds import draw_scenarios, loops_between
 
 
 @brief

@@ -5,9 +5,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from rmrc.scenario.choices import INVERSES, POLICIES
-from rmrc.tuning.front import dominates, front
 from rmrc.tuning.space import Setting
-from rmrc.tuning.trials import Outcome, worst
+from rmrc.tuning.trials import Outcome, dominates, front, worst
 
 # Errors within this share of the smallest one count as equal, as other scenarios differ by more.
 ALIKE = 0.02

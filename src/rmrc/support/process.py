@@ -1,18 +1,26 @@
-"""Ctrl-C, SIGTERM and SIGHUP as an event, so that they interrupt no block and no write of a file.
+"""The process: the signals that end it, its memory, and its threads.
 
-The first of them stops the work and keeps the results. The second one ends the process of a command at once;
-in another program's process its earlier handler runs. A signal that the process ignored from its start, as
-with `nohup`, stays without effect.
+Ctrl-C, SIGTERM and SIGHUP are an event, so that they interrupt no block and no write of a file. The first of
+them stops the work and keeps the results. The second one ends the process of a command at once; in another
+program's process its earlier handler runs. A signal that the process ignored from its start, as with
+`nohup`, stays without effect.
+
+A check tells whether a need of memory fits into what is left. Threads step worlds side by side and share one
+interpreter.
 """
 
+import math
 import os
+import re
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 # The signals that the system has: Windows has no SIGHUP.
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
@@ -122,3 +130,98 @@ def _end(number: int) -> NoReturn:
 # Whether this process ends with its job, as that of the command line does: it need not search its memory.
 
 ends_with_job = False
+
+
+# A check lets a run take this share of the remaining memory: the rest is for errors of the estimate.
+SHARE = 0.8
+
+
+class Room(NamedTuple):
+    """The remainder of a memory limit.
+
+    Attributes:
+        size: Its size [B]; infinite if it is unknown.
+        bound: The limit, in words.
+    """
+
+    size: float
+    bound: str
+
+
+def room(root: Path = Path("/")) -> Room:
+    """Return what the machine has left, or its container, if that is less.
+
+    Args:
+        root: Root of the file system with these data.
+    """
+    group = root / "sys/fs/cgroup"
+    most = _number(group / "memory.max", r"(\d+)", math.inf)
+    cached = _number(group / "memory.stat", r"inactive_file (\d+)", 0.0)
+    container = most - _number(group / "memory.current", r"(\d+)", 0.0) + cached
+    machine = 1024 * _number(root / "proc/meminfo", r"MemAvailable:\s+(\d+)", math.inf)
+    return min(Room(machine, "the machine"), Room(max(0.0, container), "the container"))
+
+
+def _number(path: Path, pattern: str, other: float) -> float:
+    """Return a number in a file, or another one without it, as where a group has no limit."""
+    try:
+        match = re.search(pattern, path.read_text("utf-8"))
+    except (OSError, ValueError):
+        return other
+    return float(match[1]) if match else other
+
+
+def excess(need: float) -> str | None:
+    """Return by how much a need [B] is too large, in words that follow "need", or None if it fits.
+
+    Example:
+        >>> excess(1e6) is None
+        True
+    """
+    left = room()
+    if need <= SHARE * left.size:
+        return None
+    return (
+        f"{shown(need)} of memory, and {shown(SHARE * left.size)} may be taken: "
+        f"{SHARE:.0%} of the memory that {left.bound} leaves"
+    )
+
+
+def shown(size: float) -> str:
+    """Return a size in words.
+
+    >>> shown(59_528_007_440), shown(2.5e6)
+    ('59.5 GB', '2.5 MB')
+    """
+    return f"{size / 1e9:.3g} GB" if size >= 1e9 else f"{size / 1e6:.3g} MB"
+
+
+@contextmanager
+def side_by_side(count: int) -> Iterator[ThreadPoolExecutor]:
+    """Yield a pool of threads; at the end, wait for running work, and cancel the rest.
+
+    Args:
+        count: Number of threads.
+    """
+    pool = ThreadPoolExecutor(count)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def work_in_shares(work: Callable[[slice], None], count: int, size: int, threads: int | None = None) -> None:
+    """Let threads work on many items, some at a time.
+
+    Args:
+        work: Does the items of a slice, and lets other threads run meanwhile.
+        count: Number of items.
+        size: Items of a slice.
+        threads: None: one per core.
+    """
+    parts = [slice(begin, begin + size) for begin in range(0, count, size)]
+    if len(parts) == 1:  # starting a thread would take longer
+        work(parts[0])
+        return
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        list(pool.map(work, parts))
