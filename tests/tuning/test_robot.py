@@ -39,6 +39,7 @@ def path(tmp_path):
         ("8ms", "s", (0.008, 0.008)), ("6ms..12ms", "s", (0.006, 0.012)),
         ("0..10 ms", "s", (0.0, 0.01)), ((0, 0.01), "s", (0.0, 0.01)), ("1e-5", "rad", (1e-5, 1e-5)),
         ("0..0.01deg", "rad", (0.0, math.radians(0.01))), ("0.2%", "1", (0.002, 0.002)),
+        (("6ms", "12 ms"), "s", (0.006, 0.012)),
     ],
 )  # fmt: skip
 def test_a_range_is_read_with_its_unit(given, unit, wanted):

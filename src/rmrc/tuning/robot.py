@@ -292,11 +292,11 @@ def _published(profile: str) -> dict[str, Range]:
     return ranges
 
 
-def read_range(given: str | float | Sequence[float], unit: str) -> Range:
+def read_range(given: str | float | Sequence[str | float], unit: str) -> Range:
     """Return the smallest and the largest value of a range.
 
     Args:
-        given: A number, two of them, or a text: `8ms`, `6ms..12ms`, `0..1e-5`.
+        given: A number or a text, `8ms`, `6ms..12ms`, `0..1e-5`; or two of them, each without `..`.
         unit: Unit of numbers without one.
 
     Raises:
@@ -308,7 +308,8 @@ def read_range(given: str | float | Sequence[float], unit: str) -> Range:
     if isinstance(given, str):
         low, high = _read(given, unit)
     else:
-        low, high = (given, given) if isinstance(given, int | float) else map(float, given)
+        pair = (given, given) if isinstance(given, int | float) else given
+        low, high = (quantity(end, unit)[0] if isinstance(end, str) else float(end) for end in pair)
     if not 0.0 <= low <= high < math.inf:
         raise ValueError(f"must be >= 0 and finite, smallest first, got {given}")
     return float(low), float(high)
