@@ -38,7 +38,13 @@ def ended(folder, *lines):
 
 
 def test_verbs_without_a_picture_need_neither_and_others_name_what_is_missing(tmp_path):
-    pictures = [f"run {SCENARIO}", "plot recordings/approach_singularity.npz"]
+    pictures = [
+        f"run {SCENARIO}",
+        "plot recordings/approach_singularity.npz",
+        f"tune {SCENARIO} --runs 30 --only control.inverse.method=damped --ideal",
+    ]
     codes, err = ended(tmp_path, *LINES, *pictures)
-    assert codes == [0] * len(LINES) + [2, 2]
-    assert err.count("rmrc: error: rerun is not installed") == err.count("matplotlib is not installed") == 1
+    assert codes == [0] * len(LINES) + [2, 2, 2]
+    assert err.count("rmrc: error: rerun is not installed") == 1
+    assert err.count("rmrc: error: matplotlib is not installed") == 2
+    assert (tmp_path / "recordings/approach_singularity.tune.yaml").exists()  # all but the picture is there

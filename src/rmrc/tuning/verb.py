@@ -93,9 +93,6 @@ def write(work: Tuning, tuned: Tuned, folder: Path, picture: Path | None = None)
     Returns:
         The files.
     """
-    from rmrc.show.figures import save
-    from rmrc.tuning.page import front_figure
-
     paths, rows = files(work, folder, picture), rows_of(tuned)
     write_table(paths[2], schema_of(_COLUMNS, about(work, tuned)), rows)
     best = tuned.verdict.recommended
@@ -114,5 +111,8 @@ def write(work: Tuning, tuned: Tuned, folder: Path, picture: Path | None = None)
             "\n# It has a larger error than the setting as written, which breaks a limit." * tuned.is_worse
         )
         temporary.write_text(f"{head}\n{block(data)}", "utf-8")
+    from rmrc.show.figures import save
+    from rmrc.tuning.page import front_figure
+
     save(front_figure(work.scenario.name, rows), [paths[1]])
     return paths
