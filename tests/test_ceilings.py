@@ -6,7 +6,7 @@ import tokenize
 
 from project import ROOT
 
-SOURCE_LINES = 22_900
+SOURCE_LINES = 22_910
 SOURCE_MODULES = 182
 TEST_LINES = 20_000
 

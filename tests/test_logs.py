@@ -155,7 +155,8 @@ NO_MOTION = {
     "positions alone": (place(), {}, 'has no column "qw" … roll pitch yaw … task.axes … columns: {qw: NAME}'),
     "no time": ({n: c for n, c in PLAIN.items() if n != "t"}, {}, 'has no column "t" … columns: {t: NAME}'),
     "no such column": (PLAIN, {"columns": {"x": "xx mm"}}, "columns x=xx mm: … 'xx'…; the columns are t, …"),
-
+    "no such unit": (PLAIN, {"columns": {"x": "x furlong"}}, "columns x=x furlong: … unit 'furlong' … mm, …"),
+    "names alone": ({n: [] for n in PLAIN}, {}, "… names of columns, and no rows"),
 }  # fmt: skip
 
 
@@ -165,3 +166,12 @@ def test_what_is_no_motion_is_refused_with_the_way_out(case, tmp_path):
     with pytest.raises(TargetError) as caught:
         followed(tmp_path / "none.csv", table, **keys)
     assert str(caught.value) == says(f"target.path[0].file: … {words}") and "\n" not in str(caught.value)
+
+
+def test_a_file_in_utf_16_is_read(tmp_path):
+    want, _ = followed(tmp_path / "plain.csv", PLAIN)
+    text = (tmp_path / "plain.csv").read_text("utf-8")
+    (tmp_path / "wide.csv").write_text(text, "utf-16")
+    path = [{"file": {"path": str(tmp_path / "wide.csv")}}]
+    section = TargetSection.model_validate({"path": path, "limits": LOOSE})
+    assert_allclose(make_reference(section, START, 0.01, PUMA).pose, want.pose, rtol=0, atol=0)

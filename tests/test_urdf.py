@@ -14,6 +14,7 @@ from rmrc import arm as arms
 from rmrc.recording.picture import shapes_of
 from rmrc.support.errors import ModelError
 from stl import tetrahedron
+from wording import says
 
 ARM = ROOT / "tests/models/arm.urdf"
 
@@ -125,6 +126,28 @@ def test_what_will_not_do_is_one_line(folder, changes, says):
     with pytest.raises(ModelError) as caught:
         arms.load(replaced(folder, ARM, changes))
     assert says in str(caught.value) and "\n" not in str(caught.value)
+
+
+LIMIT = '<limit lower="-2" upper="1" velocity="1.5" effort="40"/>'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (LIMIT, '<limit lower="2" upper="1" effort="40"/>', "only if its <limit> has lower and a larger upper: shoulder (2 to 1)"),
+        (LIMIT, f'{LIMIT}<safety_controller soft_lower_limit="-1" soft_upper_limit="0.5"/>', "soft limits … shoulder (-1 to 0.5)"),
+        ('velocity="1.5"', 'velocity="1.5" drake:acceleration="3"', "drake:acceleration of <limit> is not used … shoulder (3)"),
+        ('effort="40"', 'effort="-40"', "the sign of effort in <limit> is not used: shoulder (-40)"),
+        ('velocity="1.5"', 'velocity="-1.5"', "velocity of <limit> is not used … shoulder (-1.5)"),
+        ('velocity="0" effort="0"', 'lower="-1" upper="1"', "of a continuous joint are not used: elbow (-1 to 1)"),
+        ('mimic joint="left"', 'mimic joint="lost"', '<mimic> is not used, as the file has no such joint that moves: right ("lost")'),
+        ('rpy="0 0.3 0"', 'rpy="0 30 0"', "rpy of <origin> is read in rad, and seems to be in degrees: elbow (0 30 0)"),
+    ],
+)  # fmt: skip
+def test_data_of_a_joint_that_are_not_used_are_told(folder, arm, old, new, told):
+    robot = {"<robot ": '<robot xmlns:drake="http://drake.mit.edu" '}
+    changed = arms.load(replaced(folder, ARM, robot | {old: new}))
+    assert [str(line) for line in changed.notes if line not in arm.notes] == [says(f"… {told}")]
 
 
 BOX = '<collision><origin xyz="0.25 0 0"/><geometry><box size="0.5 0.1 0.1"/></geometry></collision>'

@@ -186,6 +186,7 @@ def test_locate_says_where_a_value_is(key, place):
         ("target.path={line: {by: [1, 0]}}", "… begin each item with a dash"),
         ("target.limits.velocity=0,25", '… got "0,25"; write 0.25, in m/s'),
         ("expect.joint_rate.peak={equals: 1}", "… equals needs within"),
+        ("expect.joint_rate.peak={above: 3, below: 3}", "… must have above < below, got 3 and 3"),
         ("sweep.draw.plant.seed=[0, 9]", "… cannot be changed here… sweep.repeat and sweep.seed…"),
         ("control.nullspace.objective=rates", "… control.nullspace.rates: must be given …"),
         ("task={axes: [x], weights: [1, 2]}", "--set task: task.weights: … one value for each of axes, got 2 … x"),

@@ -279,6 +279,8 @@ def _unused_of(joint: ET.Element, leaders: Collection[str]) -> Iterator[tuple[st
     for key, value in values.items():
         if key not in _LIMITS or (key == "velocity" and _number(limit, key) < 0.0):
             yield "unused", f"{key} of <limit> is not used; set control.limits of a scenario", value
+    if _number(limit, "effort") < 0.0:
+        yield "unused", "the sign of effort in <limit> is not used", values["effort"]
     if mimic is not None and mimic.get("joint") not in leaders:
         why = "<mimic> is not used, as the file has no such joint that moves"
         yield "unused", why, f'"{mimic.get("joint", "")}"'

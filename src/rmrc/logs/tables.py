@@ -1,5 +1,6 @@
 """Tables of numbers in files: CSV in the dialects of many programs, Parquet, and npz."""
 
+import codecs
 import io
 import json
 import re
@@ -111,9 +112,13 @@ def _read_arrow(path: Path) -> Table:
         if path.suffix == ".parquet":
             table: Any = pq.read_table(path)
         else:  # pyarrow reports a bad row to its handler as UTF-8, and ends where it is not
-            table = _csv(path.read_bytes().decode("utf-8", "replace"), skipped)
+            data = path.read_bytes()
+            code = "utf-16" if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8"
+            table = _csv(data.decode(code, "replace"), skipped)
     except pa.ArrowException as error:
         raise ValueError(str(error).splitlines()[0]) from None
+    if not table.num_rows:
+        raise ValueError("it has names of columns, and no rows")
     numbers, texts = dict[str, NDArray[Any]](), dict[str, str]()
     for name, column in zip(table.column_names, table.columns, strict=True):
         is_date = pa.types.is_timestamp(column.type)

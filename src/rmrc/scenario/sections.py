@@ -323,6 +323,12 @@ class Check(Choice):
     equals: Number | None = key(None, "as the metric")
     within: NotNegative | None = key(None, "as the metric")
 
+    @model_validator(mode="after")
+    def _can_pass(self) -> Self:
+        if self.above is not None and self.below is not None and self.above >= self.below:
+            raise rule(f"must have above < below, got {show(self.above)} and {show(self.below)}")
+        return self
+
 
 def _profile_apart(expect: Any) -> Any:
     """Refuse a text in place of a check, and a check in place of a profile."""
