@@ -9,6 +9,7 @@ import subprocess
 import numpy as np
 import pytest
 
+from browsers import chromium
 from project import ROOT
 from rmrc.export import artifact
 from rmrc.export.image import image, offset
@@ -27,7 +28,7 @@ SCENARIOS = sorted({file.stem for file in (ROOT / "scenarios").glob("*.yaml")} -
 FEW = ("example_5_5", "helical_crank", "slow_wrist", "so101_five_joints", "recorded_motion")
 
 # Columns that a singularity magnifies.
-MAGNIFIED = {"qdot_plain", "condition", "u_min", "v_min", "manipulability", "tau"}
+MAGNIFIED = {"qdot_plain", "condition", "u_min", "v_min", "tau"}
 
 # All stages of the ideal plant.
 STAGES = """
@@ -47,6 +48,37 @@ LAWS = (
     "{inverse: {method: selectively_damped}, limits: {on_excess: sns}}",
 )
 
+# The columns of all ticks of a world, by name, as base64.
+SCRIPT = (
+    artifact.FILE.with_name("law.mjs").read_text("utf-8").replace("export class", "class")
+    + """
+function columnsOf(law, {image, path, ticks}) {
+  const world = new World(law, image);
+  const text = (values) => btoa(Array.from(new Uint8Array(Float64Array.from(values).buffer),
+    (code) => String.fromCharCode(code)).join(""));
+  const read = () => {
+    const run = world.run(path, [], ticks), all = Array.from({length: run.count}, (_, k) => k);
+    const columns = Object.keys(image.columns).map((name) =>
+      [name, text(all.flatMap((k) => (name === "status" ? [run.status(k)] : [...run.row(name, k)])))]);
+    return Object.fromEntries([...columns, ["qpos", text(world.array("positions").slice(0, run.count * image.nq))]]);
+  };
+  const columns = read();
+  if (JSON.stringify(read()) !== JSON.stringify(columns)) throw new Error("the second run differs from the first");
+  return columns;
+}
+"""
+)
+IN_NODE = """
+import fs from "node:fs";
+const [wasm, ...files] = process.argv.slice(2), law = new WebAssembly.Module(fs.readFileSync(wasm));
+for (const file of files)
+  fs.writeFileSync(`${file}.columns`, JSON.stringify(columnsOf(law, JSON.parse(fs.readFileSync(file)))));
+"""
+IN_CHROMIUM = """({law, world}) => {
+  const bytes = Uint8Array.from(atob(law), (letter) => letter.charCodeAt(0));
+  return columnsOf(new WebAssembly.Module(bytes), world);
+}"""
+
 
 def ideal(name):
     return prepare(load(ROOT / f"scenarios/{name}.yaml", ("plant.kind=ideal",)))
@@ -59,21 +91,19 @@ def in_node(folder, *worlds):
     files = [folder / f"{i}.json" for i, _ in enumerate(worlds)]
     for file, world in zip(files, worlds, strict=True):
         file.write_text(json.dumps(world))
-    harness = ROOT / "tests/export/columns.mjs"
-    law = artifact.FILE.with_name("law.mjs")
-    done = subprocess.run(
-        [NODE, harness, law, artifact.FILE, *files], check=False, capture_output=True, text=True
-    )
+    program = folder / "run.mjs"
+    program.write_text(SCRIPT + IN_NODE)
+    done = subprocess.run([NODE, program, artifact.FILE, *files], check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    texts = [json.loads(file.with_suffix(".json.columns").read_text()) for file in files]
-    return [
-        {
-            name: np.frombuffer(bytearray(base64.b64decode(text)))
-            for name, text in each.items()
-            if name in COLUMNS
-        }
-        for each in texts
-    ]
+    return [columns_of(json.loads(file.with_suffix(".json.columns").read_text())) for file in files]
+
+
+def columns_of(texts):
+    return {
+        name: np.frombuffer(bytearray(base64.b64decode(text)))
+        for name, text in texts.items()
+        if name in COLUMNS
+    }
 
 
 def start(prepared):
@@ -123,6 +153,20 @@ def check(folder, prepared):
 )
 def test_node_gives_the_columns_of_a_run(tmp_path, name):
     check(tmp_path, ideal(name))
+
+
+@pytest.mark.browser
+def test_chromium_gives_the_columns_of_every_run():
+    law = base64.b64encode(artifact.FILE.read_bytes()).decode()
+    with chromium() as browser:
+        shown = browser.new_page()
+        shown.add_script_tag(content=SCRIPT)
+        for name in SCENARIOS:
+            prepared = ideal(name)
+            (run,) = Simulation([prepared]).run()
+            columns = columns_of(shown.evaluate(IN_CHROMIUM, {"law": law, "world": start(prepared)}))
+            assert columns["time"].size == len(run["time"]), name
+            assert_equal(run, columns)
 
 
 @pytest.mark.parametrize("law", LAWS)
