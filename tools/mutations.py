@@ -120,6 +120,7 @@ def check(copy: Path, tests: list[str], seconds: float | None = None) -> str:
     environment = os.environ | {
         "PYTHONPATH": str(copy / "src"),
         "NUMBA_CACHE_DIR": str(copy.parent / "cache"),
+        "PYTEST_ADDOPTS": "-rfE",  # which the caller may have set otherwise
     }
     run = subprocess.Popen(
         [sys.executable, "-m", "pytest", "-q", "-x", "--maxschedchunk=1", *tests],

@@ -129,6 +129,8 @@ def _number(lesson: Lesson, ideal: Prepared) -> dict[str, float]:
     return {"value": float(run.scorecard[number.figure].value) / number.per, "within": number.within}
 
 
+# The form -----------------------------------------------------------------------------------------
+
 SYMBOLS = {"damping.maximum": "λ", "damping.below": "ε", "feedback": "K"}
 
 
@@ -174,6 +176,8 @@ def _text(text: str) -> str:
     """Return a text with its `code` and *names*."""
     return re.sub(r"\*(.+?)\*", r"<em>\1</em>", re.sub(r"`(.+?)`", r"<code>\1</code>", escape(text)))
 
+
+# The page -----------------------------------------------------------------------------------------
 
 # The largest page [bytes].
 LARGEST = 600_000

@@ -145,6 +145,8 @@ def struct(columns: Mapping[str, NDArray[Any]], part: slice) -> Any:
     return pa.StructArray.from_arrays(arrays, fields=fields)
 
 
+# The picture --------------------------------------------------------------------------------------
+
 # Interval between two pictures [s].
 FRAME_PERIOD = 1.0 / 60.0
 # Number of points in the line of the target path.

@@ -351,6 +351,8 @@ def read_task(source: TaskSection | Mapping[str, Any]) -> TaskSection:
     return checked(Controls, Document({"task": dict(source)})).task or TaskSection()
 
 
+# Lessons ------------------------------------------------------------------------------------------
+
 LESSONS = {file.stem: file for file in sorted(Path(__file__).with_name("lessons").glob("*.yaml"))}
 
 

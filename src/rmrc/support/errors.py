@@ -177,6 +177,8 @@ def did_you_mean(name: str, options: Iterable[str]) -> str:
     return f'; did you mean "{near[0]}"?' if near else ""
 
 
+# Notices ------------------------------------------------------------------------------------------
+
 # Sent by `rmrc.law.compiling` while it compiles, with the name of the compiled part.
 COMPILING = "compiling {} ({}) ..."
 KEPT, NOT_KEPT = "once; kept for the next time", "this time and each other time; it cannot be kept"

@@ -132,6 +132,8 @@ def _end(number: int) -> NoReturn:
 ends_with_job = False
 
 
+# Memory, and threads ------------------------------------------------------------------------------
+
 # A check lets a run take this share of the remaining memory: the rest is for errors of the estimate.
 SHARE = 0.8
 
