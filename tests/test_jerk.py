@@ -14,7 +14,7 @@ from oracle_limits import least_way, ticks_to_rate
 from project import examples
 from records import blank, put, resolve
 from rmrc.law import braking as stops
-from rmrc.law.jerk import remember
+from rmrc.law.jerk import remember, stopping_rate
 from rmrc.scenario.choices import LIMITS, Status
 from shipped import shipped
 
@@ -43,6 +43,34 @@ def test_the_way_to_rest_is_the_least_that_jerk_and_deceleration_allow(braking, 
     assume(np.isfinite(wanted))  # else it turns back whatever is done
     # the program's own tolerance is 1e-7
     assert way(rate * step, change * step, braking * step, step) == pytest.approx(wanted * step, rel=1e-6)
+
+
+@examples(30, 200)
+@given(st.floats(1e-2, 1e3), st.floats(0.05, 20.0), st.floats(0.01, 10.0))
+def test_a_steady_rate_is_the_largest_that_a_stop_of_half_that_rate_on_average_ends_within_a_distance(
+    ticks, braking, step
+):
+    """A stop takes v/b + b/j, or 2 √(v/j) where the deceleration stays below b; the last tick needs v alone."""
+    rate = stops.steady_stop(ticks * T, braking, step, T)
+    time = rate / braking + braking / step if rate > braking**2 / step else 2.0 * np.sqrt(rate / step)
+    exact = 0.5 * rate * time == pytest.approx(ticks, rel=1e-9)
+    assert exact or (rate == pytest.approx(ticks, rel=1e-12) and 0.5 * rate * time < ticks)
+
+
+@examples(10, 40)
+@given(st.floats(0.5, 8.0), rates, changes, st.floats(0.0, 1.0))
+def test_near_a_position_limit_the_rate_is_the_largest_from_which_the_joint_stops(
+    braking, rate, change, share
+):
+    step, change = 500.0 * T**2, max(change, -braking)
+    nearest, farthest = (least_way(rate + c, c, braking, 1.0) for c in (change - 1.0, change + 1.0))
+    assume(np.isfinite(nearest) and np.isfinite(farthest) and nearest < farthest)
+    distance = nearest + share * (farthest - nearest)
+    joint = Joints(braking=braking * step / T, ends=[[-np.inf], [distance * step * T]])
+    put(joint.world, q=np.zeros(1), qdot_cmd_last=np.full(1, rate * step), course=np.full(1, change * step))
+    largest = stopping_rate(joint.world.records[0], 0, 1.0) / step
+    # the false position ends within 1e-7 of the rate, and the program within as much
+    assert least_way(largest, largest - rate, braking, 1.0) == pytest.approx(distance, rel=1e-5)
 
 
 # Any wishes -----------------------------------------------------------------------------------------------------
