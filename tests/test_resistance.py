@@ -84,3 +84,14 @@ def test_computed_torque_beside_joints_that_give_way_gives_the_acceleration_that
     assert_allclose(np.diff(qdot, axis=0), wanted[:-1], rtol=0, atol=1e-9)
     others = np.ptp(np.delete(done["qpos"], prepared.arm.wiring.qpos, axis=1), axis=0)
     assert others.min() > 0.01  # or there was nothing to feel
+
+
+@pytest.mark.parametrize("timestep", [PERIOD, PERIOD / 4])
+def test_computed_torque_of_a_damped_joint_gives_the_acceleration_that_it_wants(wheel, timestep):
+    """MuJoCo's implicit steps resist a change by damping times the step, a tenth of the inertia here."""
+    prepared, done = turning(wheel(DAMPED), "torque", timestep=timestep)
+    sent, qdot = done["qdot_cmd"], done["qdot"]
+    before = np.vstack([np.zeros(1), sent[:-1]])
+    wanted = sent - before + PERIOD * prepared.plant.bandwidth * (sent - qdot)
+    assert np.abs(wanted).max() > 1e-4
+    assert_allclose(np.diff(qdot, axis=0), wanted[:-1], rtol=0, atol=1e-9)

@@ -80,11 +80,13 @@ def faults(path: Path) -> Iterator[Fault]:
 
 def nearest(file: str) -> list[str]:
     """Return tests in their order: those that import the module, of its room, of whole runs."""
-    _, _, room, *folders, module = Path(file).with_suffix("").parts
-    names = [f"rmrc.{'.'.join([room, *folders, module])}", f"rmrc.{'.'.join([room, *folders])} import"]
-    paths = sorted((ROOT / "tests").rglob("*.py"), key=lambda path: (len(path.parts), path))
+    _, _, room, module = Path(file).with_suffix("").parts
+    paths = sorted((ROOT / "tests").rglob("*.py"), key=lambda path: (path.parent.name != room, path))
     texts = {path: path.read_text("utf-8") for path in paths}
-    importing = [path for path, text in texts.items() if any(name in text for name in names)]
+    importing = [
+        path for path, text in texts.items()
+        if f"rmrc.{room}.{module}" in text or (f"rmrc.{room} import" in text and module in text)
+    ]  # fmt: skip
     helped = tuple(f"from {path.stem} import" for path in importing if not path.stem.startswith("test_"))
     importing += [path for path, text in texts.items() if any(line in text for line in helped)]
     named = [path for path in texts if path.stem == f"test_{module}"]

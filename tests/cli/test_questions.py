@@ -122,6 +122,14 @@ def test_newton_prints_the_equations_of_each_step(rmrc, facts):
     assert lines[begin + 6] == ["y", "-0.7559", "0.4413", "-1.3603", "-0.5000"]
 
 
+def test_both_postures_of_two_links_are_listed_beside_each_other(rmrc):
+    """The links are two sides of a square, from either corner."""
+    code, out, err = rmrc("ik", TWO, "--to", "1,1", "--all")
+    lines = [line.split() for line in out.splitlines()]
+    assert (code, err) == (0, "") and out.startswith("planar_2link, tip: 2 postures; 2000 starts")
+    assert ["shoulder", "rad", "0.0000", "1.5708"] in lines and ["elbow", "rad", "1.5708", "-1.5708"] in lines
+
+
 def test_a_continuum_is_not_listed(rmrc, facts):
     ask = ("ik", TORUS, "--to", "0,0,0.7", "--all")
     code, out, _ = rmrc(*ask)
