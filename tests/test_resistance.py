@@ -86,10 +86,10 @@ def test_computed_torque_beside_joints_that_give_way_gives_the_acceleration_that
     assert others.min() > 0.01  # or there was nothing to feel
 
 
-@pytest.mark.parametrize("timestep", [PERIOD, PERIOD / 4])
-def test_computed_torque_of_a_damped_joint_gives_the_acceleration_that_it_wants(wheel, timestep):
-    """MuJoCo's implicit steps resist a change by damping times the step, a tenth of the inertia here."""
-    prepared, done = turning(wheel(DAMPED), "torque", timestep=timestep)
+@pytest.mark.parametrize(("joint", "timestep"), [(DAMPED, PERIOD), (DAMPED, PERIOD / 4), (DRAG, PERIOD)])
+def test_computed_torque_of_a_damped_joint_gives_the_acceleration_that_it_wants(wheel, joint, timestep):
+    """MuJoCo's implicit steps resist a change by the slope of damping times the step, a tenth of the inertia here."""
+    prepared, done = turning(wheel(joint), "torque", timestep=timestep)
     sent, qdot = done["qdot_cmd"], done["qdot"]
     before = np.vstack([np.zeros(1), sent[:-1]])
     wanted = sent - before + PERIOD * prepared.plant.bandwidth * (sent - qdot)
