@@ -193,6 +193,12 @@ def test_commands_that_are_logged_too_late_give_no_delay(rows):
     assert not shown.met
 
 
+def test_a_delay_that_coarse_noise_makes_negative_is_0_up_to_a_tenth_of_a_millisecond():
+    found = rmrc.identify(log(1, delay=-0.001, lag=0.02, noise=5e-4))
+    assert all(joint.trouble == "" and joint.fit.delay.high < 0.0 for joint in found.joints)
+    assert found.delay == (0.0, 0.0, 1e-4)
+
+
 def test_a_log_that_may_be_slower_than_its_loop_says_how_much_that_biases_it():
     found = rmrc.identify(log(5, "slow", 4))
     text = "… if the loop is faster than the log, delays are up to 16 ms longer …"
@@ -364,6 +370,10 @@ REFUSED = {
     "no time": ({"q0": [1.0], "qdot_cmd0": [1.0]}, {}, "no column of time; … q0, qdot_cmd0; … --columns t=NAME …"),
     "no commands": ({"t": [0.0], "q0": [1.0], "q_cmd0": [1.0]}, {}, "rates (commanded positions …); … qdot_cmd=NAME …"),
     "of other joints": ({"t": [0.0], "q_a": [1.0], "qdot_cmd_0": [1.0]}, {}, "joints a, … 0: … --columns …"),
+    "of many other joints": (
+        {"t": [0.0]} | {f"q_{name}": [1.0] for name in "abcefghijk"} | {f"qdot_cmd_{i}": [1.0] for i in range(10)}, {},
+        "joints a, b, c, e, f, g, h, i and 2 more, commands of 0, 1, 2, 3, 4, 5, 6, 7 and 2 more: … --columns …",
+    ),
     "no such column": ({"t": [0.0], "q0": [1.0], "qdot_cmd0": [1.0]}, {"q": "q7"}, "q=q7: … 'q7'; … q0, qdot_cmd0"),
     "two logs": ({"t": [*range(40)] * 2, "q0": [1.0] * 80, "qdot_cmd0": [1.0] * 80}, {"t": "t s"}, "falls by 39 s …"),
 }  # fmt: skip

@@ -249,3 +249,8 @@ def test_what_has_no_workspace_is_said_in_a_line(tmp_path, kind, more, plane, me
     with pytest.raises(QuestionError) as caught:
         workspace(arms.load(path), plane)
     assert str(caught.value) == f"{path}: {message}"
+
+
+def test_cells_that_fit_into_no_memory_are_refused():
+    with pytest.raises(QuestionError, match=r"--cells: 1000000 need .*; ask for fewer"):
+        found("planar_6_3", cells=10**6)
