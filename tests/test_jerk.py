@@ -58,7 +58,7 @@ def test_a_steady_rate_is_the_largest_that_a_stop_of_half_that_rate_on_average_e
 
 
 @examples(10, 40)
-@given(st.floats(0.5, 8.0), rates, changes, st.floats(0.0, 1.0))
+@given(st.floats(0.5, 8.0), rates, changes, st.floats(0.05, 0.95))
 def test_near_a_position_limit_the_rate_is_the_largest_from_which_the_joint_stops(
     braking, rate, change, share
 ):
