@@ -99,6 +99,9 @@ SAME = {
     "franka": (PLAIN, {"time": TIME, **{f"O_T_EE[{i}]": MATRIX[:, i % 4, i // 4] for i in range(16)}}, {}),
     "mapped": (PLAIN, {"when": 1e3 * TIME, **{f"tcp {a} mm": 1e3 * c for a, c in zip("abc", PLACE.T, strict=True)}, **DEGREES},
                {"columns": {"t": "when ms", "x": "tcp a mm", "y": "tcp b mm mm", "z": "tcp c mm mm"}}),
+    "a name that begins as another": (
+        PLAIN, PLAIN | {"x m": 9 + PLAIN["x"], "x tool": PLAIN["x"]}, {"columns": {"x": "x tool"}},
+    ),
     "a step": (PLAIN, {n: c for n, c in PLAIN.items() if n != "t"}, {"columns": {"t": "20 ms"}}),
     "twist in mm": (TWIST, {"t": TIME, **{f"v{a}_mm_s": 1e3 * TWIST[f"v{a}"] for a in "xyz"},
                             **{f"w{a} [deg/s]": np.degrees(TWIST[f"w{a}"]) for a in "xyz"}}, {}),

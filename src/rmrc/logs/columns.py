@@ -148,7 +148,7 @@ def mapped(names: Sequence[str], key: str, text: str, units: Mapping[str, float]
     if text not in names and units is SECONDS and STEP.fullmatch(text):
         return {"": Column(text)}
     pattern, _, unit = text.rpartition(" ")
-    if unit not in units and pattern.strip() in names:
+    if text not in names and unit not in units and pattern.strip() in names:
         raise QuestionError(
             f"columns {key}={text}: the unit {quoted(unit)} is unknown; choose from {listed(units)}"
         )

@@ -80,7 +80,7 @@ def front_figure(name: str, rows: Sequence[Row]) -> Figure:
 
     Args:
         name: Name of the scenario.
-        rows: All settings, as `rmrc.tuning.verb.rows_of` returns them, one of them recommended.
+        rows: All settings, as `rmrc.tuning.answer.rows_of` returns them, one of them recommended.
     """
     feasible = [row for row in rows if row["feasible"]]
     methods = sorted({row[METHOD] for row in feasible})
