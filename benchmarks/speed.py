@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -110,13 +111,16 @@ def sweep_rows(runs: int = 100) -> Iterator[Row]:
     prepared = [rmrc.prepare(written.set({DAMPING: damping})) for damping in dampings]
     worlds, threads = 16 * CORES, f"1 thread / {CORES} threads"
 
-    def swept(threads: int) -> float:
-        return timed(lambda: rmrc.sweep(written, {DAMPING: dampings}, threads=threads))
+    def swept(values: list[float] = dampings, **where: Any) -> float:
+        return timed(lambda: rmrc.sweep(written, {DAMPING: values}, **where)) / len(values)
 
-    single, every = partial(swept, 1), partial(swept, CORES)
+    single, every = partial(swept, threads=1), partial(swept, threads=CORES)
     steps = partial(closed_loop, prepared, clock=clock, columns=False)
-    yield f"sweep of {runs} runs / its steps, 1 thread", single, steps
+    yield f"sweep of {runs} runs / its steps, 1 thread", single, lambda: steps() / runs
     yield f"sweep of {runs} runs, {threads}", single, every
+    large = np.linspace(0.05, 0.2, 500 * CORES).tolist()
+    processes = partial(swept, large, cluster=f"local:{CORES}")
+    yield f"a run of a sweep, 1 thread / of {len(large)} on local:{CORES}", single, processes
     many = partial(closed_loop, prepared[:1] * worlds, clock=clock, columns=False)
     yield f"closed loop, {worlds} worlds, {threads}", many, partial(many, threads=CORES)
     batch = partial(floor, prepared[0], controls_of(prepared[0]), worlds, clock=clock)
@@ -127,7 +131,7 @@ def sweep_rows(runs: int = 100) -> Iterator[Row]:
         def in_numpy() -> float:
             return timed(lambda: pool.map(run_in_numpy, few, chunksize=1)) / len(few)
 
-        yield f"a run in numpy / of a sweep, on {CORES} cores", in_numpy, lambda: every() / runs
+        yield f"a run in numpy / of a sweep, on {CORES} cores", in_numpy, every
 
 
 def step_rows(calls: int = 300) -> Iterator[Row]:

@@ -27,7 +27,7 @@ from rmrc.results.run import Run
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import SERVO
 from rmrc.show.sheets import number
-from rmrc.simulation.footprint import excess, footprint
+from rmrc.simulation.footprint import excess
 from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import DivergenceError, QuestionError, did_you_mean
@@ -346,7 +346,7 @@ def hold_wrench(
             f"{arm.inertia[j]:.6g}; correct the masses or the armature of the model"
         )
     prepared = prepare(hold_scenario(wanted, seconds), Cache(arm))
-    if too_much := excess(footprint([prepared])):
+    if too_much := excess([prepared]):
         raise QuestionError(f"--hold: {seconds:g} s need {too_much}; hold for a shorter time")
     simulation, kv = Simulation([prepared]), np.array(prepared.scenario.plant.kv)
     friction = arm.model.dof_frictionloss @ np.abs(arm.motion)

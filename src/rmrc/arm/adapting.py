@@ -154,6 +154,8 @@ def stretched_fields(model: mujoco.MjModel, stretch: Mapping[str, float]) -> dic
         model: A model.
         stretch: Factor of each body, by its name.
     """
+    if not stretch:
+        return {}
     factor = np.ones(model.nbody)
     for name, value in stretch.items():
         factor[model.body(name).id] = value

@@ -98,8 +98,7 @@ class Plant(ABC):
             model: The model, as `model` returned it.
             wiring: Wiring of the arm in it.
         """
-        fields = self.known(model, wiring)
-        return fields | stretched_fields(model, self.stretch) if self.section.stretch else fields
+        return self.known(model, wiring) | stretched_fields(model, self.stretch)
 
     def own_model(self) -> mujoco.MjModel:
         """Return a copy of the model with the differences of this world, for a loop of your own."""

@@ -3,15 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
 from rmrc.results.columns import widths
 from rmrc.simulation.prepare import Prepared
 from rmrc.support import process
 from rmrc.support.errors import ScenarioError
-
-Array = NDArray[np.float64]
 
 # Measured [B]: the additional memory of a recording per tick; a world in MuJoCo; libraries and machine code
 # that are loaded on the way, and those of a recording. What compiling takes once, 100 MB, is not included.
@@ -24,19 +21,16 @@ def has_others(wiring: Wiring, nq: int) -> bool:
     return not np.array_equal(wiring.qpos, np.arange(nq))
 
 
-def footprint(
+def excess(
     prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False, threads: int = 1
-) -> Array:
-    """Return the memory of runs, each at its largest length.
+) -> str | None:
+    """Return why runs, each at its largest length, do not fit into memory, or None if they fit.
 
     Args:
         prepared: The worlds.
         keep_columns: Whether columns are kept after the end of a run.
         recorded: Whether a recording is written.
         threads: Number of worlds that run at a time.
-
-    Returns:
-        What is written, and what is only reserved, such as MuJoCo's arenas, (2,) [B].
     """
     each = []
     for world in prepared:
@@ -44,28 +38,20 @@ def footprint(
         others = nq if has_others(world.arm.wiring, nq) else 0
         columns = 8 * world.most_ticks * sum(widths(n, min(n, len(world.task.rows)), others).values())
         models = 1 if world.plant.knows_all else 2  # that of the plant, and the one that its law assumes
-        held = columns + path * RECORDED * recorded + models * WORLD
-        each.append((held, models * int(world.arm.model.narena)))
-    recorder: Array = np.array([RECORDER * recorded, 0.0])
-    at_once = min(threads, len(prepared))
-    need: Array = recorder + (np.sum(each, axis=0) if keep_columns else at_once * np.max(each, axis=0))
-    return need
-
-
-def excess(need: Array) -> str | None:
-    """Return the reason why a footprint is too much, or None: see `rmrc.support.process.excess`."""
-    return process.excess(LIBRARIES + float(need[0]))
+        each.append(columns + path * RECORDED * recorded + models * WORLD)
+    need = sum(each) if keep_columns else min(threads, len(prepared)) * max(each)
+    return process.excess(LIBRARIES + RECORDER * recorded + need)
 
 
 def refuse_excess(
     prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False, threads: int = 1
 ) -> None:
-    """Refuse runs that do not fit into memory; arguments as in `footprint`.
+    """Refuse runs that do not fit into memory; arguments as in `excess`.
 
     Raises:
         ScenarioError: They do not fit, with the key that makes the longest of them so long.
     """
-    too_much = excess(footprint(prepared, keep_columns, recorded, threads))
+    too_much = excess(prepared, keep_columns, recorded, threads)
     if too_much is None:
         return
     longest = max(prepared, key=lambda world: world.most_ticks)

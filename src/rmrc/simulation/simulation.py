@@ -34,6 +34,10 @@ Watcher: TypeAlias = Callable[[int, Run], None]
 Rule: TypeAlias = Callable[[int, Run], bool]
 ASKED = 512
 
+# Threads that compete for the interpreter's lock wait longer than their work in Python takes. Most of it is
+# at the start and at the end of a world, where they take turns.
+_in_turn = threading.Lock()
+
 
 class _Course:
     """The course of one world, from before its start until after its end.
@@ -81,7 +85,8 @@ class _Course:
         """Run to the end, to a stop, or to where a rule ends it."""
         if self.has_ended:
             return
-        world, length = self.world or World(self.prepared), 1
+        with _in_turn:
+            world, length = self.world or World(self.prepared), 1
         self.world = world
         while world.is_running and not is_stopped():
             first, started = world.done, time.perf_counter()
@@ -101,7 +106,9 @@ class _Course:
         if not world.is_running:
             run, self.warnings = self.run, world.warnings
             if not self.keeps:
-                self.scorecard, run = run.scorecard, replace(run, columns=self._facts.columns)
+                with _in_turn:
+                    self.scorecard = run.scorecard
+                run = replace(run, columns=self._facts.columns)
             world.release()
             self._facts, self.world, self.has_ended = run, None, True
 
