@@ -80,15 +80,15 @@ def test_a_whole_file_is_read_and_a_damaged_one_gives_one_line(name, copied, rmr
     data = file.read_bytes()
     code, _, err = rmrc(*arguments)
     assert code in (0, 1), err  # 1: a log without a delay
-    refused = 0
+    noticed = 0
     for damaged in damages(data, name):
         file.write_bytes(damaged)
-        code, _, err = rmrc(*arguments)
+        code, out, err = rmrc(*arguments)
         assert code in (0, 1, 2), err
+        noticed += code == 2 or "left out" in " ".join(out.split())  # cells of a log that are no number
         if code == 2:
-            refused += 1
             assert err.startswith("rmrc: error: ") and err.count("\n") == 1 and file.stem in err
-    assert refused > 5  # the test damages what is read
+    assert noticed > 5  # the test damages what is read
 
 
 PIPED = [

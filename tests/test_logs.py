@@ -130,6 +130,7 @@ ROWS = np.sort(np.append(np.arange(len(TIME)), [7, 30, 30, 31]))
 # The same motion with rows as loggers leave them, and what is told about it.
 CHANGED = {
     "rows twice": ({name: values[ROWS] for name, values in PLAIN.items()}, "4 duplicates …"),
+    "no number": ({n: [*c, "ERR" if n == "x" else c[-1]] for n, c in PLAIN.items()}, "… x has 'ERR' in row 102; 1 rows …"),
     "coarse clock": ({n: c[:100] for n, c in (PLAIN | {"t": np.floor(TIME / 0.04 + 1e-9) * 0.04}).items()}, "50 … spread …"),
 }  # fmt: skip
 

@@ -238,6 +238,7 @@ def read_every_third_row(columns):
 
 
 PEOPLE = {
+    "degrees": lambda columns: (in_degrees(columns)[0], {}),
     "spikes": lambda columns: (
         columns | {"q0": columns["q0"] + 1.5 * (np.arange(len(columns["t"])) % 211 == 40)}, {},
     ),
@@ -269,6 +270,23 @@ def test_a_log_as_people_have_them_tells_the_same(case, tmp_path):
     assert found.delay.value == pytest.approx(DELAY, abs=0.002)
     assert found.lag == pytest.approx([LAG] * 2, rel=0.1)
     assert all(joint.fit.gain.value == pytest.approx(1.0, abs=1e-3) for joint in found.joints)
+
+
+@pytest.mark.parametrize("column", ["t", "q1", "qdot_cmd1"])
+def test_a_cell_that_is_no_number_costs_its_row_alone_and_is_told(column, tmp_path):
+    columns, file = log(11), tmp_path / "log.csv"
+    table = np.column_stack(list(columns.values())).astype(str)
+    table[100, list(columns).index(column)] = "oops"
+    file.write_text("\n".join(map(",".join, [columns, *table.tolist()])), "utf-8")
+    found = rmrc.identify(file)
+    assert f'{column} has "oops" in row 101' in found.log.facts["rows"].replace("'", '"')
+    assert found.lag == pytest.approx([LAG] * 2, rel=0.1)
+
+
+def test_a_joint_without_commands_is_named():
+    columns = log(11)
+    del columns["qdot_cmd1"]
+    assert rmrc.identify(columns).log.facts["joints"] == "left out, as they lack positions or commands: 1"
 
 
 @pytest.mark.parametrize("digit", [0.01, 1.0])
@@ -328,7 +346,7 @@ def test_columns_are_known_by_many_habits():
     ):  # fmt: skip
         for joints in (("0", "1"), ("shoulder_pan_joint", "elbow_joint"))[: 1 if q == "q{}" else 2]:
             names = ["time", *(q.format(one) for one in joints), *(rate.format(one) for one in joints)]
-            _, positions, rates = choose({name: np.arange(9.0) for name in names}, {})
+            _, positions, rates, _ = choose({name: np.arange(9.0) for name in names}, {})
             assert tuple(positions) == joints, (q, rate)
             assert [column.name for column in [*positions.values(), *rates.values()]] == names[1:]
 

@@ -46,6 +46,7 @@ def test_an_arm_is_the_same_from_a_file_a_name_a_model_and_a_specification():
         ({"model": 3}, QuestionError, "model must be a file, an Arm, an MjModel or an MjSpec, got int"),
         ({"watchdog": "soon"}, QuestionError, "watchdog must be > 0 and finite [s], or None, got soon"),
         ({"period": 0.0}, QuestionError, "period must be > 0 and finite"),
+        ({"joints": []}, ModelError, "must name one joint or more; the chain: theta_1, "),
         ({"control": {"feedbak": 3}}, ScenarioError, 'control.feedbak: unknown key; did you mean "feedback"'),
         ({"control": {"limits": {"rate": [1.0, 2.0]}}}, ScenarioError, "control.limits.rate: must have 6 values"),
     ],

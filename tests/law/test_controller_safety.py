@@ -156,6 +156,20 @@ def test_a_step_that_does_not_come_brakes_and_the_next_goes_on_from_there(law):
     assert not one.step(q, twist=np.array([0.1, 0.1, 0, 0, 0, 0])).status & Status.OVERDUE
 
 
+def test_what_is_sent_after_a_reset_is_rest():
+    """The next step begins there, so that nothing jumps."""
+    clock, q = Clock(), ARM.configuration("home")[ARM.wiring.qpos]
+    one = controller("acceleration", watchdog=5 * PERIOD, clock=clock)
+    one.reset(q)
+    assert_array_equal(one.command_at().q_cmd, q)
+    for _ in range(100):
+        one.step(q, twist=np.array([0.1, 0.1, 0, 0, 0, 0]))
+    assert np.abs(one.command_at().qdot_cmd).max() > 0.01
+    one.reset()
+    for command in (one.command, one.command_at()):
+        assert not command.qdot_cmd.any() and command.status == 0 and np.isnan(command.q_cmd).all()
+
+
 def test_a_watchdog_that_is_off_asks_no_clock():
     one = controller("jerk", clock=lambda: pytest.fail("asked"))
     one.step(ARM.configuration("home")[ARM.wiring.qpos])

@@ -84,6 +84,15 @@ def test_an_exponent_needs_no_point(text):
     assert parse(f"[{text}, '{text}']", "x")[0] == [float(text), text]
 
 
+def test_numbers_are_decimal():
+    """To YAML 1.1, 010 is 8 and 1:20 is 80; a script that pads numbers would run with others than it wrote."""
+    assert parse("[0, -3, 10, +7, 010.5, .inf]", "x")[0] == [0, -3, 10, 7, 10.5, math.inf]
+    texts = ["010", "1:20", "1_000", "0x1f", "1:20.5"]
+    assert parse(f"[{', '.join(texts)}]", "x")[0] == texts
+    with pytest.raises(ScenarioError, match=r"control.feedback: must be a number.*write 10"):
+        loads(MINIMAL, overrides=["control.feedback=010"])
+
+
 def test_a_byte_order_mark_and_windows_line_ends_are_accepted():
     Path("x.yaml").write_bytes(b"\xef\xbb\xbf" + MINIMAL.replace("\n", "\r\n").encode())
     assert load("x.yaml") == loads(MINIMAL)

@@ -47,7 +47,7 @@ def test_what_is_drawn_are_the_columns_and_no_peak_is_lost(compared):
     assert curve(sigma, "σ_min")[:, 1].min() == run["sigma"][:, -1].min()
     peak = run.scorecard["joint_rate_cmd.peak"].value
     title, *beyond = heading(rates)
-    assert title == "Joint rates [rad/s]" and f"peak {peak:,.0f} rad/s" in " ".join(beyond)
+    assert title == "Joint rates [rad/s]" and f"peak {peak:,.0f}" in " ".join(beyond)
     assert rates.get_ylim()[1] < 0.01 * peak  # 12,658: far off the scale, which shows the limits
     limits = {line.get_ydata()[0] for line in rates.get_lines() if len(set(line.get_ydata())) == 1}
     assert {5.0, -5.0} <= limits  # of the model

@@ -80,7 +80,8 @@ def identify(log: Source, *, columns: Mapping[str, str] | None = None, degrees: 
             name, (R,) or (R, n).
         columns: Names of columns in the log by t, q and qdot_cmd: a name, names with commas between them, or
             a name with `*` in place of the joint; a unit may follow, as in `{"t": "stamp ms"}`.
-        degrees: Whether angles are in degrees where the names of columns give no unit.
+        degrees: Whether angles are in degrees where the names of columns give no unit. They are as well if
+            positions exceed 15.
 
     Returns: The estimates. A joint without an estimate is no error: it says why, and what to log.
 

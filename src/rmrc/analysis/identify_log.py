@@ -27,6 +27,7 @@ from rmrc.logs.columns import (
 )
 from rmrc.logs.tables import Numbers, Table, columns_of, read_table
 from rmrc.results.run import Run
+from rmrc.simulation.rows import LARGEST_OF_JOINT
 from rmrc.support.errors import QuestionError
 from rmrc.support.text import listed, quoted
 
@@ -57,6 +58,8 @@ WRAPPED = 1.0
 # A position this many standard deviations off its neighbors, and this share of the motion, is an error of
 # the log: smaller ones do no harm.
 OUTLIER, HARM = 8.0, 5e-4
+# Errors of the log are fewer than this share of its rows: more large positions are in degrees.
+ERRORS = 0.01
 
 
 class Clock(NamedTuple):
@@ -154,21 +157,29 @@ def read_log(source: Source, columns: Mapping[str, str], degrees: bool) -> Log:
 
 def _log(name: str, table: Table, mapping: Mapping[str, str], degrees: bool) -> Log:
     numbers, facts = table.numbers, dict[str, str]()
-    times, positions, commands = choose(numbers, mapping)
+    times, positions, commands, alone = choose(numbers, mapping)
     columns = (*times, *positions.values(), *commands.values())
     if len(sizes := {len(numbers[column.name]) for column in columns if column.name in numbers}) > 1:
         raise QuestionError(f"its columns must have equally many rows, got {sorted(sizes)}")
     time, clock = seconds(numbers, times, STEPS)
     facts["time"] = " and ".join(map(str, clock))
     if clock != times:
-        facts["time"] += f": the unit is taken from the steps of {1e3 * np.diff(time).mean():.4g} ms"
-    q, facts["positions"] = _in_si(table, positions, degrees)
-    rates, facts["commands"] = _in_si(table, commands, degrees)
+        facts["time"] += f": the unit is taken from the steps of {1e3 * np.nanmean(np.diff(time)):.4g} ms"
+    plain = [np.abs(numbers[column.name]) for column in positions.values() if not column.unit]
+    is_far = any(np.mean(column > LARGEST_OF_JOINT) > ERRORS for column in plain)
+    why = "as requested" if degrees else f"as positions exceed {LARGEST_OF_JOINT:g}" if is_far else ""
+    q, facts["positions"] = _in_si(table, positions, why)
+    rates, facts["commands"] = _in_si(table, commands, why)
+    if alone:
+        facts["joints"] = f"left out, as they lack positions or commands: {listed(alone, 8)}"
     time, values, changed = in_order(time, np.hstack([q, rates]))
     q, rates = np.hsplit(values, 2)
     if len(time) < LEAST_ROWS:
         raise QuestionError(f"it must have {LEAST_ROWS} rows or more, got {len(time)}; log 10 s or more")
-    notes = [f"{table.skipped:,} with too few cells or too many ignored" if table.skipped else "", changed]
+    few = f"{table.skipped:,} with too few cells or too many ignored" if table.skipped else ""
+    unread = int(np.isnan(q).any(axis=1).sum())  # unless most rows are: positions have rows of their own
+    notes = [few, table.strays, changed]
+    notes.append(f"{unread:,} without all positions" if 0 < unread < 0.5 * len(time) else "")
     notes += [_unwrap(q), _forget_spikes(q), _forget_repeats(q, rates)]
     known = clock_of(time)
     unsent = int(np.isnan(rates).any(axis=1).sum())  # unless most rows are: commands have rows of their own
@@ -186,8 +197,10 @@ def _log(name: str, table: Table, mapping: Mapping[str, str], degrees: bool) -> 
 Joints: TypeAlias = dict[str, Column]
 
 
-def choose(numbers: Numbers, mapping: Mapping[str, str]) -> tuple[tuple[Column, ...], Joints, Joints]:
-    """Return the columns of the time, and of positions and commands by their joints.
+def choose(
+    numbers: Numbers, mapping: Mapping[str, str]
+) -> tuple[tuple[Column, ...], Joints, Joints, tuple[str, ...]]:
+    """Return the columns of the time, of positions and commands by their joints, and joints without both.
 
     Args:
         numbers: All numeric columns.
@@ -223,14 +236,21 @@ def choose(numbers: Numbers, mapping: Mapping[str, str]) -> tuple[tuple[Column, 
             f"positions are of joints {listed(places, 8)}, commands of {listed(rates, 8)}: name matching "
             "columns, as by --columns q=A,B --columns qdot_cmd=C,D"
         )
-    return time, {joint: places[joint] for joint in joints}, {joint: rates[joint] for joint in joints}
+    alone = tuple(sorted(places.keys() ^ rates.keys()))
+    return time, {joint: places[joint] for joint in joints}, {joint: rates[joint] for joint in joints}, alone
 
 
-def _in_si(table: Table, columns: Joints, degrees: bool) -> tuple[Array, str]:
-    """Return columns in rad or m, or these per second, (R, n), and a note on their unit."""
+def _in_si(table: Table, columns: Joints, degrees: str) -> tuple[Array, str]:
+    """Return columns in rad or m, or these per second, (R, n), and a note on their unit.
+
+    Args:
+        table: The file.
+        columns: The columns.
+        degrees: Why angles whose columns name no unit are in degrees; "": they are in rad.
+    """
     values = scaled(table.numbers, tuple(columns.values()), np.pi / 180.0 if degrees else 1.0)
     values[~(np.abs(values) < FARTHEST)] = np.nan
-    note = "in degrees, as requested" if degrees else "taken to be of rad, or m of slides; --degrees if not"
+    note = f"in degrees, {degrees}" if degrees else "taken to be of rad, or m of slides; --degrees if not"
     if all(column.unit for column in columns.values()):
         note = "in their named units"
     return values, f"{listed((column.name for column in columns.values()), 8)}, {note}"

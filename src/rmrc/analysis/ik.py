@@ -315,6 +315,8 @@ def ik(
         raise QuestionError(f'method must be one of {", ".join(get_args(Method))}, got "{method}"')
     if every and method != "damped":
         raise QuestionError(f'all postures are searched for by the method "damped", got "{method}"')
+    if not tolerance > 0.0:
+        raise QuestionError(f"tolerance must be > 0, got {tolerance}")
     question = subject(model, q, keyframe, site, axes, length, body, packages, task_frame)
     question.arm.require_open()
     task, start = _in_world(question.task), question.q

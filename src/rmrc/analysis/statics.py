@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rmrc.analysis.singularities import Direction, examine
 from rmrc.analysis.subject import Model, Packages, axes_of, numbers, subject
@@ -31,7 +31,7 @@ from rmrc.simulation.footprint import excess
 from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import DivergenceError, QuestionError, did_you_mean
-from rmrc.support.spatial import AXES, quat_to_matrix, twist_transform, wrench_transform
+from rmrc.support.spatial import AXES, Array, quat_to_matrix, twist_transform, wrench_transform
 from rmrc.support.text import brief
 from rmrc.textbook.chains import joint_torques
 
@@ -44,7 +44,6 @@ from rmrc.textbook.chains import joint_torques
 # and their weight if the actuators bear it. The loads need no Jacobian, and are the second route to the
 # same torques.
 
-Array = NDArray[np.float64]
 
 # A result below this share of its summands is rounding, and becomes 0.
 ROUNDING = 1e-12
@@ -207,6 +206,8 @@ PERIOD, TIMESTEP = 1e-3, 2.5e-4
 # Rate at which a joint returns [1/s]: the stiffness of a joint is this times its servo's gain. A fiftieth of
 # a second is slow for servos with a millisecond, and the arm still comes to rest within a second.
 FEEDBACK = 50.0
+# The longest time to hold a wrench [s].
+LONGEST = 1000.0
 # An arm is at rest if no joint was faster in the last tenth of a second [rad/s or m/s].
 STILL, LAST = 1e-8, 0.1
 # Below its dry friction a joint creeps, as MuJoCo's friction is soft. It is at rest at a rate at which its
@@ -283,6 +284,8 @@ def statics(
         >>> found.balance.equilibrium.round(9).tolist(), found.balance.exceeded
         ([1.5, 0.5], ())
     """
+    if hold is not None and not 0.0 < hold <= LONGEST:
+        raise QuestionError(f"hold must be > 0 and at most {LONGEST:g} s, got {hold:g}")
     question = subject(model, q, keyframe, site, body=body, packages=packages)
     arm, q = question.arm, question.q
     arm.require_open()

@@ -210,6 +210,8 @@ def workspace(
         >>> round(space.free.area / np.pi)
         72
     """
+    if cells < 2 or samples < 1:
+        raise QuestionError(f"cells must be 2 or more, and samples 1 or more, got {cells} and {samples}")
     question = subject(model, q, keyframe, site, axes, length, body, packages, task_frame)
     arm, task, spaces = question.arm, question.task, []
     arm.require_open()

@@ -15,16 +15,14 @@ from numpy.typing import NDArray
 from rmrc.arm import adapting
 from rmrc.arm.compiling import compiled
 from rmrc.arm.equalities import Follower, motion
-from rmrc.arm.geometry import Chain, Proportions, find_masses, kinds_of, proportions
+from rmrc.arm.geometry import Chain, Proportions, find_masses, proportions
 from rmrc.arm.location import Location, locate, moved
 from rmrc.arm.mounting import NamedFrame
 from rmrc.arm.others import Others, OwnDrives, Servo
 from rmrc.arm.wiring import SLIDE, Wiring, joint_name, joints_above, wire
 from rmrc.support.errors import ModelError, QuestionError, did_you_mean
-from rmrc.support.spatial import matrix_to_quat
+from rmrc.support.spatial import Array, matrix_to_quat
 from rmrc.support.text import brief, listed, shortened
-
-Array = NDArray[np.float64]
 
 # What an arm with other positions of other joints has in common with it.
 _SHARED = {"wiring", "motion", "others", "drives", "servos", "_untextured"}
@@ -158,7 +156,7 @@ class Arm:
     @property
     def kinds(self) -> tuple[str, ...]:
         """`hinge`, `slide` or `screw` of each joint."""
-        return kinds_of(self.pitch)
+        return tuple("slide" if np.isinf(h) else "screw" if h else "hinge" for h in self.pitch)
 
     @property
     def units(self) -> tuple[str, ...]:

@@ -161,21 +161,11 @@ class Chain:
         found = self.ratio[:, None] * joint_screw(self.axis, np.cumsum(self.step, axis=0), self.pitch)
         return tuple(map(tuple, found.tolist()))
 
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """`hinge`, `slide` or `screw` of each axis."""
-        return kinds_of(self.pitch)
-
     def gathered(self, values: Array, n: int) -> Array:
         """Return the sums over the axes of each joint, times their ratios, (..., n), of values (..., ℓ)."""
         gather = np.zeros((len(self.leader), n))
         gather[np.arange(len(self.leader)), self.leader] = self.ratio
         return np.asarray(values @ gather)
-
-
-def kinds_of(pitch: Array) -> tuple[str, ...]:
-    """Return `hinge`, `slide` or `screw` of joints with these pitches, (n,)."""
-    return tuple("slide" if np.isinf(h) else "screw" if h else "hinge" for h in pitch)
 
 
 def find_masses(

@@ -10,9 +10,7 @@ from rmrc.arm.adapting import is_behind
 from rmrc.arm.arm import Arm
 from rmrc.arm.equalities import active_equalities, equality_rows
 from rmrc.arm.wiring import DRIVES_JOINT, joint_name, joints_above, soft_bodies
-from rmrc.support.spatial import AXES
-
-Array = NDArray[np.float64]
+from rmrc.support.spatial import AXES, Array
 
 # Density of a shape without one [kg/m³].
 WATER = 1000.0

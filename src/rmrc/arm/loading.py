@@ -156,6 +156,8 @@ def _driven(
                 why = f'joint "{name}" {"is listed twice" if name in free else "follows by an equality"}'
             raise ModelError(f"{path}: {why}; the chain: {', '.join(free)}", "joints")
     outward = tuple(name for name in free if name in joints)
+    if free and not outward:
+        raise ModelError(f"{path}: must name one joint or more; the chain: {', '.join(free)}", "joints")
     if not outward:
         why = f'each joint on the chain to site "{site}" follows another by an equality'
         raise ModelError(f"{path}: {why}; choose a site that a joint moves that follows none", "site")

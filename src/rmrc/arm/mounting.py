@@ -7,7 +7,6 @@ from typing import Literal, TypeAlias
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from rmrc.arm.compiling import compiled, in_our_words, read
 from rmrc.arm.tree import default_frame, note
@@ -15,10 +14,8 @@ from rmrc.arm.urdf import assumed_masses
 from rmrc.arm.wiring import find, joints_above
 from rmrc.scenario.sections import ToolSection
 from rmrc.support.errors import ModelError
-from rmrc.support.spatial import quat_multiply, rotate
+from rmrc.support.spatial import Array, quat_multiply, rotate
 from rmrc.support.text import listed
-
-Array = NDArray[np.float64]
 
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _HIDDEN = 4  # group of sites that viewers hide

@@ -28,7 +28,7 @@ import typer
 import rmrc
 from rmrc.cli import arms, console, models, pictures, run, search
 from rmrc.cli.console import complain
-from rmrc.support.errors import RmrcError, ScenarioError, heard_by
+from rmrc.support.errors import RmrcError, ScenarioError, file_problem, heard_by
 from rmrc.support.process import signal_that_came, stops_like_ctrl_c
 from rmrc.support.text import command, shortened, visible
 
@@ -118,9 +118,7 @@ def _problems(error: Exception) -> list[str]:
         return [f"{error.name} is not installed; pip install {REMOVABLE[error.name]}"]
     if isinstance(error, MemoryError):
         return [f"not enough memory ({error}); ask for less at a time, or add memory"]
-    if not isinstance(error, OSError):
-        return []
-    return [f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}"]
+    return [file_problem(error)] if isinstance(error, OSError) else []
 
 
 def _print_version(wanted: bool) -> None:

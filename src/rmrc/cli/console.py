@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 
+from rmrc.support.errors import tell
 from rmrc.support.text import line, visible
 
 if TYPE_CHECKING:  # imports numpy, which a help text does not need
@@ -81,17 +82,9 @@ def complain(text: str) -> None:
 
 @contextmanager
 def warnings_in_lines() -> Iterator[None]:
-    """Show each Python warning once, as one line."""
-    shown: set[str] = set()
-
-    def show_once(message: Warning | str, *_: Any, **__: Any) -> None:
-        text = " ".join(str(message).split())
-        if text not in shown:
-            shown.add(text)
-            complain(f"warning: {text}")
-
+    """Tell each Python warning in one line."""
     with warnings.catch_warnings():
-        warnings.showwarning = show_once
+        warnings.showwarning = lambda message, *_, **__: tell(f"warning: {' '.join(str(message).split())}")
         yield
 
 

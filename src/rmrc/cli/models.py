@@ -91,7 +91,9 @@ def identify(
     columns: Annotated[
         Texts, Option(metavar="KIND=NAME", help="Column of t, q or qdot_cmd; repeatable.")
     ] = None,
-    degrees: Annotated[bool, Option("--degrees", help="Angles are in degrees; default: rad.")] = False,
+    degrees: Annotated[
+        bool, Option("--degrees", help="Angles are in degrees; default: rad, unless joints exceed 15.")
+    ] = False,
     out: options.Out = Path("recordings"),
     output: options.Picture = None,
     as_json: options.AsJson = False,

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rmrc.arm import Arm
 from rmrc.arm.geometry import even_points
@@ -17,9 +16,7 @@ from rmrc.recording.scene import Scene
 from rmrc.results.run import Run
 from rmrc.show.palette import css, distinct
 from rmrc.simulation.prepare import Prepared
-from rmrc.support.spatial import rotate
-
-Array = NDArray[np.float64]
+from rmrc.support.spatial import Array, rotate
 
 # Points on a round shape.
 ROUND = 60

@@ -16,7 +16,7 @@ const inputs = settings.controls.map((_, i) => element(`control-${i}`));
 const moves = drawing.rows.filter((row) => row < 3);
 const turns = drawing.rows.filter((row) => row > 2);
 // Ticks that are plotted at most; the step of a key, as a part of the reach; seconds of a trail behind a dragged goal.
-const PLOTTED = 2500;
+const PLOTTED = 6000;
 const STEP = 0.02;
 const TRAIL = 3;
 let run;
@@ -26,7 +26,7 @@ let goal = null;
 
 const paint = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const shown = (value) =>
-  typeof value === "number" ? String(+value.toPrecision(4)) : value ? "by joint" : "null";
+  typeof value === "number" ? String(+value.toPrecision(4)) : value ? "by joint" : "none";
 const clipped = (value, low, high) => Math.min(Math.max(value, low), high);
 const isWritten = () => Object.keys(settings.changes).length === 0;
 const timeAt = (k) => run.number("time", k);

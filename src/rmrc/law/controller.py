@@ -227,6 +227,7 @@ class Controller(SteppedLaw):
             self._worlds["input"]["q_cmd"][:, :n] = starts
         if self._drives:
             self._limit_by_drives()
+        self._watch()
         idle = self.arm.idle() or (self.arm.idle(self._second.site) if self._second else ())
         self.unseen = ""  # why the chain alone does not determine the poses of the sites
         if idle:

@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from numbers import Real
 from typing import Any, cast
 
 import numpy as np
@@ -91,7 +92,9 @@ class Law(SteppedLaw):
             QuestionError: A shape or a number is not usable.
             ScenarioError: `control` has an unusable value, or does not fit n and m.
         """
-        if not (isinstance(n, int) and n > 0 and isinstance(m, int) and 0 < m <= ROWS):
+        if not (
+            isinstance(n, int | np.integer) and n > 0 and isinstance(m, int | np.integer) and 0 < m <= ROWS
+        ):
             raise QuestionError(f"n must be 1 or more, and m 1 to {ROWS}, got n {n} and m {m}")
         names = tuple(joints) if joints is not None else tuple(f"joint{j}" for j in range(n))
         limit = _limits("position_limit", position_limit, (n, 2), [-math.inf, math.inf])
@@ -100,13 +103,14 @@ class Law(SteppedLaw):
             raise QuestionError(
                 f"joints must have {n} names, position_limit lower ends first, and rate_limit nothing below 0"
             )
-        if weights is not None and (len(weights) != m or min(weights) <= 0.0):
-            raise QuestionError(f"weights must be {m} numbers > 0, got {list(weights)}")
+        weighted = as_numbers("weights", np.ones(m) if weights is None else weights)
+        if weighted.shape != (m,) or not ((weighted > 0.0) & (weighted < math.inf)).all():
+            raise QuestionError(f"weights must be {m} numbers > 0 and finite, got {weights}")
         self.n, self.m, self.control = n, m, read_controls(control, period).control
         bare = BareJoints(names, limit, rate)
         settings.refuse(_misfits(self.control, m, bare))
         self._task = Task(
-            cast(Any, bare), np.arange(m), weights=weights, joint_weights=self.control.joint_weights
+            cast(Any, bare), np.arange(m), weights=weighted.tolist(), joint_weights=self.control.joint_weights
         )
         inverse, objective = self.control.inverse, self.control.nullspace.objective
         is_limited = bool(np.isfinite(limit).any() and self.control.limits.position)
@@ -134,6 +138,8 @@ class Law(SteppedLaw):
         if q is None and worlds is None and hasattr(self, "_worlds"):
             self._forget()
             return
+        if worlds is not None and (q is not None or not isinstance(worlds, int | np.integer) or worlds < 1):
+            raise QuestionError(f"worlds must be an integer > 0, without q, got {worlds}")
         starts = started(np.zeros(n if worlds is None else (worlds, n)) if q is None else q, n)
         laws = [TaskLaw(self._task, self.control, start) for start in starts.reshape(-1, n)]
         self._renew(laws, n, starts.ndim == 1)
@@ -151,6 +157,7 @@ class Law(SteppedLaw):
             self._place(name, place)
         if q is not None:
             records["state"]["q"][:, :n] = records["input"]["q_cmd"][:, :n] = starts
+        self._watch()
 
     def step(
         self,
@@ -289,12 +296,15 @@ def resolve_rates(
     >>> resolve_rates(np.diag([1.0, 0.01]), np.array([1.0, 1.0]), "jparse", gamma=0.1).round(3)
     array([1., 1.])
     """
-    J, twist = np.asarray(J, np.float64), np.asarray(twist, np.float64)
+    J, twist = as_numbers("J", J), as_numbers("twist", twist)
     J = J if J.ndim > 1 else J[None]
     if J.ndim != 2 or not 0 < len(J) <= ROWS or not J.shape[1] or twist.shape != J.shape[:1]:
         raise ValueError(f"J must be (m, n) with m <= {ROWS} and twist (m,), got {J.shape}, {twist.shape}")
     if not (np.isfinite(J).all() and np.isfinite(twist).all()):
         raise ValueError("J and twist must be finite")
+    for name, value in {"error": error, **parameters}.items():
+        if not isinstance(value, Real) or not 0.0 <= value < math.inf:
+            raise ValueError(f"{name} must be a finite number >= 0, got {value}")
     (m, n), thread = J.shape, threading.get_ident()  # each thread has its own records
     worlds, resolve = _inverse(thread, m, n, method, schedule, *parameters.items())
     worlds["state"]["J"][0, :m, :n], worlds["scratch"]["twist_cmd"][0, :m] = J, twist

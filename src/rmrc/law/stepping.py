@@ -81,7 +81,6 @@ class SteppedLaw:
             self._place(f"{name}_target", input_[f"{name}_target"][:, :n])
         self._place("dt", input_["dt"])
         self._given, self._last_given = input_["given"], 0
-        self._watch()
 
     def _place(self, name: str, values: Array) -> None:
         """Have `_take` write an argument of all worlds here, (w, ...); worlds may share it."""
@@ -101,9 +100,11 @@ class SteppedLaw:
     def _forget(self) -> None:
         """Forget all steps."""
         reset(self._worlds)
-        input_ = self._worlds["input"]
+        input_, tick = self._worlds["input"], self._worlds["tick"]
+        tick["qdot_cmd"], tick["status"], self.command.refusal = 0.0, 0, ""
         input_["q_cmd"] = input_["called"] = math.nan
         input_["returning"] = 0.0
+        self._watch()
 
     def reset(self, q: ArrayLike | None = None) -> None:
         """Forget all steps; from positions, (n,) or (w, n), make the records anew."""

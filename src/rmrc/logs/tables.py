@@ -3,6 +3,7 @@
 import codecs
 import io
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -38,11 +39,13 @@ class Table:
         texts: First non-numeric cell of each other column, by name.
         skipped: Rows that were left out because they have too few cells or too many, as a logger that is
             killed leaves half a row.
+        strays: Cells of columns of numbers that are none, in words; they are NaN.
     """
 
     numbers: Numbers
     texts: Mapping[str, str]
     skipped: int = 0
+    strays: str = ""
 
 
 def read_table(path: Path, contents: str) -> Table:
@@ -119,15 +122,23 @@ def _read_arrow(path: Path) -> Table:
         raise ValueError(str(error).splitlines()[0]) from None
     if not table.num_rows:
         raise ValueError("it has names of columns, and no rows")
-    numbers, texts = dict[str, NDArray[Any]](), dict[str, str]()
+    numbers, texts, strays = dict[str, NDArray[Any]](), dict[str, str](), list[str]()
     for name, column in zip(table.column_names, table.columns, strict=True):
         is_date = pa.types.is_timestamp(column.type)
         values = (column.cast(pa.timestamp("ns")).cast(pa.int64()) if is_date else column).to_numpy()
         if values.dtype.kind in "iuf":
             numbers[name.strip()] = values.astype(np.float64 if values.dtype.kind == "f" else np.int64)
+            continue
+        cells = [str(cell).strip() for cell in values]
+        parsed = np.array([_number(cell) for cell in cells])
+        wrong = [row for row, cell in enumerate(cells) if _is_stray(cell)]
+        if len(wrong) < np.isfinite(parsed).sum():
+            numbers[name.strip()] = parsed
+            strays += [f"{name.strip()} has {quoted(cells[row])} in row {row + 1:,}" for row in wrong]
         else:
-            texts[name.strip()] = next((str(cell) for cell in values if not _is_number(str(cell))), "")
-    return Table(numbers, texts, len(skipped))
+            texts[name.strip()] = cells[wrong[0]] if wrong else ""
+    note = f"cells that are no number left out: {listed(strays, 4)}" if strays else ""
+    return Table(numbers, texts, len(skipped), note)
 
 
 def _csv(text: str, skipped: list[Any]) -> Any:
@@ -144,7 +155,7 @@ def _csv(text: str, skipped: list[Any]) -> Any:
     if mark == " ":
         text = "\n".join(",".join(line.split()) for line in text.splitlines()[start:])
         first, comment, start, mark = ",".join(first.split()), ",".join(comment.split()), 0, ","
-    has_names = not comment or not _is_number(first.split(mark)[0])
+    has_names = not comment or _is_stray(first.split(mark)[0])
     data = text.encode()
 
     def skip(row: Any) -> str:
@@ -163,9 +174,14 @@ def _csv(text: str, skipped: list[Any]) -> Any:
     )
 
 
-def _is_number(text: str) -> bool:
+def _is_stray(text: str) -> bool:
+    """Return whether a cell is neither empty nor a number."""
+    return text.strip().lower() not in ("", "none", "nan") and math.isnan(_number(text))
+
+
+def _number(text: str) -> float:
+    """Return the number that a cell holds; NaN: it holds none."""
     try:
-        float(text.strip().replace(",", "."))
+        return float(text.replace(",", "."))
     except ValueError:
-        return text.strip() in ("", "None")
-    return True
+        return math.nan

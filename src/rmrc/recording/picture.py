@@ -24,9 +24,7 @@ from rmrc.results.run import Run
 from rmrc.show.palette import GREEN, RED, WHITE, hue, mix
 from rmrc.show.panels import grouped
 from rmrc.simulation.prepare import Prepared
-from rmrc.support.spatial import rotate
-
-Array = NDArray[np.float64]
+from rmrc.support.spatial import Array, rotate
 
 # By MuJoCo's numbers, without planes, height fields and distance fields.
 _KINDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}

@@ -207,11 +207,12 @@ def write_strip(stream: Stream, path: str, run: Run) -> None:
 def write_numbers(stream: Stream, prepared: Prepared, run: Run, ticks: NDArray[np.int64]) -> None:
     """Write a line of numbers at some ticks, (F,).
 
-    Near a singularity the wanted speed along u_min needs rates of speed / σ_min. Both are scaled as the law
-    does.
+    Near a singularity the wanted speed along u_min, with its feedback, needs rates of speed / σ_min. Both are
+    scaled as the law does.
     """
     task, limit = prepared.task, prepared.law.rate_limit
-    twist = task.turned(run["twist_ref"][ticks], run["pose"][ticks])[:, task.rows] * task.row_scale
+    wanted = run["twist_ref"][ticks] + prepared.scenario.control.feedback * run["pose_error"][ticks]
+    twist = task.turned(wanted, run["pose"][ticks])[:, task.rows] * task.row_scale
     speed = np.abs((run["u_min"][ticks][:, task.rows] * twist).sum(axis=1)).round(9)  # at rest 0, not 4e-30
     sigma, rates = run["sigma"][ticks, -1], np.abs(run["qdot_cmd"][ticks])
     fastest = (rates / limit if np.isfinite(limit).all() else rates).argmax(axis=1)

@@ -21,7 +21,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from rmrc.recording.picture import PALE, Array, Picture, Stream, struct
+from rmrc.recording.picture import PALE, Picture, Stream, struct
 from rmrc.recording.plots import BASELINE, Plot, write_numbers, write_strip
 from rmrc.recording.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS
 from rmrc.results.run import Run
@@ -29,6 +29,7 @@ from rmrc.show.palette import distinct
 from rmrc.show.panels import panels
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.files import written_whole
+from rmrc.support.spatial import Array
 
 # Layout of the viewer -----------------------------------------------------------------------------
 #
@@ -45,6 +46,7 @@ LEGEND = f"""\
 |---|---|
 | **thin line**, **white ball** | path of the target, and the target now |
 | **trail**, **ball** | end effector (tip), past and now; **red** near a singularity |
+| **ball with a time** | the tip at that time, the instant to look at |
 | **green ellipsoid** | velocities at unit-norm joint rates, {VELOCITY_SECONDS:g} s · σ_i; **flat**: lost |
 | **pink wires** | forces at unit-norm joint torques, c/σ_i |
 | **double arrow** | direction lost first (u_min), thin: its rotation; **red** as σ_min goes to 0 |

@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 from rmrc.results.run import Run
 from rmrc.simulation.prepare import Prepared
-from rmrc.support.spatial import matrix_to_quat, rotate
+from rmrc.support.spatial import Array, matrix_to_quat, rotate
 from rmrc.textbook.singularity import holding_jacobian
-
-Array = NDArray[np.float64]
 
 # The velocity ellipsoid is as long as the way of the tip in this time at unit-norm joint rates. An
 # outstretched arm with one shoulder then shows a fifth of its reach, which is visible and hides little.

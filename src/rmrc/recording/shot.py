@@ -14,10 +14,9 @@ from rmrc.recording.scene import Scene
 from rmrc.results.run import Run
 from rmrc.show.palette import GREEN, HUES, RED, WHITE, distinct, mix
 from rmrc.simulation.prepare import Prepared
-from rmrc.support.spatial import quat_to_matrix
+from rmrc.support.spatial import Array, quat_to_matrix
 from rmrc.support.text import visible
 
-Array = NDArray[np.float64]
 Kind, BALL = mujoco.mjtGeom, np.eye(3)
 
 # Number of ticks of a run for the frame of the camera, path and trail.

@@ -14,7 +14,7 @@ from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, json_value, nearest
 from rmrc.scenario import Check, Scenario
 from rmrc.scenario.sections import PROFILE
-from rmrc.support.errors import QuestionError, RmrcError, ScenarioError
+from rmrc.support.errors import QuestionError, RmrcError, ScenarioError, file_problem
 from rmrc.support.files import refuse_unwritable, write_text
 from rmrc.support.spatial import AXES
 from rmrc.support.text import escaped, visible
@@ -227,7 +227,8 @@ def files(name: str, xml: Path | None, summary: Path | None) -> Iterator[Results
     try:
         yield results
     except BaseException as error:
-        reason = str(error) if isinstance(error, RmrcError | OSError) else "ended before the first result"
+        reason = str(error) if isinstance(error, RmrcError) else "ended before the first result"
+        reason = file_problem(error) if isinstance(error, OSError) else reason
         results.suites = results.suites or [Suite(name, error=reason)]
         raise
     finally:

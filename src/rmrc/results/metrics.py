@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 from rmrc.results.columns import Recorded
 from rmrc.scenario.choices import IN_RUNS, Status
 from rmrc.scenario.profile import Profile, Taper
-from rmrc.support.spatial import AXES
-
-Array: TypeAlias = NDArray[np.float64]
+from rmrc.support.spatial import AXES, Array
 
 # The conditions of a profile.
 CONDITIONS = ("position", "rate", "acceleration", "jerk")

@@ -66,7 +66,7 @@ def changes_of(values: Mapping[str, object], option: str = "") -> tuple[Change, 
         ValueError: A key is not valid.
     """
     return deeper_last(
-        Change(parse_key(name), _plain(value), Origin(f"{option} {name}", key=name) if option else None)
+        Change(parse_key(name), plain(value), Origin(f"{option} {name}", key=name) if option else None)
         for name, value in values.items()
     )
 
@@ -76,16 +76,16 @@ def deeper_last(changes: Iterable[Change]) -> tuple[Change, ...]:
     return tuple(sorted(changes, key=lambda change: len(change.key)))
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Return a value as a file would have it: lists for tuples and arrays, Python's numbers for numpy's."""
     if isinstance(value, Mapping):
-        return {name: _plain(inner) for name, inner in value.items()}
+        return {name: plain(inner) for name, inner in value.items()}
     if isinstance(value, Section):
         return value.model_dump(mode="json")
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 

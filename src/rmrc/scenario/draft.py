@@ -10,12 +10,13 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import PrivateAttr
 
-from rmrc.scenario.changes import Change, applied, changes_of, deeper_last, read_change, read_setting
+from rmrc.scenario.changes import Change, applied, changes_of, deeper_last, plain, read_change, read_setting
 from rmrc.scenario.control import ControlSection, TaskSection
 from rmrc.scenario.messages import checked
 from rmrc.scenario.profile import SHIPPED
@@ -313,7 +314,7 @@ def read_controls(source: ControlSource, period: float | None = None) -> Control
     controls = _controls(source)
     if period is None:
         return controls
-    if not (isinstance(period, int | float) and 0.0 < period < math.inf):
+    if not (isinstance(period, Real) and 0.0 < period < math.inf):
         raise QuestionError(f"period must be > 0 and finite [s], got {period}")
     control = controls.control.model_copy(update={"period": float(period)})
     return controls.model_copy(update={"control": control})
@@ -323,7 +324,7 @@ def _controls(source: ControlSource) -> Controls:
     if isinstance(source, ControlSection | None):
         return Controls(control=source or ControlSection())
     if isinstance(source, Mapping):
-        document = Document(dict(source))
+        document = Document(plain(source))
     elif isinstance(source, Scenario):
         return Controls(control=source.control, task=source.task, arm=source.arm)
     elif isinstance(source, str | os.PathLike):

@@ -21,12 +21,17 @@ from rmrc.support.shipped import suggestion
 from rmrc.support.text import shortened, visible
 
 _TAG = "tag:yaml.org,2002:"
-# Numbers of YAML 1.2, and of this program, that YAML 1.1 takes for texts.
-_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+# Decimal numbers. An exponent needs no point, as in `1e-5`. To YAML 1.1, `010` would be 8 and `1:20` 80.
+_NUMBERS = {
+    "int": re.compile(r"[-+]?(0|[1-9]\d*)$"),
+    "float": re.compile(
+        r"[-+]?((\d+\.\d*|\.\d+)([eE][-+]?\d+)?|\d+[eE][-+]?\d+|\.(inf|Inf|INF))$|\.(nan|NaN|NAN)$"
+    ),
+}
 
 
 class _Loader(yaml.SafeLoader):
-    """A safe loader for which an exponent needs no point: `1e-5`."""
+    """A safe loader of decimal numbers."""
 
 
 class _Dumper(yaml.SafeDumper):
@@ -34,7 +39,12 @@ class _Dumper(yaml.SafeDumper):
 
 
 for part in (_Loader, _Dumper):
-    part.add_implicit_resolver(_TAG + "float", _EXPONENT, [*"-+.0123456789"])
+    part.yaml_implicit_resolvers = {
+        first: [pair for pair in pairs if pair[0].removeprefix(_TAG) not in _NUMBERS]
+        for first, pairs in part.yaml_implicit_resolvers.items()
+    }
+    for kind, numbers in _NUMBERS.items():
+        part.add_implicit_resolver(_TAG + kind, numbers, [*"-+.0123456789"])
 
 # Words for values ---------------------------------------------------------------------------------
 #

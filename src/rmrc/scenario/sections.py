@@ -53,7 +53,7 @@ def _key_but(*fixed: str) -> AfterValidator:
             raise rule(str(error).removeprefix(f"{name!r} ")) from None
         if section in fixed or name in fixed:
             way = "; use sweep.repeat and sweep.seed" if name.endswith("seed") else ""
-            raise rule(f"cannot be changed here, as it is of the whole{way}")
+            raise rule(f"cannot be changed here: give a key of a single run, such as control.feedback{way}")
         return name
 
     return AfterValidator(check)

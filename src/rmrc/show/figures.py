@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rmrc.results.run import Run
 from rmrc.show.palette import ASKED
 from rmrc.support.files import written_whole
-from rmrc.support.spatial import AXES
+from rmrc.support.spatial import AXES, Array
 from rmrc.textbook.chains import geometric_from_screws, space_jacobian
 from rmrc.textbook.singularity import ellipsoid_points, holding_jacobian, velocity_ellipsoid
 
@@ -128,8 +128,6 @@ def plain(text: str) -> str:
     """Return a text that matplotlib does not read as mathematics."""
     return text.replace("$", r"\$")
 
-
-Array = NDArray[np.float64]
 
 # Number of ellipsoids on the way out, beside that at the smallest singular value.
 COUNT = 4

@@ -28,10 +28,11 @@ from rmrc.show import tables
 from rmrc.show.figure import plot
 from rmrc.show.figures import as_svg
 from rmrc.show.palette import css
-from rmrc.show.panels import LOOKS, Array, Curve, Lane, Panel, Runs, extremes, lanes, panels
+from rmrc.show.panels import LOOKS, Curve, Lane, Panel, Runs, extremes, lanes, panels
 from rmrc.show.sheets import Sheet, number
 from rmrc.support.errors import QuestionError, ScenarioError
-from rmrc.support.files import written_whole
+from rmrc.support.files import reading, written_whole
+from rmrc.support.spatial import Array
 from rmrc.support.text import visible
 
 # Nothing may be loaded, sent or framed: the page contains everything that it needs.
@@ -242,21 +243,11 @@ def page_of_run(columns: Path) -> Page:
     for label, run in runs.items():
         if not len(run):
             raise QuestionError(f"{columns}: {label} has no ticks to report")
-    try:
+    if not beside.exists():
+        raise QuestionError(f"{beside}: is missing next to the columns; `run` and `compare` write both")
+    with reading(beside, "the scorecard of this run"):
         facts = json.loads(beside.read_text("utf-8"))
         return _page(runs, facts, facts.get("variants") or [facts])
-    except FileNotFoundError:
-        message = f"{beside}: is missing next to the columns; `run` and `compare` write both"
-        raise QuestionError(message) from None
-    except (
-        KeyError,
-        TypeError,
-        AttributeError,
-        IndexError,
-        ValueError,
-    ):  # the columns were found to be sound
-        message = f"{beside}: does not contain the scorecard of this run, or is damaged"
-        raise QuestionError(message) from None
 
 
 def _page(runs: Runs, facts: Mapping[str, Any], variants: Sequence[Mapping[str, Any]]) -> Page:

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.show.palette import GOLD, GRAY, GREEN, INDIGO, MAGENTA, SLATE, distinct, of_status
-from rmrc.support.spatial import AXES
+from rmrc.support.spatial import AXES, Array
 
-Array = NDArray[np.float64]
 Runs = Mapping[str, Run]
 
 # Panels over time, in their order from the top. `joints` is drawn only where it is named.
@@ -102,7 +101,7 @@ class Peak(NamedTuple):
     """A value beyond the axis.
 
     Attributes:
-        text: It in words, with its unit.
+        text: It in words, in the unit of the panel.
         time: When [s].
         is_up: Whether it is above the axis.
         color: 0xRRGGBBAA.
@@ -287,7 +286,7 @@ def _errors(run: Run) -> Iterator[Panel]:
             along, across = split_error(run, moved)
             curves = [
                 Curve("along the path", time, 1e3 * along, GOLD),
-                Curve("across", time, 1e3 * across, INDIGO, 1),
+                Curve("across the path", time, 1e3 * across, INDIGO, 1),
             ]
         else:
             size = 1e3 * np.linalg.norm(run["pose_error"][:, moved], axis=1)
@@ -389,8 +388,7 @@ def _within(panel: Panel) -> Panel:
     low, high = panel.range
     levels = [level for level in panel.levels if low <= level.value <= high]
     far = sorted({level.value for level in panel.levels if level.value > high})
-    unit = "" if panel.unit == "1" else f" {panel.unit}"
-    beyond = [f"limit{'s from' * (len(far) > 1)} {grouped(far[0])}{unit} ↑"] if far else []
+    beyond = [f"limit{'s from' * (len(far) > 1)} {grouped(far[0])} ↑"] if far else []
     most, peaks = "max" if panel.name in ("error", "turn_error") else "peak", []
     for role in ("measured", "commanded", "plain", "baseline"):
         curves = [curve for curve in panel.curves if curve.role == role]
@@ -398,7 +396,7 @@ def _within(panel: Panel) -> Panel:
             curve = max(curves, key=lambda one: _peak([one]))
             size = np.nan_to_num(np.abs(curve.values), nan=0.0, posinf=0.0)
             row = int(size.argmax())
-            text = f"{curve.label}: {most} {grouped(float(size[row]))}{unit}"
+            text = f"{curve.label}: {most} {grouped(float(size[row]))}"
             is_up = bool(curve.values[row] > 0.0)
             peaks.append(Peak(f"{text} {'↑' if is_up else '↓'}", float(curve.time[row]), is_up, curve.color))
     beyond += [peak.text for peak in peaks]

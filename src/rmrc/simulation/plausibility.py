@@ -14,15 +14,13 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rmrc.arm import Arm
 from rmrc.scenario import Scenario, inline
 from rmrc.scenario.values import Section
 from rmrc.support.errors import ScenarioError, tell
-from rmrc.support.spatial import AXES
+from rmrc.support.spatial import AXES, Array
 
-Array = NDArray[np.float64]
 Bounds: TypeAlias = dict[str, tuple[float, str, str]]
 
 # What is this many times more than an arm can do is an error of units.

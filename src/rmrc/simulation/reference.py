@@ -11,14 +11,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rmrc.law.compiling import Method, Record, at, carray, compiled, pointer
 from rmrc.law.kinematics import quat_product, turn_of
-from rmrc.support.spatial import exp_rotation, quat_multiply
+from rmrc.support.spatial import Array, exp_rotation, quat_multiply
 from rmrc.support.text import brief
-
-Array = NDArray[np.float64]
 
 # Ends of the columns of a sample: of the pose, of the twist, and of the acceleration.
 POSE, TWIST, ACCELERATION = 7, 13, 19

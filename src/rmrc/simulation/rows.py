@@ -4,7 +4,6 @@ import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rmrc.logs.clock import in_order, seconds
 from rmrc.logs.columns import (
@@ -26,10 +25,8 @@ from rmrc.logs.columns import (
 from rmrc.logs.tables import POSE, Numbers, Table, read_table
 from rmrc.scenario.target import Motion
 from rmrc.support.errors import QuestionError, TargetError, did_you_mean
-from rmrc.support.spatial import AXES, exp_rotation, matrix_to_quat, quat_from_rpy, quat_to_matrix
+from rmrc.support.spatial import AXES, Array, exp_rotation, matrix_to_quat, quat_from_rpy, quat_to_matrix
 from rmrc.support.text import listed, quoted
-
-Array = NDArray[np.float64]
 
 # What may stand in place of a quaternion.
 WAYS = " (or roll pitch yaw, or rx ry rz; where task.axes has no rotation, x y z alone)"
@@ -84,7 +81,7 @@ def read_rows(
         values = _poses(parts, pose, len(time))
     lacking = table.skipped + len(whole) - rows
     lacks = f"{lacking:,} rows without all cells left out" if lacking else ""
-    note = "; ".join(filter(None, [listed(filter(None, meanings), 8), turned, lacks, moved]))
+    note = "; ".join(filter(None, [listed(filter(None, meanings), 8), turned, table.strays, lacks, moved]))
     return form, time - time[0], values, (note,) if note else ()
 
 

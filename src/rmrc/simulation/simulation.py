@@ -44,7 +44,6 @@ class _Course:
 
     Attributes:
         scorecard: Its metrics, once it has ended, if columns are not kept.
-        warnings: MuJoCo's warnings, once it has ended.
         has_ended: Whether no tick follows.
         was_cut: Whether a rule ended it.
     """
@@ -55,7 +54,6 @@ class _Course:
         n = prepared.arm.n
         self._facts = about(prepared, no_ticks(n, min(n, len(prepared.task.rows)), len(prepared.qpos)))
         self.scorecard: Scorecard | None = None
-        self.warnings: dict[str, int] = {}
         self.has_ended = self.was_cut = False
         self._seconds = 0.0
 
@@ -104,7 +102,7 @@ class _Course:
                 world.end()
                 self.was_cut = True
         if not world.is_running:
-            run, self.warnings = self.run, world.warnings
+            run = self.run
             if not self.keeps:
                 with _in_turn:
                     self.scorecard = run.scorecard
@@ -213,10 +211,6 @@ class Simulation:
     def ended(self) -> list[bool]:
         """Return whether a rule ended each world."""
         return [course.was_cut for course in self._courses]
-
-    def warnings(self) -> list[dict[str, int]]:
-        """Return the number of MuJoCo's warnings in each world, by their names."""
-        return [course.world.warnings if course.world else course.warnings for course in self._courses]
 
     def _refuse_without_columns(self) -> None:
         if not self._keeps:

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import ruckig
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rmrc.scenario import TargetLimitsSection, TargetSection
 from rmrc.scenario.target import Arc, Line, Motion, PathFrame, Set, Tilt, Turn
@@ -33,10 +33,8 @@ from rmrc.simulation.motion import SLACK, eased, gaps, held, is_held, needed, re
 from rmrc.simulation.reference import POSE, Curve, Reference, Spline
 from rmrc.support import spatial
 from rmrc.support.errors import TargetError
-from rmrc.support.spatial import ORIGIN, normalize, rotate
+from rmrc.support.spatial import ORIGIN, Array, normalize, rotate
 from rmrc.support.text import listed
-
-Array = NDArray[np.float64]
 
 # Points of a curve that are checked.
 _SHARES = np.linspace(0.0, 1.0, 17)

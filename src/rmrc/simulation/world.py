@@ -268,13 +268,3 @@ class World:
         reason = self._error or "position, rate or command is not finite or beyond 1e10"
         name = self.prepared.arm.joints[joint] if joint >= 0 else ""
         return Divergence(tick, tick * period, name, reason)
-
-    @property
-    def warnings(self) -> dict[str, int]:
-        """Number of MuJoCo's warnings, by their names."""
-        counts = enumerate(self._data.warning.number)
-        return {
-            mujoco.mjtWarning(kind).name.removeprefix("mjWARN_"): int(count)
-            for kind, count in counts
-            if count
-        }

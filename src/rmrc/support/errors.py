@@ -186,6 +186,11 @@ KEPT, NOT_KEPT = "once; kept for the next time", "this time and each other time;
 _listeners: list[Callable[[str, str], None]] = []
 
 
+def file_problem(error: OSError) -> str:
+    """Return what the machine refused, in a line."""
+    return f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}"
+
+
 def tell(text: str, once: str = "") -> None:
     """Send a notice to the present listener.
 

@@ -50,31 +50,23 @@ def written_whole(path: Path) -> Iterator[Path]:
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(8)}{path.suffix}")
     # Not mkstemp: its mode 0600 would hide results from a group, and the umask, which `touch`
     # obeys, cannot be read without changing it under the other threads.
-    with _about(path, temporary):
-        temporary.touch(exist_ok=False)
     try:
-        with _about(path, temporary):
+        temporary.touch(exist_ok=False)
+        try:
             yield temporary
             temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:  # of the requested file, or of none, as for a full disk
+        if error.filename not in (None, str(temporary), temporary):
+            raise
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from None
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a text in UTF-8, atomically."""
     with written_whole(path) as temporary:
         temporary.write_text(text, "utf-8")
-
-
-@contextmanager
-def _about(path: Path, temporary: Path) -> Iterator[None]:
-    """Have errors name the requested file, not its temporary one, or none, as for a full disk."""
-    try:
-        yield
-    except OSError as error:
-        if error.filename not in (None, str(temporary), temporary):
-            raise
-        raise OSError(error.errno, error.strerror or str(error), str(path)) from None
 
 
 def refuse_unwritable(paths: Iterable[Path]) -> None:

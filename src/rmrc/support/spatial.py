@@ -398,3 +398,18 @@ def shift_twist(twist: ArrayLike, r: ArrayLike) -> Array:
     linear = twist[..., :3] + np.cross(r, twist[..., 3:])
     angular = np.broadcast_to(twist[..., 3:], linear.shape)
     return np.concatenate([linear, angular], axis=-1)
+
+
+def each_of(values: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+    """Return the numbers of rows, (..., k), one array of each."""
+    return tuple(np.moveaxis(np.asarray(values, dtype=np.float64), -1, 0))
+
+
+def matrix_of(*rows: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return a matrix of its entries, (..., m, n)."""
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def times(matrix: Array, vector: Array) -> Array:
+    """Return the products of matrices and vectors, (..., m)."""
+    return np.asarray((matrix @ vector[..., None])[..., 0])

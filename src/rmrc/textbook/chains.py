@@ -38,9 +38,11 @@ from numpy.typing import ArrayLike, NDArray
 from rmrc.support.errors import ModelError
 from rmrc.support.spatial import (
     exp_rotation,
+    matrix_of,
     normalize,
     quat_to_matrix,
     shift_twist,
+    times,
     twist_transform,
     wrench_transform,
 )
@@ -73,7 +75,7 @@ def dh_transform(alpha: ArrayLike, a: ArrayLike, d: ArrayLike, theta: ArrayLike)
                [ 0.,  0.,  0.,  1.]])
     """
     ca, sa, ct, st, a, d, zero, one = _trigonometry(alpha, a, d, theta)
-    return _matrix(
+    return matrix_of(
         [ct, -st * ca, st * sa, a * ct],
         [st, ct * ca, -ct * sa, a * st],
         [zero, sa, ca, d],
@@ -107,7 +109,7 @@ def modified_dh_transform(
                [ 0.   ,  0.   ,  0.   ,  1.   ]])
     """
     ca, sa, ct, st, a, d, zero, one = _trigonometry(alpha, a, d, theta)
-    return _matrix(
+    return matrix_of(
         [ct, -st, zero, a],
         [st * ca, ct * ca, -sa, -sa * d],
         [st * sa, ct * sa, ca, ca * d],
@@ -250,10 +252,6 @@ def _trigonometry(
     return np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta), a, d, zero, one
 
 
-def _matrix(*rows: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
 Array = NDArray[np.float64]
 
 
@@ -311,7 +309,7 @@ def transform_screw(screw: ArrayLike, R: ArrayLike, t: ArrayLike) -> Array:
         >>> transform_screw(joint_screw([0, 0, 1], [0, 0, 0]), np.eye(3), [2, 0, 0])
         array([ 0.,  0.,  1.,  0., -2.,  0.])
     """
-    return _times(wrench_transform(R, t), np.asarray(screw, dtype=np.float64))
+    return times(wrench_transform(R, t), np.asarray(screw, dtype=np.float64))
 
 
 def exp_screw(screw: ArrayLike, q: ArrayLike) -> Array:
@@ -444,10 +442,6 @@ def _motions(screws: ArrayLike, q: ArrayLike) -> list[Array]:
     if screws.shape[-2] != q.shape[-1]:
         raise ModelError(f"screws: {screws.shape[-2]} joints but {q.shape[-1]} positions; give one per joint")
     return list(np.moveaxis(exp_screw(screws, q), -3, 0))
-
-
-def _times(matrix: Array, vector: Array) -> Array:
-    return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
 def outward_velocities(

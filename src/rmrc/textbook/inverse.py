@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.support.errors import ModelError
+from rmrc.support.spatial import times
 
 # A pivot of the normal matrix is sin² of the angle between a row and those before it, times its
 # length squared. This share of it is rounding: rows nearer than 1e-6 rad count as dependent.
@@ -147,12 +148,8 @@ def resolved_rates(
     """
     J = np.asarray(jacobian, dtype=np.float64)
     wish = np.zeros(J.shape[-1]) if qdot0 is None else np.asarray(qdot0, dtype=np.float64)
-    missing = np.asarray(twist, dtype=np.float64) - _times(J, wish)
-    return wish + _times(weighted_right_inverse(J, weights), missing)
-
-
-def _times(matrix: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray((matrix @ vector[..., None])[..., 0])
+    missing = np.asarray(twist, dtype=np.float64) - times(J, wish)
+    return wish + times(weighted_right_inverse(J, weights), missing)
 
 
 def _weights(weights: ArrayLike | None, size: int) -> NDArray[np.float64]:

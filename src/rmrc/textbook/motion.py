@@ -18,7 +18,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.support.spatial import normalize, shift_twist, skew
+from rmrc.support.spatial import matrix_of, normalize, shift_twist, skew
 
 Array = NDArray[np.float64]
 
@@ -380,7 +380,7 @@ def zyz_matrix(angles: ArrayLike) -> Array:
                [-1.,  0.,  0.]])
     """
     (ca, cb, cg), (sa, sb, sg) = _cosines_and_sines(angles)
-    return _matrix(
+    return matrix_of(
         [ca * cb * cg - sa * sg, -ca * cb * sg - sa * cg, ca * sb],
         [sa * cb * cg + ca * sg, -sa * cb * sg + ca * cg, sa * sb],
         [-sb * cg, sb * sg, cb],
@@ -441,7 +441,7 @@ def zyz_rate_matrix(angles: ArrayLike) -> Array:
     """
     (ca, cb, _), (sa, sb, _) = _cosines_and_sines(angles)
     zero, one = np.zeros_like(ca), np.ones_like(ca)
-    return _matrix([zero, -sa, ca * sb], [zero, ca, sa * sb], [one, zero, cb])
+    return matrix_of([zero, -sa, ca * sb], [zero, ca, sa * sb], [one, zero, cb])
 
 
 def zyz_determinant(angles: ArrayLike) -> Array:
@@ -519,7 +519,3 @@ def _cosines_and_sines(angles: ArrayLike) -> tuple[Array, Array]:
 
 def _opposite(angle: Array) -> Array:
     return np.asarray(np.where(angle > 0, angle - np.pi, angle + np.pi))
-
-
-def _matrix(*rows: list[Array]) -> Array:
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rmrc.support.spatial import each_of
 from rmrc.textbook.chains import DHChain
 
 
@@ -132,7 +133,7 @@ def three_link_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]
         >>> three_link_position([2, 1, 1], np.radians([0, 90, 0])).round(3)
         array([2.   , 2.   , 1.571])
     """
-    (l1, l2, l3), (q1, q2, q3) = _each(lengths), _each(q)
+    (l1, l2, l3), (q1, q2, q3) = each_of(lengths), each_of(q)
     q12, q123 = q1 + q2, q1 + q2 + q3
     x = l1 * np.cos(q1) + l2 * np.cos(q12) + l3 * np.cos(q123)
     y = l1 * np.sin(q1) + l2 * np.sin(q12) + l3 * np.sin(q123)
@@ -159,17 +160,13 @@ def three_link_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]
         >>> (J @ [0, 0.1, 0]).round(3) + 0.0
         array([-0.2,  0. ,  0.1])
     """
-    (l1, l2, l3), (q1, q2, q3) = _each(lengths), _each(q)
+    (l1, l2, l3), (q1, q2, q3) = each_of(lengths), each_of(q)
     q12, q123 = q1 + q2, q1 + q2 + q3
     x3, y3 = l3 * np.cos(q123), l3 * np.sin(q123)
     x2, y2 = l2 * np.cos(q12) + x3, l2 * np.sin(q12) + y3
     x1, y1 = l1 * np.cos(q1) + x2, l1 * np.sin(q1) + y2
     columns = [np.stack([-y, x, np.ones_like(x)], axis=-1) for x, y in ((x1, y1), (x2, y2), (x3, y3))]
     return np.stack(columns, axis=-1)
-
-
-def _each(values: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-    return tuple(np.moveaxis(np.asarray(values, dtype=np.float64), -1, 0))
 
 
 def planar_rp_chain() -> DHChain:

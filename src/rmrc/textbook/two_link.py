@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.support.errors import ModelError
+from rmrc.support.spatial import each_of, matrix_of
 
 # Squares of lengths are rounded: a point computed at full reach may lie beyond it by this share of the
 # largest of them.
@@ -37,7 +38,7 @@ def two_link_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
         >>> two_link_position([1, 1], np.radians([60, -120])).round(3) + 0.0
         array([1., 0.])
     """
-    (l1, l2), (q1, q2) = _each(lengths), _each(q)
+    (l1, l2), (q1, q2) = each_of(lengths), each_of(q)
     x = l1 * np.cos(q1) + l2 * np.cos(q1 + q2)
     y = l1 * np.sin(q1) + l2 * np.sin(q1 + q2)
     return np.stack([x, y], axis=-1)
@@ -60,7 +61,7 @@ def two_link_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
         array([[-1., -1.],
                [ 1.,  0.]])
     """
-    (l1, l2), (q1, q2) = _each(lengths), _each(q)
+    (l1, l2), (q1, q2) = each_of(lengths), each_of(q)
     x2, y2 = l2 * np.cos(q1 + q2), l2 * np.sin(q1 + q2)
     x, y = l1 * np.cos(q1) + x2, l1 * np.sin(q1) + y2
     return np.stack([np.stack([-y, -y2], axis=-1), np.stack([x, x2], axis=-1)], axis=-2)
@@ -80,7 +81,7 @@ def two_link_determinant(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64
         >>> two_link_determinant([6, 3], np.radians([10, 30])).round(3)
         np.float64(9.0)
     """
-    (l1, l2), (_, q2) = _each(lengths), _each(q)
+    (l1, l2), (_, q2) = each_of(lengths), each_of(q)
     return np.asarray(l1 * l2 * np.sin(q2))[()]
 
 
@@ -110,13 +111,7 @@ def two_link_jacobian_inverse(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.fl
     if np.any(determinant == 0.0):
         raise np.linalg.LinAlgError("two-link arm: det J = l1 l2 sin(theta2) = 0, J has no inverse")
     J = two_link_jacobian(lengths, q)
-    adjugate = np.stack(
-        [
-            np.stack([J[..., 1, 1], -J[..., 0, 1]], axis=-1),
-            np.stack([-J[..., 1, 0], J[..., 0, 0]], axis=-1),
-        ],
-        axis=-2,
-    )
+    adjugate = matrix_of([J[..., 1, 1], -J[..., 0, 1]], [-J[..., 1, 0], J[..., 0, 0]])
     return adjugate / determinant[..., None, None]
 
 
@@ -146,7 +141,7 @@ def two_link_rates(lengths: ArrayLike, q: ArrayLike, speed: float = 1.0) -> NDAr
     """
     if np.any(two_link_determinant(lengths, q) == 0.0):
         raise np.linalg.LinAlgError("two-link arm: det J = l1 l2 sin(theta2) = 0, rates are unbounded")
-    (l1, l2), (q1, q2) = _each(lengths), _each(q)
+    (l1, l2), (q1, q2) = each_of(lengths), each_of(q)
     rate1 = speed * np.cos(q1 + q2) / (l1 * np.sin(q2))
     return np.stack([rate1, -speed * np.cos(q1) / (l2 * np.sin(q2)) - rate1], axis=-1)
 
@@ -168,7 +163,7 @@ def two_link_velocity_in_frame_0(lengths: ArrayLike, q: ArrayLike, qdot: ArrayLi
         >>> two_link_velocity_in_frame_0([1, 1], np.radians([90, 0]), [1, 1]).round(3) + 0.0
         array([-3.,  0.])
     """
-    (l1, l2), (q1, q2), (first, second) = _each(lengths), _each(q), _each(qdot)
+    (l1, l2), (q1, q2), (first, second) = each_of(lengths), each_of(q), each_of(qdot)
     q12, both = q1 + q2, first + second
     x = -l1 * first * np.sin(q1) - l2 * both * np.sin(q12)
     y = l1 * first * np.cos(q1) + l2 * both * np.cos(q12)
@@ -192,7 +187,7 @@ def two_link_velocity_in_frame_2(lengths: ArrayLike, q: ArrayLike, qdot: ArrayLi
         >>> two_link_velocity_in_frame_2([1, 1], np.radians([90, 0]), [1, 1])
         array([0., 3.])
     """
-    (l1, l2), (_, q2), (first, second) = _each(lengths), _each(q), _each(qdot)
+    (l1, l2), (_, q2), (first, second) = each_of(lengths), each_of(q), each_of(qdot)
     x = l1 * first * np.sin(q2)
     y = l1 * first * np.cos(q2) + l2 * (first + second)
     return np.stack(np.broadcast_arrays(x, y), axis=-1)
@@ -216,9 +211,9 @@ def two_link_jacobian_in_frame_1(lengths: ArrayLike, q: ArrayLike) -> NDArray[np
         array([[0., 0.],
                [3., 1.]])
     """
-    (l1, l2), (_, q2) = _each(lengths), _each(q)
+    (l1, l2), (_, q2) = each_of(lengths), each_of(q)
     x, y = l2 * np.cos(q2), l2 * np.sin(q2)
-    return _matrix([-y, -y], [l1 + x, x])
+    return matrix_of([-y, -y], [l1 + x, x])
 
 
 def two_link_jacobian_in_frame_2(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
@@ -238,9 +233,9 @@ def two_link_jacobian_in_frame_2(lengths: ArrayLike, q: ArrayLike) -> NDArray[np
         array([[2., 0.],
                [1., 1.]])
     """
-    (l1, l2), (_, q2) = _each(lengths), _each(q)
+    (l1, l2), (_, q2) = each_of(lengths), each_of(q)
     x, y = l1 * np.cos(q2), l1 * np.sin(q2)
-    return _matrix([y, np.zeros_like(y * l2)], [x + l2, l2 + np.zeros_like(x)])
+    return matrix_of([y, np.zeros_like(y * l2)], [x + l2, l2 + np.zeros_like(x)])
 
 
 def two_link_small_displacements(
@@ -273,7 +268,7 @@ def two_link_small_displacements(
     elbow = np.asarray(elbow, dtype=np.float64)
     if np.any(elbow == 0.0):
         raise np.linalg.LinAlgError("two-link arm: theta2 = 0, the tip cannot move along the arm")
-    (l1, l2), (dx, dy) = _each(lengths), _each(displacement)
+    (l1, l2), (dx, dy) = each_of(lengths), each_of(displacement)
     along, across = dx / elbow, dy / l1
     return np.stack([along / l1 + across, -(l1 + l2) * along / (l1 * l2) - across], axis=-1)
 
@@ -302,7 +297,7 @@ def two_link_postures(lengths: ArrayLike, position: ArrayLike) -> NDArray[np.flo
         array([[nan, nan],
                [nan, nan]])
     """
-    (l1, l2), (x, y) = _each(lengths), _each(position)
+    (l1, l2), (x, y) = each_of(lengths), each_of(position)
     square = x * x + y * y
     left_out, left_in = (l1 + l2) ** 2 - square, square - (l1 - l2) ** 2
     slack = BEYOND * ((l1 + l2) ** 2 + square)
@@ -314,14 +309,6 @@ def two_link_postures(lengths: ArrayLike, position: ArrayLike) -> NDArray[np.flo
     turns = np.round(first / (2 * np.pi))
     postures = np.stack([first - 2 * np.pi * turns, second], axis=-1)
     return np.where(reached[..., None, None], postures, np.nan)
-
-
-def _each(values: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-    return tuple(np.moveaxis(np.asarray(values, dtype=np.float64), -1, 0))
-
-
-def _matrix(*rows: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 Array = NDArray[np.float64]
