@@ -95,8 +95,8 @@ VALUES = {
     "output": ("a.png", "a.svg", "a.jpg", "", "none/a.png"), "junit": ("a.xml", "", "/dev/full"), "summary": ("a.md", "", "/dev/full"),
     "copy": ("there", "a/b", "", "file", "/proc/nothing", "\x1b[31m"),
 }  # fmt: skip
-# Verbs and options that would open a viewer, a port, or other processes.
-CLOSED = ("replay", "cluster", "threads", "package")
+# Verbs and options that would open a viewer, a port, or other processes; and one that compiles for half a minute.
+CLOSED = ("replay", "cluster", "threads", "package", "export")
 
 
 class Case(NamedTuple):

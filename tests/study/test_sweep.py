@@ -13,6 +13,7 @@ from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
+from rmrc.study.dataset import read_table
 from rmrc.study.sweep import Sweep, Swept
 from rmrc.support.errors import RmrcError, ScenarioError
 from wording import says
@@ -157,6 +158,17 @@ def test_another_sweep_in_the_same_place_and_a_damaged_part_are_refused(swept, p
     assert len(Sweep(path, folder=tmp_path).dataset.done) == 5  # negative control
     (tmp_path / "quick.sweep.parquet").write_text("mine")
     assert refused(path, tmp_path) == says(f"{tmp_path}/quick.sweep.parquet: … --out")
+
+
+def test_the_name_of_a_folder_need_not_be_utf_8(swept, path, tmp_path):
+    begun, rows = Sweep(path, folder=tmp_path / "\udced"), swept[1].to_pylist()
+    begun.check()
+    begun.dataset.add(rows[:5])
+    again = Sweep(path, folder=tmp_path / "\udced").dataset
+    assert len(again.done) == 5
+    again.add(rows[5:])
+    again.merge()
+    assert read_table(again.file)["index"].to_pylist() == [*range(RUNS)]
 
 
 def test_what_is_wrong_with_any_run_is_told_at_once_and_nothing_starts(path, tmp_path):

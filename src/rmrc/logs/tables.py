@@ -113,7 +113,7 @@ def _read_arrow(path: Path) -> Table:
     skipped: list[Any] = []
     try:
         if path.suffix == ".parquet":
-            table: Any = pq.read_table(path)
+            table: Any = pq.read_table(io.BytesIO(path.read_bytes()))  # of any path, also not UTF-8
         else:  # pyarrow reports a bad row to its handler as UTF-8, and ends where it is not
             data = path.read_bytes()
             code = "utf-16" if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8"

@@ -78,7 +78,8 @@ class Dataset:
             differs = [key for key, text in identity.items() if before.get(key) != text]
             if differs:
                 raise ScenarioError.about(path, f"is of another sweep ({', '.join(differs)} differ); {_MOVE}")
-            self.schema = pq.read_schema(path)
+            with path.open("rb") as file:
+                self.schema = pq.read_schema(file)
 
     def _files(self) -> list[Path]:
         return [self.file] if self.file.exists() else sorted(self.folder.glob("part-*.parquet"))
@@ -99,8 +100,8 @@ class Dataset:
             return
         parts = self._files()
         table = pa.concat_tables(map(read_table, parts)).sort_by("index").combine_chunks()
-        with written_whole(self.file) as temporary:
-            pq.write_table(table, temporary)
+        with written_whole(self.file) as temporary, temporary.open("wb") as file:
+            pq.write_table(table, file)
         for path in parts:
             path.unlink()
         with suppress(OSError):
@@ -153,8 +154,9 @@ def write_table(path: Path, schema: pa.Schema, rows: Sequence[Mapping[str, Any]]
         rows: All rows.
     """
     values = {field.name: [_cell(row, field) for row in rows] for field in schema}
-    with written_whole(path) as temporary:
-        pq.write_table(pa.table(values, schema), temporary)
+    # pyarrow takes no path that is not UTF-8
+    with written_whole(path) as temporary, temporary.open("wb") as file:
+        pq.write_table(pa.table(values, schema), file)
 
 
 def _cell(row: Mapping[str, Any], field: pa.Field) -> Any:
