@@ -34,10 +34,6 @@ Watcher: TypeAlias = Callable[[int, Run], None]
 Rule: TypeAlias = Callable[[int, Run], bool]
 ASKED = 512
 
-# Threads that compete for the interpreter's lock wait longer than their work in Python takes. Most of it is
-# at the start and at the end of a world, where they take turns.
-_in_turn = threading.Lock()
-
 
 class _Course:
     """The course of one world, from before its start until after its end.
@@ -83,8 +79,7 @@ class _Course:
         """Run to the end, to a stop, or to where a rule ends it."""
         if self.has_ended:
             return
-        with _in_turn:
-            world, length = self.world or World(self.prepared), 1
+        world, length = self.world or World(self.prepared), 1
         self.world = world
         while world.is_running and not is_stopped():
             first, started = world.done, time.perf_counter()
@@ -104,8 +99,7 @@ class _Course:
         if not world.is_running:
             run = self.run
             if not self.keeps:
-                with _in_turn:
-                    self.scorecard = run.scorecard
+                self.scorecard = run.scorecard
                 run = replace(run, columns=self._facts.columns)
             world.release()
             self._facts, self.world, self.has_ended = run, None, True
