@@ -90,12 +90,14 @@ def test_rows_frames_errors_goals_and_wrenches_that_will_not_do_are_refused_in_o
         ({"to": [1.0, np.nan]}, "to … finite … [1.0, nan]"),
         ({"to": [1.0, 1.0], "quat": [0, 0, 0, 0]}, "quat … zero … 0, 0, 0, 0"),
         ({"to": [1, 1], "method": "dampd"}, 'method … damped, newton … "dampd"'),
+        ({"to": [1, 1], "tolerance": np.nan}, "tolerance … > 0, got nan"),
         ({"to": [1, 1], "method": "newton", "every": True}, '… all … "damped"… "newton"'),
     ):
         assert refused(rmrc.ik, TWO, **more) == says(message)
     for more, message in (
         ({"wrench": [1, 2]}, "wrench … 6 … fx, fy, fz, nx, ny, nz … (2,)"),
         ({"wrench": [1, 2, np.inf]}, "wrench … finite … [1.0, 2.0, inf, 0.0, 0.0, 0.0]"),
+        ({"wrench": [1, 2, 3], "hold": -1}, "hold … > 0 … 1000 s, got -1"),
         ({"wrench": [1, 2, 3], "frame": "hand"}, 'frame: … "hand" … world base site'),
     ):
         assert refused(rmrc.statics, STANFORD, **more) == says(message)

@@ -6,8 +6,9 @@ from hypothesis import given
 from numpy.testing import assert_allclose
 from worlds import SHAPES, VARIANT, fits, matrices, named, one_world, seeds
 
-from rmrc.law.jacobian_law import resolve_rates
+from rmrc.law.jacobian_law import Law, resolve_rates
 from rmrc.scenario.choices import Status
+from rmrc.support.errors import QuestionError
 from wording import says
 
 WRITTEN = ("qdot_cmd", "sigma", "gain", "damping", "manipulability", "condition", "u_min", "v_min")
@@ -132,9 +133,24 @@ def test_a_status_does_not_depend_on_the_unit_of_lengths(scale):
         ((np.ones((2, 3)), np.ones(2), "inverse"), "method 'inverse' needs a square J, got (2, 3)"),
         ((np.eye(2), np.ones(2), "dampd"), 'method … "dampd" … "damped"…'),
         ((np.eye(2), np.array([np.nan, 1.0])), "J and twist must be finite"),
+        ((1j * np.eye(2), np.ones(2)), "J must be real, got complex numbers"),
+        ((np.eye(2), np.ones(2), "damped", "constant", np.nan), "error … >= 0, got nan"),
+        ((np.eye(2), np.ones(2), "damped", "constant", 0.0, -0.1), "damping_maximum … >= 0, got -0.1"),
     ],
 )
 def test_resolve_rates_refuses_what_it_cannot_resolve(arguments, message):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
-        resolve_rates(*arguments[:3], **dict(zip(("schedule",), arguments[3:], strict=False)))
+        resolve_rates(
+            *arguments[:3], **dict(zip(("schedule", "error", "damping_maximum"), arguments[3:], strict=False))
+        )
     assert str(caught.value) == says(message)
+
+
+def test_a_law_refuses_weights_and_worlds_that_are_none():
+    for weights in ([1, np.nan], [1, np.inf], [1, 0], [1], 2.0):
+        with pytest.raises(QuestionError, match="weights must be 2 numbers > 0 and finite"):
+            Law(2, 2, weights=weights)
+    law = Law(np.int64(2), 2)
+    for wrong in ({"worlds": 0}, {"worlds": 2.5}, {"q": [0, 0], "worlds": 2}):
+        with pytest.raises(QuestionError, match="worlds must be an integer > 0, without q"):
+            law.reset(**wrong)

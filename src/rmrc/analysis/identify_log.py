@@ -16,6 +16,7 @@ from rmrc.logs.clock import in_order, seconds
 from rmrc.logs.columns import (
     JOINT_RATES,
     JOINTS,
+    LARGEST_OF_JOINT,
     POSITION,
     SECONDS,
     Column,
@@ -27,7 +28,6 @@ from rmrc.logs.columns import (
 )
 from rmrc.logs.tables import Numbers, Table, columns_of, read_table
 from rmrc.results.run import Run
-from rmrc.simulation.rows import LARGEST_OF_JOINT
 from rmrc.support.errors import QuestionError
 from rmrc.support.text import listed, quoted
 

@@ -34,6 +34,8 @@ def rates(units: Mapping[str, float]) -> dict[str, float]:
 JOINTS = ANGLES | LENGTHS
 JOINT_RATES = rates(JOINTS) | JOINTS
 SIZES = SECONDS | JOINT_RATES
+# Joint positions without a unit that are larger are in degrees [rad].
+LARGEST_OF_JOINT = 15.0
 """The size of each unit in SI."""
 
 

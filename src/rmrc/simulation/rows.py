@@ -8,6 +8,7 @@ import numpy as np
 from rmrc.logs.clock import in_order, seconds
 from rmrc.logs.columns import (
     JOINTS,
+    LARGEST_OF_JOINT,
     MATRIX,
     ORIENTATIONS,
     PARTS,
@@ -34,8 +35,8 @@ POSE_REF = tuple(f"{name}_ref" for name in POSE)
 # Times without a unit are in s if their steps are below this; in a column `t`, which is documented to be in
 # s, and in a file of a few poses, below these [s].
 STEP, STEP_OF_T, FEW, STEP_OF_FEW = 0.99, 4.9, 30, 200.0
-# Larger angles without a unit are in degrees: those of an orientation, and of joints [rad].
-LARGEST, LARGEST_OF_JOINT = 2.0 * np.pi, 15.0
+# Larger angles of an orientation without a unit are in degrees [rad].
+LARGEST = 2.0 * np.pi
 
 
 def read_rows(
