@@ -56,6 +56,7 @@ def _take(base: mujoco.MjModel, fields: Mapping[str, Array]) -> _Spare:
     spare = fitting[0] if fitting else (base, tuple(fields), mujoco.MjData(copy.copy(base)), dict[str, int]())
     _spares.free = tuple(other for other in _spares.free if other is not spare)
     set_fields(spare[2].model, fields)
+    spare[2].timer.number[:] = 0  # a reset logs the timers of past steps, and its handler may never return
     mujoco.mj_resetData(spare[2].model, spare[2])
     return spare
 
